@@ -1,0 +1,30 @@
+"""Gymnasium environments in which a radar chooses its next waveform.
+
+    >>> import gymnasium as gym
+    >>> import wavegym
+    >>> envs = gym.make_vec("wavegym/KershawEvansPosition-v0", num_envs=4)
+    >>> observations, info = envs.reset(seed=0)
+    >>> observations, rewards, terminated, truncated, info = envs.step(envs.action_space.sample())
+    >>> bool((rewards == -info["cost"]).all())
+    True
+
+``wavegym.list_envs()`` lists the ids, ``print(wavegym.describe(id))`` shows what an environment observes and takes.
+``wavegym.waveforms``, ``wavegym.trackers`` and ``wavegym.schedulers`` are usable alone.
+"""
+
+from __future__ import annotations
+
+from wavegym.errors import InputError
+from wavegym.registration import list_envs, register, register_suite
+
+__version__ = "0.1.0"
+__all__ = ["InputError", "describe", "list_envs", "register"]
+
+register_suite()
+
+
+def describe(id: str) -> str:
+    """What the environment ``id`` observes, takes and rewards, as Markdown tables (those of its page in the docs)."""
+    from wavegym.envs.describe import describe as in_full
+
+    return in_full(id)

@@ -1,0 +1,50 @@
+"""Errors a user can act on: one line that names the value, what was expected and the nearest valid choice."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+
+
+class InputError(ValueError):
+    """A user's mistake. The message is one line; command lines print it without a traceback."""
+
+
+def nearest(value: object, choices: Iterable[str]) -> str:
+    """``"; did you mean 'x'?"`` for the choice most like ``value``, or ``""`` where none is alike."""
+    close = difflib.get_close_matches(str(value), list(choices), n=1, cutoff=0.4)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def choice(name: str, value: object, choices: Iterable[str]) -> str:
+    """Return ``value`` if it is one of ``choices``; otherwise raise an InputError naming the nearest one."""
+    allowed = list(choices)
+    if isinstance(value, str) and value in allowed:
+        return value
+    listed = ", ".join(repr(c) for c in allowed)
+    raise InputError(f"{name} is {value!r}, expected one of {listed}{nearest(value, allowed)}")
+
+
+def positive(name: str, value: float, unit: str = "") -> float:
+    """Return ``value`` if it is finite and > 0; otherwise raise an InputError."""
+    return _checked(name, value, unit, value > 0 and math.isfinite(value), "a finite number > 0")
+
+
+def non_negative(name: str, value: float, unit: str = "") -> float:
+    """Return ``value`` if it is finite and >= 0; otherwise raise an InputError."""
+    return _checked(name, value, unit, value >= 0 and math.isfinite(value), "a finite number >= 0")
+
+
+def within(name: str, value: float, low: float, high: float, unit: str = "") -> float:
+    """Return ``value`` if low <= value <= high; otherwise raise an InputError naming the nearest bound."""
+    wanted = f"a number in [{low:g}, {high:g}]"
+    if math.isfinite(value):
+        wanted += f" (nearest: {min(max(value, low), high):g})"
+    return _checked(name, value, unit, low <= value <= high, wanted)
+
+
+def _checked(name: str, value: float, unit: str, valid: bool, wanted: str) -> float:
+    if not valid:
+        raise InputError(f"{name} is {value!r}{' ' + unit if unit else ''}, expected {wanted}")
+    return value

@@ -1,0 +1,41 @@
+"""The suite's environments by id, registered as strings so that ``import wavegym`` stays light."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+
+SYSTEMS = {
+    "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans:KershawEvans",
+    "wavegym/KershawEvansPosition-v0": "wavegym.systems.kershaw_evans:KershawEvansPosition",
+}
+
+
+def register(id: str, system: Any, **parameters: Any) -> None:
+    """Register an environment of your own: ``gym.make(id)`` and ``gym.make_vec(id, num_envs=...)`` then find it.
+
+    Args:
+        id: as Gymnasium's, ``"namespace/Name-v0"``.
+        system: a System class, or ``"package.module:Class"`` (keeps your package's import light, and the
+            specification serialisable).
+        **parameters: parameters of the system, or settings of the environment, other than the defaults.
+    """
+    gym.register(
+        id,
+        entry_point="wavegym.envs.single:WaveformEnv",
+        vector_entry_point="wavegym.envs.vector:WaveformVectorEnv",
+        kwargs={"system": system, **parameters},
+    )
+
+
+def register_suite() -> None:
+    """Register the suite; a second call changes nothing."""
+    for id, system in SYSTEMS.items():
+        if id not in gym.registry:
+            register(id, system)
+
+
+def list_envs() -> list[str]:
+    """The ids of the suite and of every environment registered with ``wavegym.register``."""
+    return [id for id, spec in gym.registry.items() if "wavegym.envs" in str(spec.vector_entry_point)]

@@ -1,0 +1,164 @@
+"""Linear motion models driven by continuous white noise, and random paths drawn from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError, choice, non_negative, positive
+from wavegym.targets.kernels import scan, scan_batch
+
+Array = NDArray[np.float64]
+SUFFIXES = ("", "dot", "ddot")
+
+
+@dataclass(frozen=True, eq=False)
+class MotionModel:
+    """x_{k+1} = F x_k + v_k with v_k ~ N(0, Q).
+
+    Args:
+        F: transition matrix, (n, n).
+        Q: process noise covariance, (n, n), symmetric and positive semidefinite.
+        names: one name per state component, such as ``("r", "rdot")``.
+
+    Raises:
+        InputError: shapes that disagree, entries that are not finite, repeated names, or a Q that is no covariance.
+    """
+
+    F: Array
+    Q: Array
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        F, Q = np.array(self.F, np.float64), np.array(self.Q, np.float64)
+        names, n = tuple(self.names), len(self.names)
+        if n == 0 or len(set(names)) < n:
+            raise InputError(f"names is {names!r}, expected different names, one per state component")
+        for symbol, matrix in (("F", F), ("Q", Q)):
+            if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+                raise InputError(f"{symbol} has shape {matrix.shape}, expected {(n, n)} finite numbers for {names!r}")
+        for field, value in (("F", F), ("Q", Q), ("names", names)):
+            object.__setattr__(self, field, value)
+        _ = self.noise_factor  # a Q that is no covariance is reported here, not at the first draw
+
+    @cached_property
+    def noise_factor(self) -> Array:
+        """Lower triangular L with L Lᵀ = Q, (n, n); columns of zeros where Q is singular."""
+        return _semidefinite_cholesky(self.Q)
+
+    @cached_property
+    def _step(self) -> Array:
+        """[F L], (n, 2 n), as the kernels take it."""
+        return np.hstack([self.F, self.noise_factor])
+
+
+def constant_velocity(dt: float, q: float, axes: Sequence[str] = ("r",), order: str = "axis") -> MotionModel:
+    """Constant velocity disturbed by white acceleration (Bar-Shalom, Li and Kirubarajan 2001, section 6.2.2).
+
+    Args:
+        dt: time step [s].
+        q: power spectral density of the acceleration on each axis [m²/s³].
+        axes: names of the axes.
+        order: ``"axis"`` for [x ẋ y ẏ], ``"derivative"`` for [x y ẋ ẏ].
+
+    Returns:
+        The model with 2 components an axis, named ``x``, ``xdot``.
+
+    Raises:
+        InputError: dt not > 0, q negative, no or repeated axes, an unknown order.
+    """
+    return _white_noise_model(2, dt, q, axes, order)
+
+
+def constant_acceleration(dt: float, q: float, axes: Sequence[str] = ("r",), order: str = "axis") -> MotionModel:
+    """Constant acceleration disturbed by white jerk (Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3).
+
+    Args:
+        dt: time step [s].
+        q: power spectral density of the jerk on each axis [m²/s⁵].
+        axes: names of the axes.
+        order: ``"axis"`` for [x ẋ ẍ y ẏ ÿ], ``"derivative"`` for [x y ẋ ẏ ẍ ÿ].
+
+    Returns:
+        The model with 3 components an axis, named ``x``, ``xdot``, ``xddot``.
+
+    Raises:
+        InputError: dt not > 0, q negative, no or repeated axes, an unknown order.
+    """
+    return _white_noise_model(3, dt, q, axes, order)
+
+
+def random_path(model: MotionModel, start: ArrayLike, noise: ArrayLike | np.random.Generator, steps: int = 0) -> Array:
+    """Draw true paths x_{k+1} = F x_k + L w_k, with L Lᵀ = Q.
+
+    Args:
+        model: motion model of n components.
+        start: first state, (..., n).
+        noise: standard normal draws w, (..., steps, n); or a Generator to draw them from, with ``steps`` given.
+            Draws from the same Generator do not depend on the model, so that worlds stay comparable.
+        steps: number of steps; read only where ``noise`` is a Generator.
+
+    Returns:
+        The path including its start, (..., steps + 1, n); leading axes broadcast.
+
+    Raises:
+        InputError: a last axis that is not n, leading axes that do not broadcast, steps < 1 with a Generator.
+    """
+    x0 = np.asarray(start, np.float64, "C")
+    n = len(model.names)
+    if isinstance(noise, np.random.Generator):
+        positive("steps", steps)
+        w = noise.standard_normal((*x0.shape[:-1], steps, n))
+    else:
+        w = np.asarray(noise, np.float64, "C")
+    if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without the cost of broadcasting
+        single: Array = scan(model._step, x0, w)
+        return single
+    if w.ndim < 2 or not x0.shape[-1:] == w.shape[-1:] == (n,):
+        raise InputError(
+            f"start and noise have shapes {x0.shape} and {w.shape}, expected (..., {n}), (..., steps, {n})"
+        )
+    try:
+        lead = np.broadcast_shapes(x0.shape[:-1], w.shape[:-2])
+    except ValueError as error:
+        raise InputError(f"start and noise have shapes {x0.shape} and {w.shape}: leading axes differ") from error
+    tail = w.shape[-2:]
+    starts = np.array(np.broadcast_to(x0, (*lead, n)), order="C").reshape(-1, n)
+    draws = np.array(np.broadcast_to(w, lead + tail), order="C").reshape(len(starts), *tail)
+    paths: Array = scan_batch(model._step, starts, draws).reshape(*lead, tail[0] + 1, n)
+    return paths
+
+
+def _white_noise_model(dim: int, dt: float, q: float, axes: Sequence[str], order: str) -> MotionModel:
+    from filterpy.common import Q_continuous_white_noise
+
+    positive("dt", dt, "s")
+    non_negative("q", q)
+    choice("order", order, ("axis", "derivative"))
+    F = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])[:dim, :dim]
+    Q = np.asarray(Q_continuous_white_noise(dim, dt=dt, spectral_density=q), np.float64)
+    eye = np.eye(len(axes))
+    if order == "axis":
+        names = tuple(axis + suffix for axis in axes for suffix in SUFFIXES[:dim])
+    else:
+        names = tuple(axis + suffix for suffix in SUFFIXES[:dim] for axis in axes)
+    F, Q = (np.kron(eye, block) if order == "axis" else np.kron(block, eye) for block in (F, Q))
+    return MotionModel(F, Q, names)
+
+
+def _semidefinite_cholesky(Q: Array) -> Array:
+    """L Lᵀ = Q for positive semidefinite Q; numpy's Cholesky stops at a singular one, such as q = 0."""
+    L = np.zeros_like(Q)
+    # A pivot is what remains of its own diagonal entry, so rounding is judged against that, whatever the units.
+    scale = np.sqrt(np.abs(np.diag(Q)))
+    for j in range(len(Q)):
+        column = Q[j:, j] - L[j:, :j] @ L[j, :j]
+        if column[0] > 1e-12 * Q[j, j]:
+            L[j:, j] = column / np.sqrt(column[0])
+    if (np.abs(L @ L.T - Q) > 1e-9 * np.outer(scale, scale)).any():
+        raise InputError("Q is no covariance, expected a symmetric positive semidefinite matrix")
+    return L

@@ -1,0 +1,32 @@
+"""Trackers: from a measurement and its covariance to a belief.
+
+>>> import numpy as np
+>>> from wavegym.trackers import predict, update
+>>> F, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2)
+>>> mean, covariance = predict(np.zeros((3, 2)), 100 * np.eye(2), F, Q)  # three tracks at once
+>>> mean, covariance = update(mean, covariance, np.ones((3, 2)), np.eye(2), np.eye(2))
+>>> covariance.shape
+(3, 2, 2)
+"""
+
+from wavegym.trackers.kalman import (
+    ekf_predict,
+    ekf_update,
+    nees,
+    predict,
+    predict_covariance,
+    require_positive_definite,
+    update,
+    update_covariance,
+)
+
+__all__ = [
+    "ekf_predict",
+    "ekf_update",
+    "nees",
+    "predict",
+    "predict_covariance",
+    "require_positive_definite",
+    "update",
+    "update_covariance",
+]

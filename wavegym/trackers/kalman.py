@@ -1,0 +1,117 @@
+"""The Kalman filter and its extended form, for any number of tracks at once.
+
+Every function takes arrays with any leading axes (environments, targets, candidates); they broadcast like NumPy's.
+Model matrices without leading axes are shared by all tracks. The extended filter (EKF) is the same update with the
+innovation z - h(x) and the Jacobian H of h at the predicted mean, and the same covariance prediction with the Jacobian
+of the motion; ``ekf_predict`` and ``ekf_update`` write that out.
+
+References: Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation* (2001), sections 5.2
+and 10.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError
+from wavegym.trackers import kernels
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+
+
+def predict(mean: ArrayLike, covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> tuple[Array, Array]:
+    """Time update of a linear model: F x and F P F' + Q.
+
+    Args:
+        mean: x, (..., n).
+        covariance: P, (..., n, n).
+        F: transition matrix, (..., n, n).
+        Q: process noise covariance, (..., n, n).
+
+    Returns:
+        The predicted mean (..., n) and covariance (..., n, n).
+    """
+    return kernels.predict(mean, covariance, F, Q)
+
+
+def predict_covariance(covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> Array:
+    """F P F' + Q, (..., n, n): the covariance recursion alone, as planners need it."""
+    return kernels.predict_covariance(covariance, F, Q)
+
+
+def update(
+    mean: ArrayLike, covariance: ArrayLike, innovation: ArrayLike, H: ArrayLike, R: ArrayLike
+) -> tuple[Array, Array]:
+    """Measurement update: x + K y and P - K S K' with S = H P H' + R, K = P H' S^-1.
+
+    Args:
+        mean: predicted x, (..., n).
+        covariance: predicted P, (..., n, n).
+        innovation: y = z - H x (EKF: z - h(x), angles wrapped by the caller), (..., m).
+        H: measurement matrix or Jacobian, (..., m, n).
+        R: measurement noise covariance, (..., m, m).
+
+    Returns:
+        The updated mean (..., n) and covariance (..., n, n), the latter exactly symmetric.
+
+    Raises:
+        InputError: where an innovation covariance S is not positive definite.
+    """
+    x, P = kernels.update(mean, covariance, innovation, H, R)
+    _require_definite(P, covariance, H, R)
+    return x, P
+
+
+def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> Array:
+    """P - K S K', (..., n, n): the covariance recursion alone. Raises as ``update`` does."""
+    P = kernels.update_covariance(covariance, H, R)
+    _require_definite(P, covariance, H, R)
+    return P
+
+
+def ekf_predict(
+    mean: Array, covariance: ArrayLike, f: Function, jacobian: Function, Q: ArrayLike
+) -> tuple[Array, Array]:
+    """Time update of a nonlinear model: f(x) and F P F' + Q with F = jacobian(x), (..., n, n)."""
+    return f(mean), predict_covariance(covariance, jacobian(mean), Q)
+
+
+def ekf_update(
+    mean: Array, covariance: ArrayLike, measurement: Array, h: Function, jacobian: Function, R: ArrayLike
+) -> tuple[Array, Array]:
+    """Measurement update linearised at the predicted mean: innovation z - h(x), H = jacobian(x), (..., m, n)."""
+    return update(mean, covariance, measurement - h(mean), jacobian(mean), R)
+
+
+def nees(error: ArrayLike, covariance: ArrayLike) -> Array:
+    """Normalised estimation error squared e' P^-1 e, (...): chi-square with n degrees of freedom for a right filter."""
+    return kernels.squared_mahalanobis(error, covariance)
+
+
+def require_positive_definite(name: str, matrix: ArrayLike) -> Array:
+    """Return ``matrix`` (..., n, n) if symmetric positive definite; otherwise InputError with its least eigenvalue."""
+    array = np.asarray(matrix, dtype=np.float64)
+    if not np.allclose(array, np.swapaxes(array, -1, -2), rtol=1e-9, atol=0.0):
+        raise InputError(f"{name} is {array.tolist()}, expected a symmetric matrix")
+    smallest = np.linalg.eigvalsh(array).min()
+    if not smallest > 0.0:
+        raise InputError(f"{name} has the eigenvalue {smallest:.6g}, expected a positive definite matrix")
+    return array
+
+
+def _require_definite(updated: Array, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
+    """The kernels answer NaN where S has no factorisation; say which track that was."""
+    if not np.isnan(updated.sum()):
+        return
+    index = tuple(int(i) for i in np.argwhere(np.isnan(updated).any((-2, -1)))[0])
+    lead = updated.shape[:-2]
+    p, h, r = (np.broadcast_to(np.asarray(a), lead + np.shape(a)[-2:])[index] for a in (covariance, H, R))
+    smallest = np.linalg.eigvalsh(h @ p @ h.T + r).min() if np.isfinite(p).all() and np.isfinite(r).all() else np.nan
+    where = f" of track {index}" if index else ""
+    raise InputError(
+        f"the innovation covariance H P H' + R{where} has the eigenvalue {smallest:.6g}, expected it positive definite"
+    )

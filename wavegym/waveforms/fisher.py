@@ -1,0 +1,62 @@
+"""Fisher information of delay and Doppler in a factored form that loses no digits, and the measurement covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+SPEED_OF_LIGHT = 299792458.0
+"""Speed of light in vacuum, m/s."""
+
+_TWO_PI = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class FisherFactors:
+    """Fisher information of (delay, angular Doppler) at SNR 1, as J = [[r + b^2 v, -b v], [-b v, v]].
+
+    With w(t) the instantaneous angular frequency and <.> the average over the pulse's energy, ``b`` is the slope of
+    the regression of w on t, ``v`` the variance of t, and ``r`` the squared envelope bandwidth plus what the
+    regression leaves of w. A long chirp has 1 - rho^2 of 1e-6 and less, so J itself has lost those digits by
+    cancellation; its determinant r v and its inverse [[1/r, b/r], [b/r, 1/v + b^2/r]] have not, because nothing here
+    is subtracted. Fields may be arrays of any (broadcasting) shape, one element per waveform.
+
+    Attributes:
+        residual: r, delay information that no Doppler shift can imitate, (rad/s)^2.
+        slope: b, effective chirp rate (positive for an up-chirp), rad/s^2.
+        spread: v, mean square duration, s^2.
+    """
+
+    residual: ArrayLike
+    slope: ArrayLike
+    spread: ArrayLike
+
+    def information(self) -> Array:
+        """Fisher information of (delay in s, Doppler in Hz) at SNR 1, shape (..., 2, 2)."""
+        r, b, v = np.asarray(self.residual), np.asarray(self.slope), np.asarray(self.spread)
+        coupling = b * v
+        return _symmetric(r + b * coupling, -_TWO_PI * coupling, _TWO_PI * _TWO_PI * v)
+
+    def measurement_covariance(self, carrier_hz: ArrayLike) -> Array:
+        """Cramer-Rao covariance R = Gamma J^-1 Gamma^T of (range in m, range-rate in m/s) at SNR 1, shape (..., 2, 2).
+
+        Gamma = diag(c/2, -c/(2 fc)): range-rate is positive when receding, so Doppler is its negative.
+        """
+        r, b, v = np.asarray(self.residual), np.asarray(self.slope), np.asarray(self.spread)
+        metres = 0.5 * SPEED_OF_LIGHT  # per second of delay
+        rate = metres / (_TWO_PI * np.asarray(carrier_hz, dtype=np.float64))  # m/s per rad/s of Doppler
+        delay = metres / r
+        return _symmetric(metres * delay, -rate * (delay * b), rate * rate * (1.0 / v + b * b / r))
+
+
+def _symmetric(first: Array, off: Array, second: Array) -> Array:
+    matrix = np.empty((*np.broadcast_shapes(first.shape, off.shape, second.shape), 2, 2))
+    matrix[..., 0, 0] = first
+    matrix[..., 0, 1] = off
+    matrix[..., 1, 0] = off
+    matrix[..., 1, 1] = second
+    return matrix

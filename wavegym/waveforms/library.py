@@ -1,0 +1,94 @@
+"""A finite set of waveforms to choose from: the action space of a discrete scheduler."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import InputError, positive
+from wavegym.waveforms.contract import Waveform
+from wavegym.waveforms.gaussian import GaussianChirp, chirp_rate_for_sweep
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Library:
+    """Waveforms in a fixed order; action ``a`` transmits ``library[a]``.
+
+    Args:
+        waveforms: at least one, with distinct labels.
+
+    Raises:
+        InputError: if there is none, one is not a Waveform, or two share a label.
+    """
+
+    waveforms: tuple[Waveform, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "waveforms", tuple(self.waveforms))
+        if not self.waveforms:
+            raise InputError("library is empty, expected at least one waveform")
+        for waveform in self.waveforms:
+            if not isinstance(waveform, Waveform):
+                raise InputError(f"library holds {waveform!r}, expected Waveforms only")
+        label, times = Counter(self.labels).most_common(1)[0]
+        if times > 1:
+            raise InputError(f"library holds {label!r} {times} times, expected distinct labels")
+
+    def __len__(self) -> int:
+        return len(self.waveforms)
+
+    def __iter__(self) -> Iterator[Waveform]:
+        return iter(self.waveforms)
+
+    def __getitem__(self, action: int) -> Waveform:
+        return self.waveforms[action]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The waveforms' labels, in order."""
+        return tuple(waveform.label for waveform in self.waveforms)
+
+    def measurement_covariances(self, carrier_hz: float) -> Array:
+        """Covariances of (range in m, range-rate in m/s) at SNR 1, (waveform, 2, 2); divide by eta.
+
+        Raises:
+            InputError: if carrier_hz is not a finite number > 0.
+        """
+        return np.stack([waveform.measurement_covariance(carrier_hz, 1.0) for waveform in self.waveforms])
+
+
+def gaussian_chirp_library(durations: Iterable[float], sweeps: Iterable[float]) -> Library:
+    """All Gaussian chirps of some durations and sweeps, duration by duration, the sweeps in the order given.
+
+    Args:
+        durations: k, s.
+        sweeps: Hz swept in two durations, so that g = pi |sweep|/(2 k); positive is an up-chirp, negative a
+            down-chirp, 0 (once) an unmodulated pulse.
+
+    Raises:
+        InputError: if a duration is not > 0, a sweep is not finite, one is repeated, or there are none.
+    """
+    rows, columns = [float(k) for k in durations], [float(sweep) for sweep in sweeps]
+    for k in rows:
+        positive("duration", k, "s")
+    for sweep in columns:
+        if not math.isfinite(sweep):
+            raise InputError(f"sweep is {sweep} Hz, expected a finite number")
+    return Library(
+        tuple(
+            GaussianChirp(
+                duration=k,
+                chirp_rate=float(chirp_rate_for_sweep(abs(sweep), k)),
+                direction="down" if sweep < 0 else "up",
+            )
+            for k in rows
+            for sweep in columns
+        )
+    )

@@ -1,0 +1,123 @@
+"""Fisher information and ambiguity function of any waveform by spectral quadrature."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import InputError
+from wavegym.waveforms.fisher import FisherFactors
+from wavegym.waveforms.legendre import Expansion, resolve
+
+if TYPE_CHECKING:
+    from wavegym.waveforms.contract import Waveform
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_ENERGY_TOLERANCE = 1e-9
+_CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements made at a time: some 30 MB
+
+
+def numeric_fisher_information(waveform: Waveform) -> Array:
+    """Fisher information of (delay in s, Doppler in Hz) at SNR 1 by quadrature, whatever closed form exists; (2, 2).
+
+    Raises:
+        InputError: if the waveform is not smooth between the ends of its ``pieces``, or its energy is not 1.
+    """
+    return numeric_fisher_factors(waveform).information()
+
+
+def numeric_fisher_factors(waveform: Waveform) -> FisherFactors:
+    """Factored Fisher information at SNR 1 by quadrature.
+
+    The moments are centred, since the unknown amplitude and phase take away the means of t and w:
+    J_tt = int a'^2 + var(w), J_tw = -cov(t, w), J_ww = var(t). The regression of w on t is subtracted before
+    squaring, so that a long chirp keeps its last digits.
+
+    Raises:
+        InputError: if the waveform is not smooth between the ends of its ``pieces``, or its energy is not 1.
+    """
+    samples = sample(waveform)
+    envelope = samples.values[0]
+    envelope_rate, frequency = samples.derivative()
+    density = envelope * envelope * samples.weights
+    energy = density.sum()
+    if not abs(energy - 1) <= _ENERGY_TOLERANCE:
+        raise InputError(f"energy of {waveform.label} is {energy:.12g}, expected 1 (scale its envelope)")
+    density /= energy
+    time = samples.times - (samples.times * density).sum()
+    frequency = frequency - (frequency * density).sum()
+    spread = (time * time * density).sum()
+    slope = (time * frequency * density).sum() / spread
+    left = frequency - slope * time
+    residual = (envelope_rate * envelope_rate * samples.weights).sum() / energy + (left * left * density).sum()
+    return FisherFactors(residual, slope, spread)
+
+
+def sample(waveform: Waveform) -> Expansion:
+    """Envelope and phase (components 0 and 1) of a waveform, sampled finely enough to determine both.
+
+    Raises:
+        InputError: if one of them is not smooth between the ends of the waveform's ``pieces``.
+    """
+    low, high = np.array(waveform.pieces, dtype=np.float64).T
+
+    def both(t: Array) -> Array:
+        return np.stack([waveform.envelope(t), waveform.phase(t)])
+
+    return resolve(
+        both, low, high, np.array([np.finfo(np.float64).tiny, 1.0]), f"envelope or phase of {waveform.label}"
+    )
+
+
+def correlate(waveform: Waveform, delay: float, dopplers: Array) -> ComplexArray:
+    """chi(delay, nu) = int s(t) s*(t - delay) exp(-j 2 pi nu t) dt by quadrature, (doppler,).
+
+    The product of the two copies turns at their beat frequency, which for an FM pulse is far below its bandwidth; its
+    mean is taken out and joined with the Doppler, which Filon's rule integrates exactly.
+
+    Args:
+        waveform: any waveform, smooth between the ends of its ``pieces``.
+        delay: tau, s.
+        dopplers: nu, Hz, (doppler,).
+    """
+    low, high = _overlap(waveform.pieces, delay)
+    if not len(low):
+        return np.zeros(len(dopplers), dtype=np.complex128)
+    origin = 0.5 * delay
+    begins, ends = _beat(waveform, delay, low), _beat(waveform, delay, high)
+    beat = float((ends - begins).sum() / (high - low).sum())  # rad/s
+
+    def product(t: Array) -> ComplexArray:
+        amplitude = waveform.envelope(t) * waveform.envelope(t - delay)
+        return (amplitude * np.exp(1j * (_beat(waveform, delay, t) - beat * (t - origin))))[None]
+
+    peak = float((waveform.envelope(np.linspace(*waveform.support, 256)) ** 2).max())
+    expansion = resolve(product, low, high, np.array([peak]), f"envelope or phase of {waveform.label}")
+    omega = 2 * np.pi * dopplers - beat
+    step = max(1, _CHUNK // (32 * len(low) + expansion.centres.size))
+    parts = [expansion.fourier(omega[k : k + step])[0] for k in range(0, len(omega), step)]
+    # The beat was taken out about `origin`, the Doppler about t = 0.
+    return np.concatenate([np.zeros(0, dtype=np.complex128), *parts]) * np.exp(-1j * beat * origin)
+
+
+def _beat(waveform: Waveform, delay: float, t: Array) -> Array:
+    return waveform.phase(t) - waveform.phase(t - delay)
+
+
+def _overlap(pieces: tuple[tuple[float, float], ...], delay: float) -> tuple[Array, Array]:
+    """Intervals in which a pulse and its copy, later by ``delay``, are both on and both smooth."""
+    begins, ends = np.array(pieces, dtype=np.float64).T
+    edges = np.unique(np.concatenate([begins, ends, begins + delay, ends + delay]))
+    low, high = edges[:-1], edges[1:]
+    middle = 0.5 * (low + high)
+    shared = _inside(middle, begins, ends) & _inside(middle - delay, begins, ends)
+    return low[shared], high[shared]
+
+
+def _inside(t: Array, begins: Array, ends: Array) -> NDArray[np.bool_]:
+    piece = np.searchsorted(begins, t, side="right") - 1
+    return (piece >= 0) & (t < ends[piece])

@@ -1,0 +1,145 @@
+"""Coherent pulse train: one pulse repeated, Doppler resolution from the whole dwell."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError, positive
+from wavegym.waveforms.contract import Waveform, quantity
+from wavegym.waveforms.fisher import FisherFactors
+from wavegym.waveforms.numeric import sample
+
+Array = NDArray[np.float64]
+
+_NEGLIGIBLE = 1e-5  # amplitude relative to the peak, -100 dB
+
+
+@dataclass(frozen=True)
+class PulseTrain(Waveform):
+    """``count`` copies of a pulse, one every ``interval``, phase coherent, centred on t = 0, unit energy in total.
+
+    Pulses must not overlap: half an interval from its centre, a pulse must have fallen by 100 dB (for a Gaussian pulse:
+    interval >= 9.6 durations). Then the Fisher information, which takes the pulses as disjoint, holds to 1e-9. The
+    ambiguity function is that of the sum of whole pulses; ``envelope`` and ``phase`` are those of the nearest pulse.
+
+    Args:
+        pulse: the single pulse.
+        count: B, number of pulses.
+        interval: T1, pulse repetition interval, s.
+
+    Raises:
+        InputError: if pulse is not a waveform, count not a whole number >= 1, interval not > 0 or so short that the
+            pulses overlap.
+    """
+
+    pulse: Waveform
+    count: int = field(kw_only=True)
+    interval: float = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.pulse, Waveform):
+            raise InputError(f"pulse is {self.pulse!r}, expected a Waveform such as GaussianChirp(duration=1e-6)")
+        if isinstance(self.count, bool) or not isinstance(self.count, (int, np.integer)) or self.count < 1:
+            raise InputError(f"count is {self.count!r}, expected a whole number >= 1")
+        positive("interval", self.interval, "s")
+        if self.count > 1:
+            _check_disjoint(self.pulse, self.interval)
+
+    @property
+    def label(self) -> str:
+        """``"16 x (up 1 us 10 MHz) every 1 ms"``."""
+        return f"{self.count} x ({self.pulse.label}) every {quantity(self.interval, 's')}"
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """From the begin of the first pulse to the end of the last, s."""
+        low, high = self.pulse.support
+        return (low + float(self._centres[0]), high + float(self._centres[-1]))
+
+    @property
+    def pieces(self) -> tuple[tuple[float, float], ...]:
+        """The pulse's pieces repeated; a pulse gives way to the next half-way between them."""
+        borders = self._centres[:-1] + 0.5 * self.interval + _middle(self.pulse)
+        begins, ends = np.concatenate([[-np.inf], borders]), np.concatenate([borders, [np.inf]])
+        low, high = np.array(self.pulse.pieces, dtype=np.float64).T
+        low = np.maximum(self._centres[:, None] + low, begins[:, None]).ravel()
+        high = np.minimum(self._centres[:, None] + high, ends[:, None]).ravel()
+        return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True) if a < b)
+
+    def envelope(self, t: ArrayLike) -> Array:
+        """Real amplitude a(t), s^-1/2; t in s, any shape."""
+        return self.pulse.envelope(self._pulse_time(t)) / math.sqrt(self.count)
+
+    def phase(self, t: ArrayLike) -> Array:
+        """Phase, rad, starting afresh with each pulse; t in s, any shape."""
+        return self.pulse.phase(self._pulse_time(t))
+
+    def fisher_factors(self) -> FisherFactors:
+        """Closed form from the pulse's own: the spread of time grows by T1^2 (B^2 - 1)/12, cov(t, w) and <w^2> stay."""
+        one = self.pulse.fisher_factors()
+        residual, slope, pulse_spread = np.asarray(one.residual), np.asarray(one.slope), np.asarray(one.spread)
+        dwell = self.interval * self.interval * (float(self.count) * self.count - 1.0) / 12.0
+        spread = pulse_spread + dwell
+        return FisherFactors(
+            residual=residual + slope * slope * (pulse_spread * dwell / spread),
+            slope=slope * (pulse_spread / spread),
+            spread=spread,
+        )
+
+    def ambiguity_row(self, delay: float, dopplers: Array) -> NDArray[np.complex128]:
+        """chi(delay, nu) as the sum over pulse pairs m apart of the pulse's own, weighted by their Dirichlet kernel."""
+        low, high = self.pulse.support
+        first = max(1 - self.count, int(np.ceil((delay - (high - low)) / self.interval)))
+        last = min(self.count - 1, int(np.floor((delay + (high - low)) / self.interval)))
+        row = np.zeros(len(dopplers), dtype=np.complex128)
+        for apart in range(first, last + 1):
+            lag = apart * self.interval
+            pairs = _dirichlet(dopplers * self.interval, self.count - abs(apart)) * np.exp(-1j * np.pi * dopplers * lag)
+            row += self.pulse.ambiguity_row(delay - lag, dopplers) * pairs
+        return row / self.count
+
+    @property
+    def _centres(self) -> Array:
+        return (np.arange(self.count, dtype=np.float64) - 0.5 * (self.count - 1)) * self.interval
+
+    def _pulse_time(self, t: ArrayLike) -> Array:
+        """Time within the nearest pulse."""
+        t = np.asarray(t, dtype=np.float64)
+        middle = 0.5 * (self.count - 1)
+        nearest = np.clip(np.rint((t - _middle(self.pulse)) / self.interval + middle), 0, self.count - 1)
+        return t - (nearest - middle) * self.interval
+
+
+def _middle(pulse: Waveform) -> float:
+    low, high = pulse.support
+    return 0.5 * (low + high)
+
+
+def _check_disjoint(pulse: Waveform, interval: float) -> None:
+    """Raise an InputError if the pulse is not yet negligible half an interval from its centre."""
+    samples = sample(pulse)
+    middle = _middle(pulse)
+    distance = np.abs(samples.times - middle).ravel()
+    amplitude = np.abs(samples.values[0]).ravel()
+    audible = _NEGLIGIBLE * amplitude.max()
+    at_border = np.abs(pulse.envelope(middle + 0.5 * interval * np.array([-1.0, 1.0]))).max()
+    if at_border <= audible and amplitude[distance >= 0.5 * interval].max(initial=0.0) <= audible:
+        return
+    reach = distance[amplitude > audible].max()
+    shortest = 2.0 * distance[distance > reach].min(initial=0.5 * (pulse.support[1] - pulse.support[0]))
+    raise InputError(
+        f"interval is {interval!r} s, expected one in which the pulse falls by 100 dB before the next begins "
+        f"(nearest: {shortest:.6g})"
+    )
+
+
+def _dirichlet(turns: Array, count: int) -> Array:
+    """sin(pi n x)/sin(pi x), exact at and near whole x."""
+    whole = np.rint(turns)
+    rest = turns - whole
+    sign = np.where(np.mod(whole * (count - 1), 2) == 1, -1.0, 1.0)
+    return sign * count * np.sinc(count * rest) / np.sinc(rest)
