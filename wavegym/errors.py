@@ -44,6 +44,12 @@ def within(name: str, value: float, low: float, high: float, unit: str = "") -> 
     return _checked(name, value, unit, low <= value <= high, wanted)
 
 
+def ordered(name: str, low: float, high: float) -> None:
+    """Raise an InputError unless low <= high."""
+    if not low <= high:
+        raise InputError(f"{name} is ({low:g}, {high:g}), expected (low, high); nearest: ({high:g}, {low:g})")
+
+
 def _checked(name: str, value: float, unit: str, valid: bool, wanted: str) -> float:
     if not valid:
         raise InputError(f"{name} is {value!r}{' ' + unit if unit else ''}, expected {wanted}")

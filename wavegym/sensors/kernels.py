@@ -7,9 +7,9 @@ from wavegym.kernels import batched, kernel
 
 
 @kernel
-def inverse_fourth_power(r, reference, nearest):
-    """(reference / r)^4 with r held at ``nearest`` below it; products, so that scalars and arrays agree bit for bit."""
-    ratio = reference / max(abs(r), nearest)
+def inverse_snr(r, reference, nearest):
+    """1 / eta = (r / reference)^4, r held at ``nearest`` below it; products, so that scalars and arrays agree."""
+    ratio = max(abs(r), nearest) / reference
     square = ratio * ratio
     return square * square
 
@@ -18,4 +18,4 @@ def inverse_fourth_power(r, reference, nearest):
 def snr(r, reference, nearest, out):
     """eta = (reference / r)^4."""
     for e in range(r.shape[0]):
-        out[e] = inverse_fourth_power(r[e], reference[e], nearest[e])
+        out[e] = 1.0 / inverse_snr(r[e], reference[e], nearest[e])

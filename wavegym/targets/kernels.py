@@ -8,45 +8,47 @@ from numpy.typing import NDArray
 from wavegym.kernels import kernel
 
 Array = NDArray[np.float64]
+Sizes = tuple[int, ...]
 
 
 @kernel
-def scan(step: Array, start: Array, noise: Array) -> Array:
+def scan(step: Array, start: Array, noise: Array, nn: Sizes) -> Array:
     """One path x_{k+1} = F x_k + L w_k.
 
     Args:
         step: F beside the lower triangular L, (n, 2 n); one array, because each costs 0.2 us at the call.
         start: x_0, (n,).
         noise: standard normal w_k, (steps, n).
+        nn: n zeros, so that the compiler knows n.
 
     Returns:
         x_0 ... x_steps, (steps + 1, n).
     """
-    x = np.empty((noise.shape[0] + 1, len(start)))
-    _fill(step, start, noise, x)
-    return x
+    x = np.empty((1, noise.shape[0] + 1, len(nn)))
+    _fill(0, step, start.reshape((1, len(nn))), noise.reshape((1, noise.shape[0], len(nn))), x, nn)
+    return x[0]
 
 
 @kernel
-def scan_batch(step: Array, start: Array, noise: Array) -> Array:
+def scan_batch(step: Array, start: Array, noise: Array, nn: Sizes) -> Array:
     """As ``scan`` for a flat batch: start (path, n), noise (path, steps, n), result (path, steps + 1, n)."""
     paths, steps, n = noise.shape
     x = np.empty((paths, steps + 1, n))
     for p in range(paths):
-        _fill(step, start[p], noise[p], x[p])
+        _fill(p, step, start, noise, x, nn)
     return x
 
 
 @kernel
-def _fill(step: Array, start: Array, noise: Array, x: Array) -> None:
-    n = len(start)
+def _fill(p: int, step: Array, start: Array, noise: Array, x: Array, nn: Sizes) -> None:
+    n = len(nn)
     for i in range(n):
-        x[0, i] = start[i]
-    for k in range(len(noise)):
+        x[p, 0, i] = start[p, i]
+    for k in range(noise.shape[1]):
         for i in range(n):
             total = 0.0
             for j in range(n):
-                total += step[i, j] * x[k, j]
+                total += step[i, j] * x[p, k, j]
             for j in range(i + 1):
-                total += step[i, n + j] * noise[k, j]
-            x[k + 1, i] = total
+                total += step[i, n + j] * noise[p, k, j]
+            x[p, k + 1, i] = total

@@ -116,7 +116,7 @@ def random_path(model: MotionModel, start: ArrayLike, noise: ArrayLike | np.rand
     else:
         w = np.asarray(noise, np.float64, "C")
     if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without the cost of broadcasting
-        single: Array = scan(model._step, x0, w)
+        single: Array = scan(model._step, x0, w, (0,) * n)
         return single
     if w.ndim < 2 or not x0.shape[-1:] == w.shape[-1:] == (n,):
         raise InputError(
@@ -127,10 +127,15 @@ def random_path(model: MotionModel, start: ArrayLike, noise: ArrayLike | np.rand
     except ValueError as error:
         raise InputError(f"start and noise have shapes {x0.shape} and {w.shape}: leading axes differ") from error
     tail = w.shape[-2:]
-    starts = np.array(np.broadcast_to(x0, (*lead, n)), order="C").reshape(-1, n)
-    draws = np.array(np.broadcast_to(w, lead + tail), order="C").reshape(len(starts), *tail)
-    paths: Array = scan_batch(model._step, starts, draws).reshape(*lead, tail[0] + 1, n)
+    starts = _spread(x0, (*lead, n)).reshape(-1, n)
+    draws = _spread(w, lead + tail).reshape(len(starts), *tail)
+    paths: Array = scan_batch(model._step, starts, draws, (0,) * n).reshape(*lead, tail[0] + 1, n)
     return paths
+
+
+def _spread(array: Array, shape: tuple[int, ...]) -> Array:
+    """``array`` broadcast to ``shape``; copied only where it has to be (a read-only one would be compiled for anew)."""
+    return array if array.shape == shape and array.flags.writeable else np.array(np.broadcast_to(array, shape))
 
 
 def _white_noise_model(dim: int, dt: float, q: float, axes: Sequence[str], order: str) -> MotionModel:

@@ -1,0 +1,51 @@
+"""Planners: time per decision and memory, which must not grow with the depth or the batch."""
+
+from __future__ import annotations
+
+import tracemalloc
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.timing import cpu_us
+from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.schedulers import Lookahead, Myopic, Policy
+from wavegym.systems.kershaw_evans import KershawEvansPosition
+
+
+class Decision(NamedTuple):
+    """What one decision costs."""
+
+    batch: int
+    cpu_us: float
+    peak_mib: float  # Python-side allocations beyond what was there before
+
+
+def measure(policy: Policy, batch: int) -> Decision:
+    """CPU time and peak memory per decision of a batch."""
+    system = KershawEvansPosition()
+    public = system.begin(draw_worlds(system, world_seeds(0, "test", batch))).public
+    policy.begin(system, batch, np.random.default_rng(0))
+    policy.act(public, None, None)
+
+    def act() -> int:
+        policy.act(public, None, None)
+        return batch
+
+    cost = cpu_us(act)
+    tracemalloc.start()
+    act()
+    peak = tracemalloc.get_traced_memory()[1] / 2**20
+    tracemalloc.stop()
+    return Decision(batch, cost, peak)
+
+
+def run() -> dict[str, list[Decision]]:
+    """Every planner at three batch sizes."""
+    policies = {
+        "myopic": Myopic(),
+        "lookahead:2, fused": Lookahead(2),
+        "lookahead:3, fused": Lookahead(3),
+        "lookahead:2, by imagine": Lookahead(2, fused=False),
+    }
+    return {name: [measure(policy, batch) for batch in (1, 64, 512)] for name, policy in policies.items()}

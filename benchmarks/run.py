@@ -1,0 +1,35 @@
+"""Measure everything and print one table: ``make benchmarks``.
+
+Times are CPU times of one thread; ratios are taken in one run, so they hold on another machine where times do not.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import torch
+
+from benchmarks import kalman, planners, training
+
+
+def main() -> None:
+    """Print Markdown."""
+    torch.set_num_threads(1)
+    print("| work | ours (us) | filterpy (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
+    for name, (r, wanted) in kalman.run().items():
+        row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
+        print(f"| {name} | {row} | >= {wanted:g} |")
+    print("\n| planner | batch | us per decision | peak MiB |\n|---|---|---|---|")
+    for name, decisions in planners.run().items():
+        for d in decisions:
+            print(f"| {name} | {d.batch} | {d.cpu_us:.1f} | {d.peak_mib:.1f} |")
+    share, speed = training.run()
+    print(f"\nThe environment's share of PPO's wall time at 64 environments: {share:.1%}, wanted <= 10 %.")
+    print(f"Training speed: {speed:.0f} steps/s.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Actions: what is taken, what is clipped and flagged, what is refused before anything has changed."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wavegym.envs import WaveformEnv, WaveformVectorEnv
+from wavegym.envs.comparison import difference
+from wavegym.errors import InputError
+from wavegym.systems.kershaw_evans import KershawEvansPosition
+
+LIBRARY, BOX = KershawEvansPosition(horizon=20), KershawEvansPosition(horizon=20, action="box")
+
+WRONG_INDICES = {
+    "too large": (np.array([0, 56]), r"action is 56, expected an index in \[0, 55\] \(nearest: 55\)"),
+    "negative": (np.array([-1, 3]), r"action is -1, expected an index in \[0, 55\] \(nearest: 0\)"),
+    "not an integer": (np.array([0.0, 1.0]), "action has the type float64, expected integers"),
+    "not a number": (np.array([np.nan, 1.0]), "action has the type float64, expected integers"),
+    "truth values": (np.array([True, False]), "action has the type bool"),
+    "words": (np.array(["0", "1"]), "action has the type <U1"),
+    "one too few": (np.array([0]), r"actions have the shape \(1,\), expected \(2,\)"),
+    "a column": (np.array([[0], [1]]), r"actions have the shape \(2, 1\), expected \(2,\)"),
+}
+WRONG_POINTS = {
+    "not a number": (np.array([[0.0, 0.0], [0.5, np.nan]]), r"action is \[0.5, nan\], expected finite numbers"),
+    "infinite": (np.array([[0.0, np.inf], [0.0, 0.0]]), r"action is \[0.0, inf\], expected finite numbers"),
+    "flat": (np.zeros(4), r"actions have the shape \(4,\), expected \(2, 2\)"),
+    "objects": (np.array([[None, 0], [0, 0]]), "action has the type object, expected numbers"),
+}
+
+
+@pytest.mark.parametrize(
+    ("system", "wrong", "message"),
+    [(LIBRARY, *case) for case in WRONG_INDICES.values()] + [(BOX, *case) for case in WRONG_POINTS.values()],
+    ids=[*WRONG_INDICES, *(f"box, {name}" for name in WRONG_POINTS)],
+)
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_a_wrong_action_changes_nothing(system, wrong, message, mode):
+    env, twin = (WaveformVectorEnv(system, 2, autoreset_mode=mode) for _ in range(2))
+    for each in (env, twin):
+        each.action_space.seed(0)
+        each.reset(seed=0)
+        each.step(each.action_space.sample())
+    with pytest.raises(InputError, match=message) as caught:
+        env.step(wrong)
+    assert "\n" not in str(caught.value)
+    actions = twin.action_space.sample()
+    for _ in range(3):
+        assert difference(env.step(actions), twin.step(actions)) is None
+
+
+def test_a_wrong_action_at_an_autoreset_leaves_the_finished_episode_in_place():
+    env, twin = (WaveformVectorEnv(KershawEvansPosition(horizon=2), 2) for _ in range(2))
+    for each in (env, twin):
+        each.reset(seed=0)
+        each.step(np.array([0, 1]))
+        each.reset(options={"reset_mask": np.array([True, False])})
+        assert each.step(np.array([0, 1]))[2].tolist() == [False, True]
+    with pytest.raises(InputError, match="action is 99"):
+        env.step(np.array([99, 0]))
+    for _ in range(3):
+        assert difference(env.step(np.array([5, 5])), twin.step(np.array([5, 5]))) is None
+
+
+def test_the_single_environment_refuses_as_the_vector_one_does():
+    env = WaveformEnv(LIBRARY)
+    env.reset(seed=0)
+    before = env.public
+    for wrong in (56, -1, 0.5, None, [1, 2], np.nan):
+        with pytest.raises(InputError):
+            env.step(wrong)
+    assert env.public is before
+    for right in (3, np.int64(3), np.array(3), np.uint8(3)):
+        assert env.step(right)[-1]["waveform"] == 3
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.floats(-1e6, 1e6), min_size=4, max_size=4))
+def test_finite_points_outside_the_box_are_clipped_and_flagged(values):
+    points = np.array(values).reshape(2, 2)
+    clipped = np.clip(points, -1.0, 1.0)
+    one, two = WaveformVectorEnv(BOX, 2), WaveformVectorEnv(BOX, 2)
+    for env in (one, two):
+        env.reset(seed=0)
+    (*got, info), (*want, plain) = one.step(points), two.step(clipped)
+    assert difference(got, want) is None
+    assert (info["action_clipped"] == (points != clipped).any(axis=1)).all()
+    assert not plain["action_clipped"].any()
+    assert difference(info["parameters"], plain["parameters"]) is None
+    low, high = np.array([[p.low, p.high] for p in BOX.actions.parameters]).T
+    assert ((low <= info["parameters"]) & (info["parameters"] <= high)).all()
+
+
+def test_info_tells_the_parameters_in_physical_units():
+    env = WaveformEnv(BOX)
+    env.reset(seed=0)
+    for action, duration, sweep in (([-1, -1], 10e-6, -1e6), ([1, 1], 300e-6, 1e6), ([0, 0], np.sqrt(3e-9), 0.0)):
+        parameters = env.step(np.array(action, np.float32))[-1]["parameters"]
+        np.testing.assert_allclose(parameters, [duration, sweep], rtol=1e-12)
+
+
+def test_a_library_action_equals_its_point_of_the_box():
+    library, box = WaveformVectorEnv(LIBRARY, 1), WaveformVectorEnv(BOX, 1)
+    for index in range(0, 56, 7):
+        (first, *_), (second, *_) = library.reset(seed=0), box.reset(seed=0)
+        assert (first == second).all()
+        costs = [env.step(np.asarray(env.system.candidates()[[index]]))[-1]["cost"] for env in (library, box)]
+        np.testing.assert_allclose(*costs, rtol=1e-9)
+
+
+def test_spaces_and_masks():
+    env = gym.make_vec("wavegym/KershawEvansPosition-v0", 3)
+    env.reset(seed=0)
+    assert env.single_action_space == gym.spaces.Discrete(56)
+    assert env.action_masks().shape == (3, 56)
+    assert env.action_masks().all()
+    box = gym.make("wavegym/KershawEvansPosition-v0", action="box")
+    assert box.action_space == gym.spaces.Box(-1.0, 1.0, (2,), np.float32)

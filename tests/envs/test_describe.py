@@ -1,0 +1,163 @@
+"""The pages of the docs say what the environments do, and the committed ones are up to date."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import wavegym
+from wavegym.envs.describe import describe
+from wavegym.envs.docstrings import meanings, section, summary
+from wavegym.envs.pages import main, pages
+from wavegym.errors import InputError
+from wavegym.registration import SYSTEMS
+from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+
+COMMITTED = Path(__file__).parents[2] / "docs" / "environments"
+IDS = list(SYSTEMS)
+
+
+def rows(page, first_heading):
+    """Cells of the table whose first column is headed so, as strings."""
+    lines = page.partition(f"\n| {first_heading} |")[2].splitlines()[2:]
+    table = lines[: next((i for i, line in enumerate(lines) if not line.startswith("|")), len(lines))]
+    return [[cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in table]
+
+
+def chapter(page, heading):
+    return "\n" + page.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
+@pytest.mark.parametrize("name", pages())
+def test_the_committed_page_is_what_the_environment_says(name):
+    assert (COMMITTED / name).read_text(encoding="utf-8") == pages()[name], "make them again: make docs"
+
+
+def test_there_is_a_page_for_every_environment_and_no_other():
+    assert {path.name for path in COMMITTED.glob("*.md")} == {"index.md", *(f"{id.partition('/')[2]}.md" for id in IDS)}
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_observation_table_is_the_observation_space(id):
+    env = gym.make(id)
+    table = rows(chapter(describe(id), "Observations"), "index")
+    elements = env.unwrapped.system.elements
+    assert env.observation_space.shape == (len(table),)
+    assert f"`Box(-10, 10, ({len(table)},), float32)`" in describe(id)
+    for i, (index, name, unit, centre, scale, bounds, meaning) in enumerate(table):
+        assert (int(index), name, unit, meaning) == (i, f"`{elements[i].name}`", elements[i].unit, elements[i].meaning)
+        low, high = (float(bound) for bound in bounds.split(" to "))
+        scaled = (np.array([low, high]) - float(centre)) / float(scale)
+        np.testing.assert_allclose(scaled, [env.observation_space.low[i], env.observation_space.high[i]], rtol=1e-5)
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_what_the_table_says_is_what_the_agent_sees(id):
+    env = gym.make_vec(id, 5)
+    observations, _ = env.reset(seed=0)
+    values = env.unwrapped.system.observe(env.unwrapped.public)
+    for i, (_, _, _, centre, scale, _, _) in enumerate(rows(chapter(describe(id), "Observations"), "index")):
+        np.testing.assert_allclose(
+            observations[:, i], (values[:, i] - float(centre)) / float(scale), rtol=1e-5, atol=1e-6
+        )
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_action_tables_are_both_forms_of_the_action_space(id):
+    page = chapter(describe(id), "Actions")
+    labels = gym.make(id).unwrapped.system.actions.labels
+    assert rows(page, "index") == [[str(i), label] for i, label in enumerate(labels)]
+    assert f"`Discrete({gym.make(id).action_space.n})`" in page
+    box = gym.make(id, action="box")
+    parameters = box.unwrapped.system.actions.parameters
+    table = rows(page, "parameter")
+    assert box.action_space.shape == (len(table),)
+    for (name, unit, low, high, scale), parameter in zip(table, parameters, strict=True):
+        assert (name, unit, scale) == (f"`{parameter.name}`", parameter.unit, parameter.scale)
+        np.testing.assert_allclose([float(low), float(high)], [parameter.low, parameter.high], rtol=1e-5)
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_info_table_has_every_key_that_comes(id):
+    said = {name.strip("`") for name, *_ in rows(chapter(describe(id), "Info"), "key")}
+    seen = set()
+    for settings in ({}, {"action": "box"}, {"reward": "relative"}):
+        env = gym.make_vec(id, 2, autoreset_mode="SameStep", horizon=2, **settings)
+        env.reset(seed=0)
+        for _ in range(2):
+            seen |= set(env.step(env.action_space.sample())[-1])
+    assert {key for key in seen if not key.startswith("_")} == said
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_parameter_table_has_every_parameter_with_a_meaning(id):
+    system = gym.make(id).unwrapped.system
+    table = {name.strip("`"): (value, meaning) for name, value, meaning in rows(describe(id), "parameter | value")}
+    assert list(table) == list(system.__dataclass_fields__)
+    assert table["q"][0] == f"{system.q:g}"
+    assert all(meaning for _, meaning in table.values())
+    settings = dict(rows(describe(id), "setting"))
+    assert settings["`max_episode_steps`"] == "truncate here, before the system's own end"
+
+
+def test_sections_come_from_the_class_or_else_from_its_base():
+    assert summary(KershawEvansPosition).startswith("Kershaw & Evans's loop where looking ahead pays")
+    assert "position-only cost" in section(KershawEvansPosition, "Description")
+    assert section(KershawEvansPosition, "Episode end") == section(KershawEvans, "Episode end") != ""
+    assert section(KershawEvans, "No such heading") == ""
+    page = describe("wavegym/KershawEvansPosition-v0")
+    headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
+    first = ["Description", "Rewards", "Starting state", "Episode end", "Actions", "Observations", "Info", "Parameters"]
+    assert headings[: len(first)] == first
+
+
+def test_meanings_are_read_from_running_text_and_from_lists():
+    class Base:
+        """Base.
+
+        Attributes:
+            horizon: steps in
+                an episode.
+            other: not asked for.
+        """
+
+    class Derived(Base):
+        """Derived.
+
+        Arguments
+            q: noise density (m^2/s^3; "ca": m^2/s^5). low, high: bounds, in
+            metres.
+            **rest: what is left.
+        """
+
+    said = meanings(Derived, ["q", "low", "high", "horizon"])
+    assert said["horizon"] == "steps in an episode"
+    assert said["q"] == 'noise density (m^2/s^3; "ca": m^2/s^5)'
+    assert said["low"] == said["high"] == "bounds, in metres"
+
+
+def test_an_unknown_environment_is_refused_with_the_nearest_named():
+    with pytest.raises(InputError, match="did you mean 'wavegym/KershawEvans-v0'"):
+        wavegym.describe("wavegym/KershawEvan-v0")
+    with pytest.raises(InputError, match="environment is 'CartPole-v1'"):
+        wavegym.describe("CartPole-v1")
+
+
+def test_pages_are_written_by_one_command(tmp_path, capsys):
+    assert main([str(tmp_path / "new" / "folder")]) == 0
+    written = {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "new" / "folder").iterdir()}
+    assert written == pages()
+    assert capsys.readouterr().out.count("\n") == len(written)
+    assert main([]) == 2
+    assert "usage" in capsys.readouterr().err
+
+
+def test_importing_wavegym_stays_light():
+    heavy = ("numba", "matplotlib", "scipy.stats", "filterpy", "torch")
+    code = f"import sys, wavegym; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,123 @@
+"""Rewards: what each is of the cost, and that a reward of one's own can be injected."""
+
+import numpy as np
+import pytest
+
+from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
+from wavegym.errors import InputError
+from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice
+from wavegym.systems.kershaw_evans import KershawEvansPosition
+
+SYSTEM = KershawEvansPosition(horizon=12)
+NUM_ENVS = 4
+
+
+def play(reward, policy, steps=12, mode="Disabled"):
+    """Rewards (step, env) and infos of one episode."""
+    env = WaveformVectorEnv(SYSTEM, NUM_ENVS, reward=reward, autoreset_mode=mode)
+    env.reset(seed=3)
+    policy.begin(SYSTEM, NUM_ENVS, np.random.default_rng(0))
+    rewards, infos = [], []
+    for _ in range(steps):
+        _, reward_now, _, _, info = env.step(policy.act(env.public, None, None))
+        rewards.append(reward_now)
+        infos.append(info)
+    return np.array(rewards), infos
+
+
+def costs_of(policy):
+    return np.array([info["cost"] for info in play("trace", policy)[1]])
+
+
+def test_trace_is_minus_the_weighted_trace_of_the_covariance_exactly():
+    env = WaveformVectorEnv(SYSTEM, NUM_ENVS)
+    env.reset(seed=3)
+    for action in range(12):
+        _, reward, _, _, info = env.step(np.full(NUM_ENVS, action))
+        assert (reward == -env.public.covariance[:, 0, 0]).all()
+        assert (reward == -info["cost"]).all()
+
+
+def test_log_trace_is_minus_the_logarithm_of_the_cost():
+    rewards, infos = play("log-trace", Fixed(3))
+    assert (rewards == -np.log([info["cost"] for info in infos])).all()
+
+
+def test_error_is_minus_the_squared_true_position_error():
+    env = WaveformVectorEnv(SYSTEM, NUM_ENVS, reward="error")
+    env.reset(seed=3)
+    for _ in range(5):
+        _, reward, _, _, info = env.step(np.full(NUM_ENVS, 20))
+        state = env.episodes.state
+        np.testing.assert_allclose(reward, -((state.public.mean[:, 0] - state.hidden.truth[:, 0]) ** 2), rtol=1e-12)
+        assert (info["cost"] == state.public.covariance[:, 0, 0]).all()  # what is reported does not follow the reward
+
+
+@pytest.mark.parametrize("form", ["share", "log", "difference"])
+@pytest.mark.parametrize("reference", [Myopic(), Fixed(3)], ids=["myopic", "fixed"])
+def test_relative_compares_with_the_references_own_trajectory_on_the_same_worlds(form, reference):
+    policy = Lookahead(2)
+    rewards, infos = play(Relative(reference, form), policy)
+    ours, theirs = costs_of(policy), costs_of(reference)
+    want = {
+        "share": 1 - ours / theirs,
+        "log": np.log(theirs / ours),
+        "difference": (theirs - ours) / theirs.mean(axis=0),
+    }
+    np.testing.assert_allclose(rewards, want[form], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose([info["reference_cost"] for info in infos], theirs, rtol=1e-12)
+
+
+def test_the_reference_scores_nothing_against_itself():
+    for form in ("share", "log", "difference"):
+        rewards, _ = play(Relative(Myopic(), form), Myopic())
+        assert (rewards == 0.0).all()
+
+
+def test_by_name_relative_is_the_difference_to_the_one_step_scheduler_whose_sum_ranks_as_the_cost():
+    rewards, _ = play("relative", RandomChoice())
+    ours, theirs = costs_of(RandomChoice()), costs_of(Myopic())
+    np.testing.assert_allclose(rewards.sum(axis=0), 12 * (1 - ours.sum(axis=0) / theirs.sum(axis=0)), rtol=1e-9)
+
+
+def test_the_reference_follows_each_world_through_resets():
+    env = WaveformVectorEnv(SYSTEM, NUM_ENVS, reward="relative", autoreset_mode="SameStep")
+    env.reset(seed=3)
+    myopic = Myopic()
+    myopic.begin(SYSTEM, NUM_ENVS, np.random.default_rng(0))
+    for step in range(40):
+        if step in (3, 9):
+            env.reset(options={"reset_mask": np.array([True, False, step == 3, False])})
+        assert (env.step(myopic.act(env.public, None, None))[1] == 0.0).all()
+
+
+class Smoothness(LogCost):
+    """A reward of one's own: the cost's decrease, with a term of its own in info, and memory of the world."""
+
+    def begin(self, system, world):
+        return None
+
+    def __call__(self, transition):
+        before = transition.system.cost(transition.previous.public)
+        return before - transition.cost, {"cost_before": before}
+
+
+def test_a_reward_of_ones_own_with_its_terms_in_info():
+    rewards, infos = play(Smoothness(), Fixed(3))
+    costs = np.array([info["cost"] for info in infos])
+    np.testing.assert_allclose(rewards[1:], costs[:-1] - costs[1:], rtol=1e-12)
+    assert (infos[5]["cost_before"] == costs[4]).all()
+    single = WaveformEnv(SYSTEM, reward=Smoothness())
+    single.reset(seed=3)
+    assert single.step(3)[1] == rewards[0, 0]
+
+
+@pytest.mark.parametrize(
+    ("reward", "message"),
+    [("relativ", "did you mean 'relative'"), (3, "expected one of trace, log-trace"), (print, "an object with begin")],
+)
+def test_an_unknown_reward_is_refused(reward, message):
+    with pytest.raises(InputError, match=message):
+        WaveformVectorEnv(SYSTEM, 1, reward=reward)
+    with pytest.raises(InputError, match="did you mean 'share'"):
+        Relative(form="shares")

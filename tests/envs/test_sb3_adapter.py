@@ -1,0 +1,215 @@
+"""The adapter against Stable-Baselines3's own DummyVecEnv over single environments: the same numbers, bit for bit."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecMonitor
+
+from wavegym.envs import WaveformVectorEnv
+from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.errors import InputError
+
+ID = "wavegym/KershawEvansPosition-v0"
+COUNT = 3
+SETTINGS = {
+    "library": {"horizon": 7},
+    "box": {"horizon": 7, "action": "box"},
+    "truncated": {"horizon": 9, "max_episode_steps": 5},
+    "relative": {"horizon": 7, "reward": "relative"},
+}
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+def singles(**settings: Any) -> DummyVecEnv:
+    return DummyVecEnv([lambda: gym.make(ID, **settings)] * COUNT)
+
+
+def assert_same(first: Any, second: Any) -> None:
+    """Equal to the last bit, through dicts and lists."""
+    if isinstance(second, dict):
+        assert isinstance(first, dict)
+        assert first.keys() == second.keys()
+        for key in second:
+            assert_same(first[key], second[key])
+    elif isinstance(second, list):
+        assert len(first) == len(second)
+        for a, b in zip(first, second, strict=True):
+            assert_same(a, b)
+    else:
+        a, b = np.asarray(first), np.asarray(second)
+        assert a.dtype == b.dtype
+        assert a.shape == b.shape
+        assert a.tobytes() == b.tobytes()
+
+
+def ppo(env: Any, rollouts: int = 3) -> PPO:
+    network = {"net_arch": [16, 16]}
+    model = PPO("MlpPolicy", env, n_steps=20, batch_size=30, gamma=0.9, policy_kwargs=network, seed=5, device="cpu")
+    return model.learn(rollouts * 20 * COUNT)
+
+
+def dqn(env: Any) -> DQN:
+    model = DQN("MlpPolicy", env, learning_starts=30, batch_size=16, train_freq=1, gradient_steps=2,
+                buffer_size=1000, target_update_interval=30, exploration_fraction=0.5,
+                policy_kwargs={"net_arch": [16, 16]}, seed=5, device="cpu")  # fmt: skip
+    return model.learn(200)
+
+
+@pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
+def test_every_step_is_dummy_vec_envs(settings: dict[str, Any]) -> None:
+    ours, theirs = SB3VecEnv(ID, COUNT, **settings), singles(**settings)
+    ours.seed(7)
+    theirs.seed(7)
+    assert_same(ours.reset(), theirs.reset())
+    assert_same(ours.reset_infos, theirs.reset_infos)
+    ended = 0
+    theirs.action_space.seed(1)
+    for _ in range(23):
+        actions = np.stack([theirs.action_space.sample() for _ in range(COUNT)])
+        mine, reference = ours.step(actions), theirs.step(actions)
+        for a, b in zip(mine, reference, strict=True):
+            assert_same(a, b)
+        assert_same(ours.reset_infos, theirs.reset_infos)
+        ended += mine[2].sum()
+    assert ended == 23 // settings.get("max_episode_steps", 7) * COUNT
+
+
+@pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
+def test_ppo_learns_the_same_weights(settings: dict[str, Any]) -> None:
+    ours, theirs = ppo(SB3VecEnv(ID, COUNT, **settings)), ppo(singles(**settings))
+    assert_same(ours.rollout_buffer.rewards, theirs.rollout_buffer.rewards)
+    assert_same(ours.policy.state_dict(), theirs.policy.state_dict())
+
+
+class Forgetful(VecEnvWrapper):
+    """Passes every truncation off as a termination."""
+
+    def reset(self) -> Any:
+        return self.venv.reset()
+
+    def step_wait(self) -> Any:
+        *rest, infos = self.venv.step_wait()
+        return *rest, [{**info, "TimeLimit.truncated": False} for info in infos]
+
+
+def test_only_truncated_episodes_are_bootstrapped() -> None:
+    env = SB3VecEnv(ID, COUNT, max_episode_steps=5)
+    told, untold = (
+        ppo(e, rollouts=1).rollout_buffer.rewards for e in (env, Forgetful(SB3VecEnv(ID, COUNT, max_episode_steps=5)))
+    )
+    ends = np.arange(len(told)) % 5 == 4
+    assert_same(told[~ends], untold[~ends])
+    assert (told[ends] != untold[ends]).all()
+    terminated = ppo(SB3VecEnv(ID, COUNT, horizon=5), rollouts=1).rollout_buffer.rewards
+    assert_same(terminated, ppo(Forgetful(SB3VecEnv(ID, COUNT, horizon=5)), rollouts=1).rollout_buffer.rewards)
+
+
+@pytest.mark.parametrize("name", ["library", "truncated", "relative"])
+def test_dqn_learns_the_same_weights(name: str) -> None:
+    ours, theirs = dqn(SB3VecEnv(ID, COUNT, **SETTINGS[name])), dqn(singles(**SETTINGS[name]))
+    assert ours.replay_buffer is not None
+    assert theirs.replay_buffer is not None
+    assert_same(ours.replay_buffer.timeouts, theirs.replay_buffer.timeouts)
+    assert ours.replay_buffer.timeouts.any() == (name == "truncated")
+    assert_same(ours.policy.state_dict(), theirs.policy.state_dict())
+
+
+def test_an_environments_own_seeds_reach_it_once() -> None:
+    env = SB3VecEnv(ID, COUNT)
+    seeds = [2**100 + 1, 5, 2**90]
+    env.seed(seeds)
+    first = env.reset()
+    second = env.reset()
+    alone = [gym.make(ID) for _ in seeds]
+    assert_same(first, np.stack([e.reset(seed=s)[0] for e, s in zip(alone, seeds, strict=True)]))
+    assert_same(second, np.stack([e.reset()[0] for e in alone]))
+    with pytest.raises(InputError, match="2 entries, expected 3"):
+        env.seed([1, 2])
+
+
+def test_options_reach_the_next_reset_and_must_agree() -> None:
+    env = SB3VecEnv(ID, COUNT)
+    before = env.reset()
+    only_first = np.array([True, False, False])
+    env.set_options({"reset_mask": only_first})
+    after = env.reset()
+    assert (before[1:] == after[1:]).all()
+    assert (before[0] != after[0]).any()
+    assert (env.reset() != after).any(axis=1).all()
+    env.set_options([{"colour": 1}, {}, {}])
+    with pytest.raises(InputError, match="options differ"):
+        env.reset()
+
+
+def test_methods_and_attributes_are_shared_out() -> None:
+    env = SB3VecEnv(ID, COUNT, horizon=8)
+    env.reset()
+    masks = env.env_method("action_masks")
+    assert [mask.shape for mask in masks] == [(env.action_space.n,)] * COUNT
+    assert len(env.env_method("action_masks", indices=[0, 2])) == 2
+    assert env.get_attr("action_space") == [env.action_space] * COUNT
+    assert [system.horizon for system in env.get_attr("system", indices=1)] == [8]
+    (belief,) = env.get_attr("public", indices=[2])
+    assert (belief.mean == env.batch.public.mean[2:]).all()
+    assert env.env_is_wrapped(gym.wrappers.TimeLimit) == [False] * COUNT
+    assert env.has_attr("system")
+    assert not env.has_attr("no_such_thing")
+    env.set_attr("max_episode_steps", 2)
+    assert env.get_attr("max_episode_steps") == [2] * COUNT
+    assert not env.step(np.zeros(COUNT, np.int64))[2].any()
+    assert env.step(np.zeros(COUNT, np.int64))[2].all()
+    with pytest.raises(InputError, match="share one batch"):
+        env.set_attr("max_episode_steps", 3, indices=[0])
+
+
+def test_pickled_in_the_middle_of_an_episode_it_goes_on() -> None:
+    env = SB3VecEnv(ID, COUNT, horizon=6, reward="relative")
+    env.seed(3)
+    env.reset()
+    actions = np.arange(COUNT)
+    for _ in range(4):
+        env.step(actions)
+    copy = pickle.loads(pickle.dumps(env))
+    for _ in range(9):
+        for a, b in zip(copy.step(actions), env.step(actions), strict=True):
+            assert_same(a, b)
+
+
+def test_monitored_episodes_are_counted() -> None:
+    env = VecMonitor(SB3VecEnv(ID, COUNT, horizon=4))
+    env.reset()
+    total = sum(env.step(np.zeros(COUNT, np.int64))[1] for _ in range(3))
+    _, rewards, _, infos = env.step(np.zeros(COUNT, np.int64))
+    assert [info["episode"]["l"] for info in infos] == [4] * COUNT
+    assert [info["episode"]["r"] for info in infos] == pytest.approx((total + rewards).tolist(), rel=1e-6)
+
+
+def test_a_factory_must_reset_in_the_same_step() -> None:
+    def factory(num_envs: int, autoreset_mode: str) -> WaveformVectorEnv:
+        return WaveformVectorEnv("wavegym.systems.kershaw_evans:KershawEvans", num_envs, autoreset_mode="NextStep")
+
+    with pytest.raises(InputError, match="autoreset mode"):
+        SB3VecEnv(factory, COUNT)
+
+
+def test_images_are_frames_only_where_asked_for() -> None:
+    env = SB3VecEnv(ID, 2, render_mode="rgb_array")
+    env.reset()
+    images = env.get_images()
+    assert [image.dtype for image in images if image is not None] == [np.uint8, np.uint8]
+    assert env.render().shape[2] == 3
+    blind = SB3VecEnv(ID, 2)
+    blind.reset()
+    with pytest.warns(UserWarning, match="rgb_array"):
+        assert blind.get_images() == [None, None]

@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wavegym.errors import InputError
+from wavegym.evaluation import compare, make_task, summarise, world_seeds
+from wavegym.evaluation import comparison as module
+from wavegym.evaluation.play import play
+from wavegym.schedulers import Fixed, RandomChoice
+
+SMALL = {"horizon": 4}
+POSITION = "wavegym/KershawEvansPosition-v0"
+
+
+def numbers(comparison):
+    """Everything but what was taken from a clock."""
+    return [[array for array in member[:-1]] for members in comparison.played.values() for member in members]
+
+
+def same(one, other):
+    for left, right in zip(one, other, strict=True):
+        for a, b in zip(left, right, strict=True):
+            np.testing.assert_array_equal(a, b, strict=True)
+
+
+@pytest.mark.parametrize("env_id", ["tests/Uneven-v0", POSITION])
+def test_the_number_of_jobs_changes_no_number(env_id):
+    policies = {"random": None, "lookahead:2": None, "pair": lambda system: [Fixed(0), RandomChoice()]}
+    one, two = (compare(env_id, policies, worlds=120, jobs=jobs, progress=False, **SMALL) for jobs in (1, 2))
+    same(numbers(one), numbers(two))
+    without_clock = [summarise(c) for c in (one, two)]
+    for summary in without_clock:
+        for policy in summary["policies"].values():
+            assert policy.pop("us_per_decision") > 0
+    assert without_clock[0] == without_clock[1]
+
+
+def test_a_policy_is_played_the_same_in_any_company():
+    alone = compare(POSITION, {"random": None}, worlds=3, jobs=1, **SMALL)
+    others = compare(POSITION, {"best-fixed": None, "random": None, "myopic": None}, worlds=3, jobs=1, **SMALL)
+    same([alone.played["random"][0][:-1]], [others.played["random"][0][:-1]])
+    assert list(alone.played) == ["myopic", "random"]  # the baseline is added
+    assert list(others.played) == ["best-fixed", "random", "myopic"]
+
+
+def test_every_world_is_the_one_its_seed_draws_however_the_work_is_cut():
+    played = compare("tests/Uneven-v0", {}, worlds=module.CHUNK + 7, root=3, jobs=1).played["myopic"][0]
+    seeds = world_seeds(3, "test", module.CHUNK + 7)
+    whole = play(make_task("tests/Uneven-v0", {}), Fixed(0), seeds)  # myopic's choice here is the least gain
+    np.testing.assert_array_equal(played.cost, whole.cost)
+
+
+def test_nothing_is_tuned_on_the_worlds_of_the_test(monkeypatch):
+    drawn = []
+    draw = module.draw_worlds
+    monkeypatch.setattr(module, "draw_worlds", lambda system, seeds: drawn.extend(seeds) or draw(system, seeds))
+    comparison = compare("tests/Uneven-v0", {"best-fixed": None}, worlds=30, jobs=1)
+    assert len(drawn) == module.TUNING_WORLDS
+    assert not set(drawn) & set(comparison.seeds)
+    np.testing.assert_array_equal(comparison.cost("best-fixed"), comparison.cost("myopic"))  # both transmit gain 1
+
+
+def test_settings_reach_the_system():
+    comparison = compare(POSITION, {}, worlds=2, jobs=1, horizon=3, q=50.0)
+    assert comparison.task.system.q == 50.0
+    assert comparison.played["myopic"][0].cost.shape == (2, 3)
+
+
+class Counting(Fixed):
+    """Remembers how many worlds it was begun with."""
+
+    begun: list[int] = []
+
+    def begin(self, system, num_envs, rng):
+        self.begun.append(num_envs)
+        super().begin(system, num_envs, rng)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"env_id": "KershawEvansPositon-v0"}, "did you mean 'wavegym/KershawEvansPosition-v0'"),
+        (
+            {"policies": {"first": lambda system: Counting(0), "myopc": None}},
+            "policy is 'myopc'.*did you mean 'myopic'",
+        ),
+        ({"policies": {"fixed:400": None}}, r"fixed:400 is not a waveform.*nearest: 55"),
+        ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
+        ({"jobs": 0}, "jobs is 0, expected an integer >= 1 or -1"),
+        ({"root": -1}, "seed is -1"),
+        ({"horizn": 5}, "setting 'horizn' is unknown.*did you mean 'horizon'"),
+        ({"reward": "log-trace"}, "setting 'reward' is unknown"),
+    ],
+)
+def test_mistakes_are_named_before_the_work_begins(monkeypatch, change, words):
+    monkeypatch.setattr(module, "_Visible", None)  # the work
+    arguments = {"env_id": POSITION, "policies": {}, "worlds": 2, "jobs": 1, **change}
+    with pytest.raises(InputError, match=words):
+        compare(**arguments)
+
+
+def test_kernels_are_compiled_before_other_processes_start(monkeypatch):
+    class Stop(Exception):  # noqa: N818
+        pass
+
+    def work(*arguments):
+        raise Stop
+
+    Counting.begun.clear()
+    monkeypatch.setattr(module, "_Visible", work)
+    with pytest.raises(Stop):
+        compare(POSITION, {"own": lambda system: Counting(0)}, worlds=2, jobs=2, **SMALL)
+    assert Counting.begun == [1]  # the baseline's name comes first, then this one's single step on one world
+
+
+def test_a_system_without_candidates_is_told_apart_from_a_bug():
+    def needs_more(system):
+        raise NotImplementedError
+
+    with pytest.raises(InputError, match="policy 'greedy' cannot play tests/Uneven-v0"):
+        compare("tests/Uneven-v0", {"greedy": needs_more}, worlds=2, jobs=1)
+
+
+def test_a_foreign_package_is_imported_for_its_id():
+    with pytest.raises(InputError, match="expected an importable package before ':'"):
+        make_task("no_such_package:Some/Env-v0", {})
+    assert make_task("wavegym.envs:wavegym/KershawEvans-v0", {}).env_id == "wavegym/KershawEvans-v0"

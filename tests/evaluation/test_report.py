@@ -1,0 +1,169 @@
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import os
+import resource
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from wavegym.evaluation import compare, make_task, summarise, write_report
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.play import play
+from wavegym.schedulers import Fixed
+
+FILES = ["comparison.png", "episodes.csv", "summary.json", "table.md"]
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    policies = {"random": None, "learner": lambda system: [Fixed(0), Fixed(10), Fixed(20)]}
+    return compare("KershawEvansPosition-v0", policies, worlds=25, root=4, jobs=1, horizon=5)
+
+
+@pytest.fixture(scope="module")
+def folder(comparison, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    write_report(comparison, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rows(folder):
+    with (folder / "episodes.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def column(rows, policy, key):
+    return np.array([float(row[key]) for row in rows if row["policy"] == policy])
+
+
+def test_the_summary_has_the_agreed_form(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    assert list(summary) == ["env", "settings", "worlds", "seed", "versions", "policies"]
+    assert (summary["env"], summary["worlds"], summary["seed"]) == ("wavegym/KershawEvansPosition-v0", 25, 4)
+    assert summary["settings"] == {"horizon": 5}
+    assert {"python", "wavegym", "numpy", "scipy", "gymnasium", "numba"} <= set(summary["versions"])
+    assert list(summary["policies"]) == ["myopic", "random", "learner"]
+    for policy in summary["policies"].values():
+        assert list(policy) == ["cost", "vs_myopic", "score", "rmse", "nees", "lost", "us_per_decision"]
+        assert list(policy["cost"]) == ["mean", "ci", "iqm", "median"]
+        assert list(policy["vs_myopic"]) == ["percent", "ci", "geometric_percent", "geometric_ci"]
+        assert sorted(policy["rmse"]) == ["ci", "mean", "median"]
+        assert policy["lost"] is None
+        assert policy["us_per_decision"] > 0
+        low, high = policy["cost"]["ci"]
+        assert low < policy["cost"]["mean"] < high
+
+
+def test_the_summary_follows_from_the_episodes(folder, rows):
+    policies = json.loads((folder / "summary.json").read_text())["policies"]
+    myopic = column(rows, "myopic", "cost")
+    for name, policy in policies.items():
+        cost, rmse = column(rows, name, "cost"), column(rows, name, "rmse")
+        middle = np.sort(cost)[len(cost) // 4 : len(cost) - len(cost) // 4]
+        ratios = cost / np.tile(myopic, len(cost) // len(myopic))
+        assert policy["cost"]["mean"] == pytest.approx(cost.mean(), rel=1e-12)
+        assert policy["cost"]["median"] == pytest.approx(np.median(cost), rel=1e-12)
+        assert policy["cost"]["iqm"] == pytest.approx(middle.mean(), rel=1e-12)
+        assert policy["vs_myopic"]["percent"] == pytest.approx(100 * (cost.mean() / myopic.mean() - 1), abs=1e-9)
+        geometric = 100 * (np.exp(np.log(ratios).mean()) - 1)
+        assert policy["vs_myopic"]["geometric_percent"] == pytest.approx(geometric, abs=1e-9)
+        assert policy["rmse"]["mean"] == pytest.approx(rmse.mean(), rel=1e-12)
+        assert policy["nees"] == pytest.approx(column(rows, name, "nees").mean(), rel=1e-12)
+    assert (policies["random"]["score"], policies["myopic"]["score"]) == (0.0, 1.0)
+
+
+def test_every_episode_is_there_and_can_be_played_again(rows):
+    assert len(rows) == 25 * 5
+    assert list(rows[0])[:5] == ["policy", "member", "world", "seed", "steps"]
+    row = rows[-1]
+    assert (row["policy"], row["member"], row["world"], row["lost"]) == ("learner", "2", "24", "")
+    task = make_task("KershawEvansPosition-v0", {"horizon": 5})
+    again = play(task, Fixed(20), [int(row["seed"])])
+    assert float(row["cost"]) == again.episode_cost()[0]
+    assert (row["favourite"], row["favourite_share"]) == (task.system.actions.labels[20], "1.0")
+
+
+def test_what_a_system_does_not_measure_is_null_and_empty(tmp_path):
+    table = write_report(compare("tests/Uneven-v0", {"fixed:1": None}, worlds=1, jobs=1), tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    fixed = summary["policies"]["fixed:1"]
+    assert fixed["cost"]["ci"] is None  # one world
+    assert fixed["vs_myopic"] == {"percent": 100.0, "ci": None, "geometric_percent": 100.0, "geometric_ci": None}
+    assert fixed["score"] is None
+    assert fixed["rmse"] == {"mean": None, "ci": None, "median": None}
+    assert "RMSE" not in table
+    last = (tmp_path / "episodes.csv").read_text().splitlines()[-1]
+    assert last.endswith(",,,,gain 2,1.0")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("worlds", [1, 4])
+@pytest.mark.parametrize("price", [0.0, float("nan"), float("inf"), -1.0])
+def test_costs_that_allow_no_ratio_still_make_a_report(tmp_path, price, worlds):
+    policies = {"fixed:1": None, "fixed:0": None}
+    write_report(compare("tests/Hopeless-v0", policies, worlds=worlds, jobs=1, price=price), tmp_path)
+    fixed = json.loads((tmp_path / "summary.json").read_text())["policies"]["fixed:1"]
+    assert fixed["vs_myopic"]["geometric_percent"] is None
+    assert fixed["cost"]["mean"] == (2.0 * price if np.isfinite(price) else None)
+    assert sorted(os.listdir(tmp_path)) == FILES
+
+
+def test_lost_tracks_are_counted():
+    summary = summarise(compare("tests/Measured-v0", {}, worlds=30, jobs=1))
+    assert 1.0 < summary["policies"]["myopic"]["lost"] < 2.0  # one at least, two in episodes of 3 steps and more
+
+
+def test_the_table_is_markdown_with_the_cheapest_first(folder, comparison):
+    lines = (folder / "table.md").read_text().splitlines()
+    assert lines[0] == "wavegym/KershawEvansPosition-v0, horizon=5: 25 worlds, seed 4"
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+    assert {len(row) for row in cells} == {len(cells[0])}
+    assert len({len(line) for line in lines[2:]}) == 1  # aligned
+    names = [row[0] for row in cells[2:]]
+    assert names == sorted(names, key=lambda name: comparison.cost(name).mean())
+
+
+def test_the_picture_shows_every_policy_in_its_own_colour(folder):
+    pixels = matplotlib.image.imread(folder / "comparison.png")[..., :3]
+    assert min(pixels.shape[:2]) > 500
+    drawn = {tuple(p) for p in np.round(255 * pixels.reshape(-1, 3)).astype(int)}
+    blue, orange, green = (31, 119, 180), (255, 127, 14), (44, 160, 44)  # the first three of the palette
+    assert {blue, orange, green} <= drawn
+
+
+def test_a_second_report_takes_the_place_of_the_first(folder, comparison):
+    write_report(comparison, folder)
+    assert sorted(os.listdir(folder)) == FILES
+
+
+def test_a_full_disk_leaves_the_earlier_files_as_they_were(folder, comparison):
+    before = {name: (folder / name).read_bytes() for name in FILES}
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, limit[1]))  # the kernel's refusal, as at the end of a disk
+    try:
+        with pytest.raises(OSError, match=r"episodes\.csv") as caught:
+            write_report(comparison, folder)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert caught.value.errno == errno.EFBIG
+    assert {name: (folder / name).read_bytes() for name in sorted(os.listdir(folder))} == before
+
+
+def test_an_error_in_the_last_file_leaves_none_of_the_new_ones(tmp_path, monkeypatch):
+    write_whole(tmp_path, {"a": b"old", "b": b"old"})
+    flushed = []
+
+    def flush(descriptor):
+        flushed.append(descriptor)
+        if len(flushed) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", flush)
+    with pytest.raises(OSError, match=r"No space left on device.*b'"):
+        write_whole(tmp_path, {"a": b"new", "b": b"new"})
+    assert {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)} == {"a": b"old", "b": b"old"}

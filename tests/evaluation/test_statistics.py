@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.stats import gmean, trim_mean
+
+from wavegym.evaluation import statistics
+
+positive = st.floats(1e-3, 1e3)
+matrices = arrays(np.float64, st.tuples(st.integers(1, 3), st.integers(2, 12)), elements=positive)
+
+
+def rng():
+    return np.random.default_rng(7)
+
+
+def inside(value, interval, slack=0.0):
+    return interval[0] - slack <= value <= interval[1] + slack
+
+
+def test_the_interval_of_a_mean_covers_it_as_often_as_promised():
+    data = np.random.default_rng(1)
+    trials = 300
+    covered = sum(inside(3.0, statistics.mean(data.normal(3.0, 2.0, (1, 40)), rng()).ci) for _ in range(trials))
+    # Binomial(300, .94): bootstrap intervals of 40 values are a little narrow; three standard deviations are .041.
+    assert 0.90 <= covered / trials <= 0.98
+
+
+def test_the_interval_of_a_paired_ratio_covers_it_although_worlds_differ_far_more_than_policies():
+    data = np.random.default_rng(2)
+    trials, covered, widths = 200, 0, []
+    for _ in range(trials):
+        baseline = data.lognormal(0.0, 1.0, (1, 60))
+        policy = 0.85 * baseline * data.lognormal(-0.005, 0.1, (1, 60))
+        percent = statistics.difference(policy, baseline, rng()).percent
+        covered += inside(-15.0, percent.ci)
+        widths.append(np.ptp(percent.ci))
+    assert 0.87 <= covered / trials <= 0.99
+    assert np.mean(widths) < 8.0  # unpaired, the two means alone would each be uncertain by +-33 %
+
+
+def test_the_width_of_an_interval_is_the_normal_one_where_the_sample_is_large():
+    data = np.random.default_rng(3).normal(0.0, 1.0, (1, 4000))
+    low, high = statistics.mean(data, rng()).ci
+    assert high - low == pytest.approx(2 * 1.95996 * data.std() / np.sqrt(4000), rel=0.08)  # 2000 resamples: sd 3 %
+
+
+def test_constant_ratio_is_exact():
+    baseline = np.random.default_rng(4).lognormal(0.0, 1.0, (1, 30))
+    result = statistics.difference(0.85 * baseline, baseline, rng())
+    for estimate in result:
+        assert estimate.value == pytest.approx(-15.0, abs=1e-12)
+        assert estimate.ci == pytest.approx((-15.0, -15.0), abs=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(values=matrices, factor=positive)
+def test_what_the_estimates_are(values, factor):
+    baseline = np.flip(values, axis=1) * factor
+    result = statistics.difference(values, baseline[:1], rng())
+    assert result.percent.value == pytest.approx(100 * (values.mean() / baseline[0].mean() - 1), abs=1e-9)
+    assert result.geometric.value == pytest.approx(
+        100 * (gmean(values / baseline[0], axis=None) - 1), rel=1e-9, abs=1e-9
+    )
+    assert statistics.interquartile_mean(values) == pytest.approx(trim_mean(values, 0.25, axis=None), rel=1e-12)
+    assert statistics.median(values) == np.median(values)
+    assert statistics.mean(values, rng()).value == pytest.approx(values.mean(), rel=1e-12)
+    assert values.min() * (1 - 1e-12) <= statistics.mean(values, rng()).ci[0]
+
+
+def test_the_geometric_difference_does_not_care_how_costly_a_world_is():
+    data = np.random.default_rng(5)
+    baseline, ratio, level = (
+        data.lognormal(0, 1, (1, 25)),
+        data.lognormal(0, 0.1, (1, 25)),
+        data.lognormal(0, 3, (1, 25)),
+    )
+    plain = statistics.difference(ratio * baseline, baseline, rng()).geometric
+    scaled = statistics.difference(ratio * baseline * level, baseline * level, rng()).geometric
+    assert plain.value == pytest.approx(scaled.value, rel=1e-9)
+    assert plain.ci == pytest.approx(scaled.ci, rel=1e-9)
+
+
+def test_a_spread_between_training_runs_widens_the_interval():
+    data = np.random.default_rng(6)
+    baseline = data.lognormal(0, 0.5, (1, 200))
+    noise = data.lognormal(0, 0.02, (4, 200))
+    alike, unlike = np.ones((4, 1)), np.array([[0.8], [0.9], [1.1], [1.2]])
+    narrow = statistics.difference(alike * noise * baseline, baseline, rng()).percent
+    wide = statistics.difference(unlike * noise * baseline, baseline, rng()).percent
+    # Resampling four runs with factors of standard deviation .158: their mean has .158/2, in per cent 7.9.
+    assert np.ptp(wide.ci) == pytest.approx(2 * 1.96 * 7.9, rel=0.2)
+    assert np.ptp(narrow.ci) < 2.0
+
+
+def test_members_that_are_the_same_are_as_good_as_one():
+    one = np.random.default_rng(8).lognormal(0, 1, (1, 80))
+    low, high = statistics.mean(one, rng()).ci
+    low3, high3 = statistics.mean(np.repeat(one, 3, axis=0), rng()).ci
+    assert (low3, high3) == pytest.approx((low, high), rel=0.05)  # other resamples of the same worlds
+
+
+def test_the_same_generator_gives_the_same_interval():
+    values = np.random.default_rng(9).lognormal(0, 1, (2, 30))
+    assert statistics.mean(values, rng()) == statistics.mean(values, rng())
+
+
+@pytest.mark.parametrize("members", [1, 3])
+def test_degenerate_samples_give_none_or_width_zero_and_no_warning(members):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        alone = statistics.mean(np.full((members, 1), 2.0), rng())
+        alike = statistics.mean(np.full((members, 9), 2.0), rng())
+        ratio = statistics.difference(np.full((members, 9), 2.0), np.full((1, 9), 2.0), rng())
+        zero = statistics.difference(np.full((members, 9), 2.0), np.zeros((1, 9)), rng())
+        negative = statistics.difference(np.full((members, 9), -2.0), np.full((1, 9), 2.0), rng())
+        broken = statistics.mean(np.full((members, 9), np.nan), rng())
+        two = statistics.mean(np.array([[1.0, 3.0]] * members), rng())
+    assert alone == (2.0, None)
+    assert alike == (2.0, (2.0, 2.0))
+    assert ratio == ((0.0, (0.0, 0.0)), (0.0, (0.0, 0.0)))
+    assert zero == ((None, None), (None, None))
+    assert negative.percent.value == -200.0
+    assert negative.geometric == (None, None)
+    assert broken == (None, None)
+    assert two.value == 2.0
+    assert inside(2.0, two.ci)
+    assert statistics.median(np.full((1, 3), np.nan)) is None
+
+
+@pytest.mark.parametrize(
+    ("costs", "want"),
+    [
+        ((5.0, 9.0, 5.0), 1.0),
+        ((9.0, 9.0, 5.0), 0.0),
+        ((4.0, 9.0, 5.0), 1.25),
+        ((11.0, 9.0, 5.0), -0.5),
+        ((4.0, 5.0, 5.0), None),
+        ((4.0, None, 5.0), None),
+        ((None, 9.0, 5.0), None),
+    ],
+)
+def test_score_is_0_for_random_and_1_for_the_baseline(costs, want):
+    assert statistics.score(*costs) == want

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wavegym.errors import InputError
+from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
+from wavegym.schedulers.myopic import OBJECTIVES
+from wavegym.schedulers.names import FORMS, is_scheduler, make_policy
+from wavegym.systems.contract import State, System
+from wavegym.systems.kershaw_evans import KershawEvans, World
+
+SYSTEM = KershawEvans(horizon=3)
+WORLDS = World(*(np.stack([a, a]) for a in SYSTEM.draw_world(np.random.default_rng(0))))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("random", RandomChoice),
+        ("round-robin", RoundRobin),
+        ("fixed:7", Fixed),
+        ("best-fixed", Fixed),
+        ("myopic", Myopic),
+        ("myopic:determinant", Myopic),
+        ("myopic:gate", Myopic),
+        ("lookahead:3", Lookahead),
+    ],
+)
+def test_every_name_makes_its_policy(name, kind):
+    policy = make_policy(name, SYSTEM, WORLDS)
+    assert type(policy) is kind
+    assert is_scheduler(name)
+
+
+def test_numbers_and_objectives_arrive():
+    assert make_policy("fixed:7", SYSTEM, WORLDS).index == 7
+    assert make_policy("lookahead:3", SYSTEM, WORLDS).depth == 3
+    for name, objective in [("myopic", "trace"), ("myopic:determinant", "determinant"), ("myopic:gate", "gate")]:
+        assert make_policy(name, SYSTEM, WORLDS).objective is OBJECTIVES[objective]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("myopc", "did you mean 'myopic'"),
+        ("Random", "did you mean 'random'"),
+        ("bestfixed", "did you mean 'best-fixed'"),
+        ("lookahed:2", "did you mean 'lookahead:H'"),
+        ("myopic:gates", "did you mean 'myopic:gate'"),
+        ("", "policy is '', expected one of"),
+        ("fixed", "nearest: 'fixed:2'"),
+        ("fixed:K", "expected fixed: and an integer"),
+        ("fixed:4.2", "nearest: 'fixed:4'"),
+        ("lookahead:two", "expected lookahead: and an integer"),
+        ("lookahead:0", "lookahead depth is 0, expected at least 1"),
+    ],
+)
+def test_unknown_names_and_numbers_are_answered_with_the_nearest(name, words):
+    with pytest.raises(InputError, match=words):
+        make_policy(name, SYSTEM, WORLDS)
+
+
+@pytest.mark.parametrize("index", [-1, 88])
+def test_a_candidate_that_does_not_exist_is_refused(index):
+    policy = make_policy(f"fixed:{index}", SYSTEM, WORLDS)
+    with pytest.raises(InputError, match="expected 0 to 87"):
+        policy.begin(SYSTEM, 1, np.random.default_rng(0))
+
+
+class Belief(System):
+    """Neither covariance nor gate."""
+
+    def begin(self, world):
+        return State(None, None)
+
+
+@pytest.mark.parametrize("name", ["myopic:determinant", "myopic:gate"])
+def test_objectives_that_a_system_cannot_have_are_refused(name):
+    with pytest.raises(InputError, match=f"'{name}' cannot be computed for Belief"):
+        make_policy(name, Belief(), WORLDS)
+
+
+def test_folders_are_no_schedulers():
+    assert not any(is_scheduler(name) for name in ("ppo", "runs/ppo", "myopic2", ""))
+    assert set(FORMS) > {"optimum", "fixed:K", "lookahead:H"}

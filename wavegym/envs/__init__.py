@@ -1,0 +1,20 @@
+"""Gymnasium shells around the systems."""
+
+from __future__ import annotations
+
+from wavegym.envs.conformance import check_vector_env
+from wavegym.envs.rewards import Cost, LogCost, Relative, Reward, Transition, TrueError
+from wavegym.envs.single import WaveformEnv
+from wavegym.envs.vector import WaveformVectorEnv
+
+__all__ = [
+    "Cost",
+    "LogCost",
+    "Relative",
+    "Reward",
+    "Transition",
+    "TrueError",
+    "WaveformEnv",
+    "WaveformVectorEnv",
+    "check_vector_env",
+]

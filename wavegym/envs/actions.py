@@ -1,0 +1,96 @@
+"""From a system's action set to a Gymnasium space, and from what an agent sends to checked arrays."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from wavegym.errors import InputError
+from wavegym.systems.contract import System
+from wavegym.waveforms import ParameterBox
+
+Array = NDArray[Any]
+
+
+class ActionReader(Protocol):
+    """Checks a batch of actions before anything changes."""
+
+    @property
+    def space(self) -> spaces.Space[Any]:
+        """The Gymnasium space of one environment's action."""
+
+    def read(self, actions: Any, num_envs: int, ignored: Array | None) -> Array:
+        """The actions as an array (env, ...). Rows in ``ignored`` (bool, env) may hold anything.
+
+        Raises:
+            InputError: wrong shape or type, index out of range, NaN or infinity.
+        """
+
+    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+        """What info says of the actions taken, each (env, ...)."""
+
+
+class IndexReader:
+    """Index of a finite action set."""
+
+    def __init__(self, count: int) -> None:
+        self.space = spaces.Discrete(count)
+        self.count = count
+
+    def read(self, actions: Any, num_envs: int, ignored: Array | None) -> Array:
+        """See ``ActionReader``."""
+        array = np.asarray(actions)
+        if array.dtype.kind not in "iu":
+            raise InputError(f"action has the type {array.dtype}, expected integers in [0, {self.count - 1}]")
+        if array.shape != (num_envs,):
+            raise InputError(f"actions have the shape {array.shape}, expected ({num_envs},)")
+        if ignored is not None:
+            array = np.where(ignored, 0, array)
+        array = np.array(array, np.int64)
+        # In two's complement a negative index is a huge one, so one comparison does; a batch of one needs no reduction.
+        bits = array.view(np.uint64)
+        if (bits.item() if num_envs == 1 else np.maximum.reduce(bits)) >= self.count:
+            wrong = array[(array < 0) | (array >= self.count)][0]
+            nearest = min(max(int(wrong), 0), self.count - 1)
+            raise InputError(f"action is {wrong}, expected an index in [0, {self.count - 1}] (nearest: {nearest})")
+        return array
+
+    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+        """The index chosen."""
+        return {"waveform": chosen}
+
+
+class BoxReader:
+    """Point of [-1, 1]^d; finite values outside are clipped and flagged, as agents with unclipped Gaussians expect."""
+
+    def __init__(self, box: ParameterBox) -> None:
+        self.dimension = len(box.parameters)
+        self.space = spaces.Box(-1.0, 1.0, (self.dimension,), np.float32)
+
+    def read(self, actions: Any, num_envs: int, ignored: Array | None) -> Array:
+        """See ``ActionReader``."""
+        array = np.asarray(actions)
+        if array.dtype.kind not in "fiu":
+            raise InputError(f"action has the type {array.dtype}, expected numbers in [-1, 1]")
+        if array.shape != (num_envs, self.dimension):
+            raise InputError(f"actions have the shape {array.shape}, expected ({num_envs}, {self.dimension})")
+        if ignored is not None:
+            array = np.where(ignored[:, None], 0.0, array)
+        finite = np.isfinite(array).all(axis=1)
+        if not finite.all():
+            raise InputError(f"action is {array[~finite][0].tolist()}, expected finite numbers in [-1, 1]")
+        return np.minimum(np.maximum(array.astype(np.float64), -1.0), 1.0)
+
+    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+        """The physical parameters, and whether the action had to be clipped."""
+        assert isinstance(system.actions, ParameterBox)
+        return {"parameters": system.actions.decode(chosen), "action_clipped": (chosen != np.asarray(actions)).any(-1)}
+
+
+def action_reader(system: System) -> ActionReader:
+    """The reader that fits the system's action set."""
+    actions = system.actions
+    return BoxReader(actions) if isinstance(actions, ParameterBox) else IndexReader(len(actions.labels))

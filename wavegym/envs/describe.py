@@ -1,0 +1,161 @@
+"""What an environment observes, takes and rewards, as Markdown: the text of its page in the docs.
+
+>>> from wavegym.envs.describe import describe
+>>> describe("wavegym/KershawEvans-v0").splitlines()[0]
+'# wavegym/KershawEvans-v0'
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from wavegym.envs.docstrings import SECTIONS, meanings, mention, section, summary
+from wavegym.envs.observations import LIMIT
+from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.errors import choice
+from wavegym.registration import list_envs
+from wavegym.systems.contract import System
+from wavegym.waveforms import ParameterBox
+
+INFO = {
+    "cost": "trace(Lambda P) of the belief after the step",
+    "saturated": "number of observation elements held at their bound",
+    "waveform": "index of the waveform transmitted",
+}
+INFO_BOX = {
+    "parameters": "box actions: their physical values",
+    "action_clipped": "box actions: whether one lay outside [-1, 1] and was clipped",
+}
+INFO_AT_TIMES = {
+    "reference_cost": 'with `reward="relative"`: cost of the reference policy at the same step of the same world',
+    "final_obs": 'with `autoreset_mode="SameStep"`: last observation of an episode that ended in this step',
+    "final_info": 'with `autoreset_mode="SameStep"`: last info of that episode',
+}
+FORMS = ("library", "box")  # values of a system's parameter ``action``
+SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps")
+
+
+def describe(id: str) -> str:
+    """The page of the environment ``id``, Markdown.
+
+    Raises:
+        InputError: no such environment (nearest named).
+    """
+    env = gym.make(choice("environment", id, list_envs())).unwrapped
+    assert isinstance(env.system, System)  # type: ignore[attr-defined]
+    system: System = env.system  # type: ignore[attr-defined]
+    parts = [
+        f"# {id}",
+        summary(type(system)),
+        f'```python\nimport gymnasium as gym\nimport wavegym\n\nenv = gym.make("{id}")\n'
+        f'envs = gym.make_vec("{id}", num_envs=64)\n```',
+        *(_chapter(heading, section(type(system), heading)) for heading in SECTIONS[:-1]),
+        "## Actions",
+        *(_actions(form, chosen) for form, chosen in _forms(system).items()),
+        "## Observations",
+        _observations(system),
+        "## Info",
+        _info(env, system),
+        "## Parameters",
+        f'Of the system: `gym.make("{id}", name=value)`.',
+        _parameters(system),
+        "Of every environment:",
+        _settings(),
+        _chapter("References", section(type(system), "References")),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def table(head: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+    """A Markdown table."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def _chapter(heading: str, text: str) -> str:
+    return f"## {heading}\n\n{text}" if text else ""
+
+
+def _forms(system: System) -> dict[str, System]:
+    """The system in each form of its action set, the one in use first; {"": system} where there is only one."""
+    current = getattr(system, "action", None)
+    if current not in FORMS or not dataclasses.is_dataclass(system):
+        return {"": system}
+    others = [form for form in FORMS if form != current]
+    return {current: system, **{form: dataclasses.replace(system, action=form) for form in others}}
+
+
+def _actions(form: str, system: System) -> str:
+    """One form of the action set."""
+    actions = system.actions
+    prefix = f'With `action="{form}"`: ' if form else ""
+    if isinstance(actions, ParameterBox):
+        rows = [(f"`{p.name}`", p.unit, f"{p.low:g}", f"{p.high:g}", p.scale) for p in actions.parameters]
+        space = f"`Box(-1, 1, ({len(rows)},))`, each element spread over its parameter's range."
+        return f"{prefix}{space}\n\n" + table(("parameter", "unit", "at -1", "at +1", "scale"), rows)
+    labelled = list(enumerate(actions.labels))
+    return f"{prefix}`Discrete({len(labelled)})`.\n\n" + table(("index", "waveform"), labelled)
+
+
+def _observations(system: System) -> str:
+    """Every element with its scale and its bounds in physical units."""
+    rows = [
+        (
+            i,
+            f"`{e.name}`",
+            e.unit,
+            f"{e.centre:g}",
+            f"{e.scale:g}",
+            f"{e.centre - LIMIT * e.scale:g} to {e.centre + LIMIT * e.scale:g}",
+            e.meaning,
+        )
+        for i, e in enumerate(system.elements)
+    ]
+    text = f"`Box({-LIMIT:g}, {LIMIT:g}, ({len(rows)},), float32)`: (value - centre) / scale, held within the bounds."
+    return f"{text}\n\n" + table(("index", "name", "unit", "centre", "scale", "bounds", "meaning"), rows)
+
+
+def _info(env: Any, system: System) -> str:
+    """Every key that reset and step give, with the shape of its value."""
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    info = env.step(env.action_space.sample())[-1]
+    boxed = any(isinstance(form.actions, ParameterBox) for form in _forms(system).values())
+    known = {**INFO, **(INFO_BOX if boxed else {}), **INFO_AT_TIMES}
+    figures = " ".join((type(system).metrics.__doc__ or "").split())
+    rows = [(f"`{key}`", _kind(value), known.pop(key, "key figure, see below")) for key, value in info.items()]
+    rows += [(f"`{key}`", "", meaning) for key, meaning in known.items()]
+    below = f"\n\nKey figures: {figures}" if type(system).metrics is not System.metrics else ""
+    return table(("key", "type", "meaning"), rows) + below
+
+
+def _kind(value: Any) -> str:
+    return f"array {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+
+
+def _parameters(system: System) -> str:
+    """Every parameter with its value in this environment."""
+    if not dataclasses.is_dataclass(system):
+        return "None."
+    names = [field.name for field in dataclasses.fields(system)]
+    said = meanings(type(system), names)
+    rows = [(f"`{n}`", _value(getattr(system, n)), said.get(n) or mention(type(system), n)) for n in names]
+    return table(("parameter", "value", "meaning"), rows)
+
+
+def _settings() -> str:
+    said = meanings(WaveformVectorEnv, SETTINGS)
+    return table(("setting", "meaning"), [(f"`{name}`", said[name]) for name in SETTINGS])
+
+
+def _value(value: Any) -> str:
+    """A parameter's value, floats to six digits."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, (tuple, list)):
+        return f"({', '.join(_value(v) for v in value)})"
+    return f"`{value!r}`" if isinstance(value, str) else str(value)

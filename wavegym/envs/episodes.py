@@ -1,0 +1,93 @@
+"""A batch of episodes of one system: worlds, states and rewards, without Gymnasium's calling conventions.
+
+Both shells are built on this; how a batch is reset and reported is theirs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from wavegym.envs import trees
+from wavegym.envs.observations import ObservationScaler
+from wavegym.envs.rewards import Reward, Transition
+from wavegym.errors import InputError
+from wavegym.systems.contract import State, System
+
+Array = NDArray[Any]
+Facts = dict[str, Array]
+
+
+class Episodes:
+    """``num_envs`` episodes side by side, each with its own generator of worlds.
+
+    Args:
+        system: the closed loop.
+        num_envs: how many.
+        reward: what to make of a step.
+    """
+
+    def __init__(self, system: System, num_envs: int, reward: Reward) -> None:
+        self.system, self.num_envs, self.reward = system, num_envs, reward
+        self.scaler = ObservationScaler(system.elements)
+        self.generators: list[np.random.Generator | None] = [None] * num_envs
+        self.world: Any = None
+        self._state: State | None = None
+        self._memory: Any = None
+
+    @property
+    def state(self) -> State:
+        """The current state; InputError before the first reset."""
+        if self._state is None:
+            raise InputError("the environment has no state yet, expected reset() first")
+        return self._state
+
+    def seed(self, row: int, seed: int) -> None:
+        """Give one environment a new generator."""
+        self.generators[row] = seeding.np_random(seed)[0]
+
+    def begin(self, rows: Array) -> None:
+        """Draw new worlds for the environments in ``rows`` (bool, env), and put their first states in place."""
+        if self._state is None and not rows.all():
+            raise InputError("options['reset_mask'] leaves out environments that never began, expected reset() first")
+        world = trees.stack([self.system.draw_world(self._generator(i)) for i in np.flatnonzero(rows).tolist()])
+        state, memory = self.system.begin(world), self.reward.begin(self.system, world)
+        if rows.all():
+            self.world, self._state, self._memory = world, state, memory
+        else:
+            trees.overwrite(self.world, rows, world)
+            trees.overwrite(self._memory, rows, memory)
+            self._state = trees.scattered(self.state, rows, state)
+
+    def _generator(self, row: int) -> np.random.Generator:
+        generator = self.generators[row]
+        if generator is None:
+            generator = self.generators[row] = seeding.np_random()[0]
+        return generator
+
+    def look(self) -> tuple[Array, Facts]:
+        """Observations (env, elements) and what info says of the states."""
+        system, state = self.system, self.state
+        observation, saturated = self.scaler(system.observe(state.public))
+        facts = {"cost": system.cost(state.public), "saturated": saturated, **system.metrics(state)}
+        return observation, facts
+
+    def step(self, actions: Array, keep: Array | None = None) -> tuple[Array, Facts, Array, Facts]:
+        """Advance all environments but those in ``keep`` (bool, env), which stay where they are.
+
+        Returns:
+            Observations, facts of the new states, rewards (env,), and the reward's own terms.
+        """
+        if keep is not None and keep.all():
+            return *self.look(), np.zeros(self.num_envs), {}
+        previous = self.state
+        following = self.system.advance(previous, actions, self.world)
+        if keep is not None:
+            following = trees.merged(following, keep, previous)
+        self._state = following
+        observation, facts = self.look()
+        reward, terms = self.reward(Transition(self.system, previous, actions, following, facts["cost"], self._memory))
+        return observation, facts, reward, terms

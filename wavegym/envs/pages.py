@@ -1,0 +1,44 @@
+"""The docs' pages of the suite's environments: ``python -m wavegym.envs.pages docs/environments``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+
+from wavegym.envs.describe import describe, table
+from wavegym.envs.docstrings import summary
+from wavegym.registration import SYSTEMS
+
+
+def pages() -> dict[str, str]:
+    """Every page by its file name, the index included."""
+    rows = []
+    texts = {}
+    for id in SYSTEMS:
+        name = f"{id.partition('/')[2]}.md"
+        env = gym.make(id)
+        sizes = (str(env.action_space), f"{env.observation_space.shape[0]} elements")  # type: ignore[index]
+        rows.append((f"[{id}]({name})", *sizes, summary(type(env.unwrapped.system))))  # type: ignore[attr-defined]
+        texts[name] = describe(id)
+    overview = table(("environment", "actions", "observation", "what it is"), rows)
+    texts["index.md"] = f"# Environments\n\nMade from the environments themselves by `make docs`.\n\n{overview}\n"
+    return texts
+
+
+def main(arguments: list[str]) -> int:
+    """Write all pages into the folder named, and say which."""
+    if len(arguments) != 1:
+        print("usage: python -m wavegym.envs.pages FOLDER", file=sys.stderr)
+        return 2
+    folder = Path(arguments[0])
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in pages().items():
+        (folder / name).write_text(text, encoding="utf-8")
+        print(folder / name)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

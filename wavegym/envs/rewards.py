@@ -1,0 +1,124 @@
+"""Rewards, injected into the environment: the cost by default, training rewards by name or by object.
+
+The reported cost is always trace(Lambda P) (``info["cost"]``); what an agent is trained on may differ. A reward keeps
+no state of its own: what it remembers of a world is made by ``begin``, kept by the environment and handed back.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import InputError, choice
+from wavegym.schedulers import Myopic, Policy, rollout
+from wavegym.systems.contract import State, System
+
+Array = NDArray[Any]
+
+
+class Transition(NamedTuple):
+    """One step of a batch, as rewards see it."""
+
+    system: System
+    previous: State
+    action: Array  # (env, ...)
+    following: State
+    cost: Array  # (env,) of the following state
+    memory: Any  # what ``begin`` made of the worlds
+
+
+class Reward(Protocol):
+    """Scores transitions."""
+
+    def begin(self, system: System, world: Any) -> Any:
+        """What to remember of these worlds: a NamedTuple of arrays with axis 0 = environment, or None."""
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """Rewards (env,) float64, and terms to show in info, each (env,)."""
+
+
+class Cost:
+    """-trace(Lambda P), exactly."""
+
+    def begin(self, system: System, world: Any) -> None:
+        """Nothing to remember."""
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        return -transition.cost, {}
+
+
+class LogCost(Cost):
+    """-ln trace(Lambda P): spans decades evenly."""
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        return -np.log(transition.cost), {}
+
+
+class TrueError(Cost):
+    """Minus the squared true position error in m^2: what the cost estimates; looks at what is hidden."""
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        error = transition.system.metrics(transition.following)["position_error"]
+        return -error * error, {}
+
+
+class ReferenceCosts(NamedTuple):
+    """The reference policy's own trajectory on each world."""
+
+    cost: Array  # (env, H)
+    mean: Array  # (env,)
+
+
+class Relative:
+    """How much better than a reference policy on the same world and draws, step by step.
+
+    The reference is the policy's own trajectory, not the one-step regret from the same state: that would make the
+    myopic choice optimal by construction.
+
+    Args:
+        reference: the policy to compare with; the one-step scheduler by default.
+        form: "share" 1 - cost/reference, "log" ln(reference/cost), or "difference" (reference - cost)/mean reference,
+            whose sum ranks policies exactly as the cost does.
+    """
+
+    def __init__(
+        self, reference: Policy | None = None, form: Literal["share", "log", "difference"] = "difference"
+    ) -> None:
+        self.reference = reference or Myopic()
+        self.form = choice("form", form, ["share", "log", "difference"])
+
+    def begin(self, system: System, world: Any) -> ReferenceCosts:
+        """Run the reference on these worlds."""
+        cost = rollout(system, self.reference, world).cost
+        return ReferenceCosts(cost, np.add.reduce(cost, axis=1) / cost.shape[1])
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        memory, cost = transition.memory, transition.cost
+        step = transition.previous.public.step
+        reference = memory.cost[np.arange(len(step)), step]
+        if self.form == "log":
+            reward = np.log(reference / cost)
+        elif self.form == "share":
+            reward = 1.0 - cost / reference
+        else:
+            reward = (reference - cost) / memory.mean
+        return reward, {"reference_cost": reference}
+
+
+REWARDS = {"trace": Cost, "log-trace": LogCost, "error": TrueError, "relative": Relative}
+
+
+def make_reward(reward: str | Reward) -> Reward:
+    """A reward by name, or the object itself."""
+    if isinstance(reward, str):
+        return REWARDS[choice("reward", reward, REWARDS)]()
+    if not callable(reward) or not hasattr(reward, "begin"):
+        names = ", ".join(REWARDS)
+        raise InputError(f"reward is {reward!r}, expected one of {names} or an object with begin and __call__")
+    return reward

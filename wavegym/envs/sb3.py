@@ -1,0 +1,151 @@
+"""Native vector environments for Stable-Baselines3, which has no adapter of its own.
+
+    >>> from stable_baselines3 import PPO
+    >>> from wavegym.envs.sb3 import SB3VecEnv
+    >>> envs = SB3VecEnv("wavegym/KershawEvansPosition-v0", num_envs=64, reward="relative")
+    >>> model = PPO("MlpPolicy", envs, n_steps=50, batch_size=1600, gamma=0.9).learn(6400)
+
+Training through it gives, bit for bit, what training through ``DummyVecEnv`` over single environments gives.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from wavegym.envs import trees
+from wavegym.errors import InputError
+
+Array = NDArray[Any]
+Indices = None | int | Iterable[int]
+
+NESTED = ("final_obs", "final_info")
+PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
+
+
+class SB3VecEnv(VecEnv):
+    """A native vector environment as Stable-Baselines3 expects its environments.
+
+    Args:
+        env: an id, or a factory of native vector environments that takes ``num_envs``, ``autoreset_mode`` and settings.
+        num_envs: how many.
+        **settings: settings of the environment and parameters of its system.
+
+    Raises:
+        InputError: an unknown setting or one out of range, or a factory that does not reset in the same step.
+    """
+
+    def __init__(self, env: str | Callable[..., VectorEnv], num_envs: int = 1, **settings: Any) -> None:
+        make = partial(gym.make_vec, env) if isinstance(env, str) else env
+        self.batch: Any = make(num_envs=num_envs, autoreset_mode="SameStep", **settings)
+        mode = self.batch.metadata.get("autoreset_mode")
+        if mode is not AutoresetMode.SAME_STEP:
+            raise InputError(f"the environment's autoreset mode is {mode}, expected {AutoresetMode.SAME_STEP}")
+        super().__init__(num_envs, self.batch.single_observation_space, self.batch.single_action_space)
+        self.metadata = self.batch.metadata
+        self._actions: Array = np.empty(0)
+
+    def seed(self, seed: int | Sequence[int | None] | None = None) -> Sequence[int | None]:
+        """Seeds for the next reset: s (environment i gets s + i), a list, or None (drawn from NumPy's global state)."""
+        if seed is None or isinstance(seed, (int, np.integer)):
+            return super().seed(None if seed is None else int(seed))
+        if len(seed) != self.num_envs:
+            raise InputError(f"seed has {len(seed)} entries, expected {self.num_envs}: one for each environment")
+        self._seeds = list(seed)
+        return self._seeds
+
+    def reset(self) -> Array:
+        """Begin new episodes with the seeds and options set before, which are used only once."""
+        first, *others = self._options
+        if any(options != first for options in others):
+            raise InputError("options differ between environments, expected the same for all: they share one batch")
+        observations, info = self.batch.reset(seed=self._seeds, options=first or None)
+        self.reset_infos = _rows(info, self.num_envs)
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: Array) -> None:
+        """Keep the actions (env, ...)."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:
+        """Step; an environment that ended shows its next episode's first observation, the last one is in its info.
+
+        Returns:
+            Observations (env, elements) float32, rewards (env,) float32, ended (env,) bool, a dict per environment.
+        """
+        observations, rewards, terminated, truncated, info = self.batch.step(self._actions)
+        dones = terminated | truncated
+        infos = _rows(info, self.num_envs)
+        if dones.any():
+            ended = np.flatnonzero(dones)
+            for i, last in zip(ended.tolist(), _rows(info["final_info"], len(ended), ended), strict=True):
+                self.reset_infos[i] = {key: value for key, value in infos[i].items() if info[f"_{key}"][i]}
+                infos[i] = last
+                last["terminal_observation"] = info["final_obs"][i]
+        for row, late in zip(infos, (truncated & ~terminated).tolist(), strict=True):
+            row["TimeLimit.truncated"] = late
+        return observations, rewards.astype(np.float32), dones, infos
+
+    def close(self) -> None:
+        """Release what the environment holds."""
+        self.batch.close()
+
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        """The attribute as each single environment has it: its own spaces, its row of arrays, else the shared value."""
+        value = getattr(self.batch, PER_ENVIRONMENT.get(attr_name, attr_name))
+        return [self._share(value, i) for i in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+        """Set an attribute for all environments.
+
+        Raises:
+            InputError: ``indices`` names some of them only: they share one batch.
+        """
+        if set(self._get_indices(indices)) != set(range(self.num_envs)):
+            raise InputError(f"{attr_name} cannot be set for some environments, expected all: they share one batch")
+        setattr(self.batch, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any) -> list[Any]:
+        """Call the batch's method once and hand out the rows of its result, e.g. ``env_method("action_masks")``."""
+        result = getattr(self.batch, method_name)(*args, **kwargs)
+        return [self._share(result, i) for i in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: Indices = None) -> list[bool]:
+        """Native environments have no single wrappers: False for each."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[Array | None]:
+        """A frame (height, width, 3) of each environment, or None without the render mode "rgb_array"."""
+        if self.render_mode != "rgb_array":
+            warnings.warn(f"the render mode is {self.render_mode}, expected 'rgb_array' to obtain images", stacklevel=2)
+            return [None] * self.num_envs
+        return list(self.batch.render())
+
+    def _share(self, value: Any, i: int) -> Any:
+        """What of a batch's value is environment i's; a belief keeps a leading axis of one, as policies take it."""
+        if isinstance(value, tuple) and hasattr(value, "_fields"):
+            return trees.take(value, np.array([i]))
+        listed = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim > 0)
+        return value[i] if listed and len(value) == self.num_envs else value
+
+
+def _rows(info: dict[str, Any], count: int, which: Array | None = None) -> list[dict[str, Any]]:
+    """A vector environment's info as a dict for each of ``count`` environments, those in ``which`` (int): no masks."""
+    rows: list[dict[str, Any]] = [{} for _ in range(count)]
+    for key, values in info.items():
+        if key[0] == "_" or key in NESTED:
+            continue
+        column = values if which is None else values[which]
+        for row, value in zip(rows, column.tolist() if column.ndim == 1 else column, strict=True):
+            row[key] = value
+    return rows

@@ -1,0 +1,92 @@
+"""What a system says of itself in a frame: geometry, and the waveform that was chosen.
+
+A system of your own gets a picture of its observation. To draw more, register what makes its scene::
+
+    @make_scene.register
+    def _(system: MySystem, figure: SubFigure) -> Scene:
+        return MyScene(system, figure)
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.envs.panels import caption, few_ticks, wipe
+from wavegym.systems.contract import State, System
+from wavegym.systems.kershaw_evans import KershawEvans
+from wavegym.waveforms import ParameterBox
+from wavegym.waveforms.contract import quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import SubFigure
+
+Array = NDArray[Any]
+
+
+class Moment(NamedTuple):
+    """One environment's episode up to now; arrays of states and actions keep a leading axis of one."""
+
+    system: System
+    states: list[State]  # at steps 0, 1, ..., now
+    actions: list[Array]  # (1, ...), one fewer than states
+    costs: Array  # (step,), one for each state
+
+    def label(self, action: Array) -> str:
+        """A short name of ``action``, (1,) or (1, d)."""
+        actions = self.system.actions
+        if isinstance(actions, ParameterBox):
+            values = zip(actions.parameters, actions.decode(action)[0], strict=True)
+            return ", ".join(f"{p.name} {quantity(float(value), p.unit)}" for p, value in values)
+        return ", ".join(actions.labels[i] for i in np.ravel(action))
+
+
+class Scene(Protocol):
+    """Draws in a figure that lasts: axes are made once and wiped for each frame (see ``panels``)."""
+
+    def draw(self, moment: Moment) -> None:
+        """Show ``moment`` and nothing of earlier ones."""
+
+
+class ObservationScene:
+    """The elements of the observation, for a system that has no scene of its own.
+
+    Args:
+        system: the closed loop.
+        figure: where to draw.
+    """
+
+    def __init__(self, system: System, figure: SubFigure) -> None:
+        self._axes = figure.subplots(gridspec_kw={"left": 0.4, "right": 0.96, "top": 0.87, "bottom": 0.08})
+        caption(self._axes, "observation", "(value - centre) / scale, as agents see it")
+        few_ticks(self._axes)
+
+    def draw(self, moment: Moment) -> None:
+        """See ``Scene``."""
+        elements = moment.system.elements
+        values = moment.system.observe(moment.states[-1].public)[0]
+        scaled = [(value - e.centre) / e.scale for e, value in zip(elements, values, strict=True)]
+        units = ["" if e.unit == "1" else f" {e.unit}" for e in elements]
+        labels = [f"{e.name} = {value:.3g}{unit}" for e, value, unit in zip(elements, values, units, strict=True)]
+        wipe(self._axes)
+        self._axes.barh(np.arange(len(elements)), scaled, color="tab:blue")
+        self._axes.axvline(0.0, color="black", linewidth=0.6)
+        self._axes.set_yticks(np.arange(len(elements)), labels, fontsize=7)
+        reach = 1.1 * max(3.0, *np.abs(scaled))
+        self._axes.set(xlim=(-reach, reach), ylim=(len(elements) - 0.4, -0.6))
+
+
+@singledispatch
+def make_scene(system: Any, figure: SubFigure) -> Scene:
+    """The scene of a system, by its class."""
+    return ObservationScene(system, figure)
+
+
+@make_scene.register
+def _(system: KershawEvans, figure: Any) -> Scene:
+    from wavegym.envs.line_of_sight_scene import LineOfSightScene
+
+    return LineOfSightScene(system, figure)

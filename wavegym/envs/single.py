@@ -1,0 +1,74 @@
+"""The single environment: a batch of one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.envs.rewards import Reward
+from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.errors import InputError
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+
+class WaveformEnv(gym.Env):
+    """One closed loop in which the action is the next waveform; see ``WaveformVectorEnv`` for the arguments."""
+
+    metadata: dict[str, Any] = WaveformVectorEnv.metadata
+
+    def __init__(
+        self,
+        system: System | type[System] | str,
+        *,
+        reward: str | Reward = "trace",
+        render_mode: str | None = None,
+        **parameters: Any,
+    ) -> None:
+        self.batch = WaveformVectorEnv(system, 1, reward=reward, render_mode=render_mode, **parameters)
+        self.system, self.render_mode = self.batch.system, self.batch.render_mode
+        self.action_space, self.observation_space = self.batch.single_action_space, self.batch.single_observation_space
+        self._over = False
+
+    @property
+    def public(self) -> Any:
+        """The public state with a leading axis of one, as policies take it."""
+        return self.batch.public
+
+    def action_masks(self) -> Array:
+        """Which actions are allowed now, (actions,) bool."""
+        return self.batch.action_masks()[0]
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin a new episode; ``seed=None`` goes on with the environment's generator."""
+        observation, info = self.batch.reset(seed=[seed], options=options)
+        self._np_random, self._np_random_seed = self.batch.episodes.generators[0], -1 if seed is None else seed
+        self._over = False
+        return observation[0], _first({key: value for key, value in info.items() if key[0] != "_"})
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Transmit a waveform, move, measure, track.
+
+        Raises:
+            InputError: an action out of range or not finite, a step past the episode's end; nothing has changed.
+        """
+        if self._over:
+            raise InputError("the episode has ended, expected reset() before step()")
+        observation, reward, terminated, truncated, facts, deeds = self.batch.transmit(np.asarray(action)[None], None)
+        over, late = terminated.item(), truncated.item()
+        self._over = over or late
+        return observation[0], reward.item(), over, late, {**_first(facts), **_first(deeds)}
+
+    def render(self) -> Array | None:
+        """A frame (height, width, 3) uint8, or None without a render mode."""
+        frames = self.batch.render()
+        return frames[0] if frames else None
+
+
+def _first(facts: dict[str, Array]) -> dict[str, Any]:
+    """The only environment's facts as plain scalars (or arrays, where a fact is one)."""
+    return {key: values.item() if values.ndim == 1 else values[0] for key, values in facts.items()}

@@ -1,0 +1,119 @@
+"""The part of a frame that any system can show: cost, foreseen costs, choices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.envs.panels import SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.envs.scenes import Moment
+from wavegym.systems.contract import System
+from wavegym.waveforms import ParameterBox
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+Array = NDArray[Any]
+
+COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
+MOST_LABELS = 7
+
+
+class Timelines:
+    """Three panels, one below the other.
+
+    Args:
+        system: the closed loop.
+        figure: where to draw.
+    """
+
+    def __init__(self, system: System, figure: SubFigure) -> None:
+        place = {"left": 0.31, "right": 0.97, "top": 0.87, "bottom": 0.08, "hspace": 0.55}
+        self._cost, self._foreseen, self._choices = figure.subplots(3, 1, gridspec_kw=place)
+        for axes in (self._cost, self._foreseen, self._choices):
+            few_ticks(axes)
+        caption(self._cost, "cost after each step", "step")
+        caption(self._foreseen, "", "candidate, one step ahead")
+        for axes in (self._cost, self._choices):
+            steps_along(axes, system.horizon)
+        if isinstance(system.actions, ParameterBox):
+            caption(self._choices, "choices: share of each parameter's range", "step")
+            self._choices.set_ylim(-0.05, 1.45)
+            names = {name: {"color": f"C{i}", "marker": "."} for i, name in enumerate(system.actions.names)}
+            legend(self._choices, "upper left", **names)
+        else:
+            caption(self._choices, "choices", "step")
+
+    def draw(self, moment: Moment) -> None:
+        """Fill the panels."""
+        for axes in (self._cost, self._foreseen, self._choices):
+            wipe(axes)
+        self._cost.plot(moment.costs, color=COST, linewidth=1.2)
+        self._cost.plot([len(moment.costs) - 1], moment.costs[-1:], "o", color=COST, markersize=4)
+        fit_y(self._cost, moment.costs)
+        draw_foreseen(self._foreseen, moment)
+        if isinstance(moment.system.actions, ParameterBox):
+            draw_parameters(self._choices, moment)
+        else:
+            draw_choices(self._choices, moment)
+
+
+def draw_foreseen(axes: Axes, moment: Moment) -> None:
+    """What could be foreseen of each candidate one step ahead, the least of it, and what was chosen."""
+    public = (moment.states[-2] if moment.actions else moment.states[-1]).public
+    try:
+        candidates = moment.system.candidates()
+        foreseen = moment.system.cost(moment.system.imagine(public, candidates[None]))[0]
+    except NotImplementedError:
+        axes.set_visible(False)
+        return
+    least = int(np.argmin(foreseen))
+    axes.plot(foreseen, ".", color=OTHERS, markersize=3)
+    axes.plot([least], [foreseen[least]], "o", color=LEAST, markersize=6, fillstyle="none")
+    title = "foreseen cost: least ○"
+    shown = foreseen
+    if moment.actions:
+        action = moment.actions[-1]
+        cost = moment.system.cost(moment.system.imagine(public, action[:, None]))[0]
+        if isinstance(moment.system.actions, ParameterBox):
+            axes.axhline(cost[0], color=CHOSEN, linewidth=1)
+        else:
+            axes.plot(action, cost, "o", color=CHOSEN, markersize=4)
+        title += f", chosen ● {_above(float(cost[0]), float(foreseen[least]))}"
+        shown = np.append(foreseen, cost)
+    axes.title.set_text(title)
+    axes.set_xlim(-1, len(foreseen))
+    fit_y(axes, shown)
+
+
+def draw_choices(axes: Axes, moment: Moment) -> None:
+    """A row for every waveform used since the reset."""
+    actions: Any = moment.system.actions
+    if not moment.actions:
+        axes.set(yticks=[], ylim=(-0.7, 0.7))
+        return
+    chosen = np.concatenate(moment.actions).reshape(len(moment.actions), -1)  # (step, component)
+    used, rank = np.unique(chosen, return_inverse=True)
+    steps = np.arange(1, len(chosen) + 1)
+    for column in rank.reshape(chosen.shape).T:
+        axes.plot(steps, column, "s", markersize=3, markeredgewidth=0)
+        axes.plot(steps[-1:], column[-1:], "o", color=CHOSEN, markersize=5)
+    axes.set_ylim(-0.7, len(used) - 0.3)
+    labelled = np.arange(len(used))[:: -(-len(used) // MOST_LABELS)]
+    axes.set_yticks(labelled, [actions.labels[i] for i in used[labelled]], fontsize=SMALL - 1.5)
+
+
+def draw_parameters(axes: Axes, moment: Moment) -> None:
+    """A line for every parameter of the box."""
+    if moment.actions:
+        chosen = np.concatenate(moment.actions)  # (step, d)
+        axes.plot(np.arange(1, len(chosen) + 1), 0.5 * (chosen + 1.0), ".-", linewidth=0.7, markersize=3)
+
+
+def _above(cost: float, least: float) -> str:
+    """How far ``cost`` lies above ``least``."""
+    percent = 100.0 * (cost / least - 1.0) if least > 0 else 0.0
+    return "the same" if abs(percent) < 0.05 else f"{percent:+.1f} %"

@@ -1,0 +1,206 @@
+"""The native vector environment: one implementation, of which the single environment is a batch of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from wavegym.envs.actions import action_reader
+from wavegym.envs.build import build_system
+from wavegym.envs.episodes import Episodes, Facts
+from wavegym.envs.info import add_facts, final_facts
+from wavegym.envs.rewards import Reward, make_reward
+from wavegym.errors import InputError, choice
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+Stepped = tuple[Array, Array, Array, Array, dict[str, Any]]
+
+
+class WaveformVectorEnv(VectorEnv):
+    """A batch of closed loops in which the action is the next waveform.
+
+    Args:
+        system: the closed loop: a System, its class, or ``"package.module:Class"``.
+        num_envs: how many.
+        reward: "trace" (-trace(Lambda P)), "log-trace", "relative", "error", or a Reward of your own.
+        render_mode: None or "rgb_array".
+        autoreset_mode: "NextStep", "SameStep" or "Disabled".
+        max_episode_steps: truncate here, before the system's own end.
+        **parameters: the system's parameters.
+
+    Raises:
+        InputError: an unknown setting or one out of range, the nearest valid one named.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 4}
+
+    def __init__(
+        self,
+        system: System | type[System] | str,
+        num_envs: int = 1,
+        *,
+        reward: str | Reward = "trace",
+        render_mode: str | None = None,
+        autoreset_mode: str | AutoresetMode = "NextStep",
+        max_episode_steps: int | None = None,
+        **parameters: Any,
+    ) -> None:
+        self.system = build_system(system, parameters)
+        self.num_envs = _at_least_one("num_envs", num_envs)
+        self.render_mode = None if render_mode is None else choice("render_mode", render_mode, ["rgb_array"])
+        self.max_episode_steps = max_episode_steps and _at_least_one("max_episode_steps", max_episode_steps)
+        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
+        self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.episodes = Episodes(self.system, self.num_envs, make_reward(reward))
+        self._reader = action_reader(self.system)
+        self.single_action_space, self.single_observation_space = self._reader.space, self.episodes.scaler.space
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
+        self._film = None
+        if self.render_mode is not None:
+            from wavegym.envs.rendering import Film
+
+            self._film = Film(self.system, self.num_envs)
+
+    @property
+    def public(self) -> Any:
+        """The public state, for schedulers; axis 0 = environment. The hidden part stays out of reach."""
+        return self.episodes.state.public
+
+    @property
+    def world(self) -> Any:
+        """The tapes, for reproducing an episode and for clairvoyant bounds; never for a policy."""
+        return self.episodes.world
+
+    def action_masks(self) -> Array:
+        """Which actions are allowed now, (env, actions) bool."""
+        return self.system.mask(self.public)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin new episodes, in the environments of ``options["reset_mask"]`` only where that is given.
+
+        Args:
+            seed: None (go on with each environment's generator), s (environment i is seeded with s + i) or a list.
+            options: {"reset_mask": bool array (env,)}; read, never changed.
+        """
+        rows = self._rows_to_reset(options)
+        for i, s in enumerate(self._seeds(seed)):
+            if s is not None and rows[i]:
+                self.episodes.seed(i, s)
+        self.episodes.begin(rows)
+        observation, facts = self.episodes.look()
+        self._ended = self._ended & ~rows
+        self._some_ended = bool(self._ended.any())
+        info: dict[str, Any] = {}
+        add_facts(info, facts, None if rows.all() else rows)
+        if self._film:
+            self._film.begin(self.episodes.state, self.world, rows)
+        return observation, info
+
+    def step(self, actions: Any) -> Stepped:
+        """One step of every environment; see Gymnasium's three autoreset modes.
+
+        Raises:
+            InputError: an action out of range or not finite, or (autoreset disabled) a step past an episode's end;
+                nothing has changed then.
+        """
+        restarting = self._restarting()
+        observation, reward, terminated, truncated, facts, deeds = self.transmit(actions, restarting)
+        active = None
+        if restarting is not None:
+            active = ~restarting
+            reward = np.where(active, reward, 0.0)
+            terminated, truncated = terminated & active, truncated & active
+        self._ended = terminated | truncated
+        self._some_ended = bool(np.logical_or.reduce(self._ended))
+        info: dict[str, Any] = {}
+        if self._some_ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
+            active = ~self._ended
+            final_facts(info, observation, {**facts, **deeds}, self._ended)
+            observation, facts = self._restart_now()
+        add_facts(info, facts, None)
+        add_facts(info, deeds, active)
+        return observation, reward, terminated, truncated, info
+
+    def transmit(self, actions: Any, restarting: Array | None) -> tuple[Array, Array, Array, Array, Facts, Facts]:
+        """One step of all environments but those ``restarting`` (bool, env), which begin a new episode instead.
+
+        Returns:
+            Observations, rewards, terminated, truncated, facts of the new states, facts of the actions and rewards.
+        """
+        chosen = self._reader.read(actions, self.num_envs, restarting)
+        if restarting is not None:
+            self.episodes.begin(restarting)
+        observation, facts, reward, deeds = self.episodes.step(chosen, restarting)
+        deeds.update(self._reader.facts(self.system, actions, chosen))
+        if self._film:
+            self._film.add(self.episodes.state, chosen, facts["cost"], restarting)
+        return observation, reward, *endings(self.system, self.public, self.max_episode_steps), facts, deeds
+
+    def render(self) -> tuple[Array, ...] | None:
+        """A frame (height, width, 3) uint8 of each environment, or None without a render mode."""
+        return self._film.frames() if self._film else None
+
+    def _restarting(self) -> Array | None:
+        """Environments whose coming step is a reset; None where there is none."""
+        if not self._some_ended:
+            return None
+        if self.autoreset_mode is AutoresetMode.DISABLED:
+            which = np.flatnonzero(self._ended).tolist()
+            raise InputError(f"environments {which} have ended, expected a reset of them before step()")
+        return self._ended
+
+    def _restart_now(self) -> tuple[Array, Facts]:
+        """SAME_STEP: begin new episodes where one has ended; observations and facts of the states now."""
+        self.episodes.begin(self._ended)
+        if self._film:
+            self._film.begin(self.episodes.state, self.world, self._ended)
+        self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
+        return self.episodes.look()
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """One seed or None for each environment."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)):
+            return [int(seed) + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise InputError(f"seed has {len(seed)} entries, expected {self.num_envs}: one for each environment")
+        return list(seed)
+
+    def _rows_to_reset(self, options: dict[str, Any] | None) -> Array:
+        """The environments that a reset is meant for, (env,) bool."""
+        options = options or {}
+        for key in options:
+            choice("option", key, ["reset_mask"])
+        if "reset_mask" not in options:
+            return np.ones(self.num_envs, np.bool_)
+        mask = options["reset_mask"]
+        fits = isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (self.num_envs,)
+        if not fits or not mask.any():
+            wanted = f"a bool array of shape ({self.num_envs},), not all False"
+            raise InputError(f"options['reset_mask'] is {mask!r}, expected {wanted}")
+        return mask.copy()
+
+
+def endings(system: System, public: Any, max_episode_steps: int | None) -> tuple[Array, Array]:
+    """Terminated and truncated, (env,) each; as Gymnasium's TimeLimit, a step may be both."""
+    over = system.ended(public)
+    late = public.step >= max_episode_steps if max_episode_steps else np.zeros(len(over), np.bool_)
+    return (over, late) if system.terminates else (np.zeros(len(over), np.bool_), over | late)
+
+
+def _at_least_one(name: str, value: int) -> int:
+    if not isinstance(value, (int, np.integer)) or value < 1:
+        raise InputError(f"{name} is {value!r}, expected an integer >= 1")
+    return int(value)

@@ -1,0 +1,32 @@
+"""Evaluation: policies compared on the same worlds, with intervals.
+
+    >>> from wavegym.evaluation import compare, summarise
+    >>> settings = {"horizon": 5}
+    >>> comparison = compare("KershawEvansPosition-v0", {"random": None, "lookahead:2": None}, worlds=20, **settings)
+    >>> list(summarise(comparison)["policies"])
+    ['myopic', 'random', 'lookahead:2']
+
+``write_report(comparison, folder)`` writes the summary, the episodes, a table and a picture. A policy of your own is
+compared as ``{"mine": lambda system: MyPolicy()}``; a list of policies stands for the training runs of one learner.
+"""
+
+from __future__ import annotations
+
+from wavegym.evaluation.comparison import Comparison, compare
+from wavegym.evaluation.report import write_report
+from wavegym.evaluation.summary import summarise
+from wavegym.evaluation.task import Task, full_id, make_task
+from wavegym.evaluation.worlds import draw_worlds, training_seeds, world_seeds
+
+__all__ = [
+    "Comparison",
+    "Task",
+    "compare",
+    "draw_worlds",
+    "full_id",
+    "make_task",
+    "summarise",
+    "training_seeds",
+    "world_seeds",
+    "write_report",
+]

@@ -1,0 +1,135 @@
+"""Play several policies on the same worlds, on all cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from wavegym.errors import InputError
+from wavegym.evaluation.play import Played, merged, play
+from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.policy import Policy
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+Factory = Callable[[System], Policy | Sequence[Policy]]  # several are the training runs of one learner
+
+BASELINE = "myopic"
+FLOOR = "random"
+CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network's last bits depend on its batch
+TUNING_WORLDS = 200
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What several policies did on the same worlds.
+
+    Attributes:
+        task: environment and settings.
+        root: the seed of it all.
+        seeds: of the worlds, for ``env.reset(seed=[...])``.
+        played: for each policy the accounts of its members.
+    """
+
+    task: Task
+    root: int
+    seeds: list[int]
+    played: Mapping[str, Sequence[Played]]
+
+    def cost(self, name: str) -> Array:
+        """Mean cost per step, (member, world)."""
+        return np.stack([member.episode_cost() for member in self.played[name]])
+
+
+def compare(
+    env_id: str,
+    policies: Mapping[str, Factory | None],
+    *,
+    worlds: int = 200,
+    root: int = 0,
+    jobs: int = -1,
+    progress: bool = True,
+    **settings: Any,
+) -> Comparison:
+    """Play every policy on the same test worlds.
+
+    The numbers do not depend on ``jobs``, nor on the other policies. Work is handed out through joblib: inside
+    ``joblib.parallel_config("ray")`` the same call runs on a Ray cluster.
+
+    Args:
+        env_id: a registered id.
+        policies: by name; None stands for the scheduler of that name. The baseline ``myopic`` is added if absent.
+        worlds: how many.
+        root: the seed from which worlds, tuning worlds and the policies' own randomness follow.
+        jobs: processes; -1 = one for each core.
+        progress: show a bar on a terminal.
+        **settings: parameters of the system other than the registered ones.
+
+    Raises:
+        InputError: an unknown id, setting or scheduler (nearest named), or a number out of range.
+    """
+    for name, value, valid in (("worlds", worlds, worlds >= 1), ("jobs", jobs, jobs >= 1 or jobs == -1)):
+        if not valid:
+            raise InputError(f"{name} is {value}, expected an integer >= 1{' or -1' * (name == 'jobs')} (nearest: 1)")
+    seeds = world_seeds(root, "test", worlds)
+    task = make_task(env_id, settings)
+    members = _members(task, policies if BASELINE in policies else {BASELINE: None, **policies}, root)
+    work = [
+        (name, policy, seeds[start : start + CHUNK])
+        for name, those in members.items()
+        for policy in those
+        for start in range(0, worlds, CHUNK)
+    ]
+    with tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True) as bar:
+        parts = iter(_Visible(bar, jobs)(delayed(_play_warm)(task, policy, chunk) for _, policy, chunk in work))
+    chunks = range(0, worlds, CHUNK)
+    played = {name: [merged([next(parts) for _ in chunks]) for _ in those] for name, those in members.items()}
+    return Comparison(task, root, seeds, played)
+
+
+def _members(task: Task, policies: Mapping[str, Factory | None], root: int) -> dict[str, Sequence[Policy]]:
+    """Every policy's members, each tried for one step: mistakes show before the work begins, and kernels get compiled
+    here, not by several processes at once.
+    """
+    tuning = draw_worlds(task.system, world_seeds(root, "tune", TUNING_WORLDS))
+    members: dict[str, Sequence[Policy]] = {}
+    for name, factory in policies.items():
+        try:
+            made = factory(task.system) if factory else make_policy(name, task.system, tuning)
+            members[name] = made if isinstance(made, Sequence) else [made]
+            for policy in members[name]:
+                _warm_up(task, policy)
+        except NotImplementedError as error:
+            missing = f"{type(task.system).__name__} does not offer what it needs"
+            raise InputError(f"policy {name!r} cannot play {task.env_id}: {missing}") from error
+    return members
+
+
+def _warm_up(task: Task, policy: Policy) -> None:
+    """One step on one world that is not of the test: loads or compiles every kernel."""
+    play(task, policy, world_seeds(0, "tune", 1), max_steps=1)
+
+
+def _play_warm(task: Task, policy: Policy, seeds: Sequence[int]) -> Played:
+    """Play, with the loading of compiled code left out of the decision times."""
+    _warm_up(task, policy)
+    return play(task, policy, seeds)
+
+
+class _Visible(Parallel):
+    """joblib calls ``print_progress`` after every task: here that moves a bar. Works with every backend."""
+
+    def __init__(self, bar: Any, jobs: int) -> None:
+        super().__init__(n_jobs=jobs)
+        self._bar = bar
+
+    def print_progress(self) -> None:
+        self._bar.update(self.n_completed_tasks - self._bar.n)

@@ -1,0 +1,110 @@
+"""Play a policy on given worlds through the Gymnasium shell, and keep account."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.evaluation.task import Task
+from wavegym.evaluation.worlds import word
+from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.rollout import allowed
+from wavegym.waveforms import ParameterBox
+
+Array = NDArray[Any]
+
+
+class Played(NamedTuple):
+    """What happened to one policy, axis 0 = world. NaN where the system has no such metric."""
+
+    cost: Array  # (world, H) after each step; NaN past an episode's end
+    steps: Array  # (world,) int, length of the episode
+    rmse: Array  # (world,) root mean square position error over steps and targets, m
+    nees: Array  # (world,) mean over steps and targets
+    lost: Array  # (world,) tracks lost when the episode ended
+    chosen: Array  # (world, waveform) int, how often each was transmitted; (world, 0) for a box
+    seconds: Array  # (world,) spent on decisions
+
+    def episode_cost(self) -> Array:
+        """Mean cost per step, (world,)."""
+        ran = np.arange(self.cost.shape[1]) < self.steps[:, None]
+        return np.where(ran, self.cost, 0.0).sum(axis=1) / self.steps
+
+
+def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None = None) -> Played:
+    """Play ``policy`` to the end of the first episode of each seed.
+
+    Episodes that end early begin anew in the shell until the last one has ended, and are not counted any more. The
+    policy's own randomness follows from the seeds, so the result is the same wherever it is computed.
+
+    Args:
+        task: system and settings.
+        policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``foresee(world)``.
+        seeds: of the worlds.
+        max_steps: stop here, episodes unfinished.
+    """
+    env = WaveformVectorEnv(
+        task.system, len(seeds), autoreset_mode="NextStep", max_episode_steps=task.max_episode_steps
+    )
+    observation, _ = env.reset(seed=list(seeds))
+    account = _Account(task, len(seeds))
+    start = perf_counter()
+    policy.begin(task.system, len(seeds), np.random.default_rng([word("policy"), seeds[0]]))
+    if hasattr(policy, "foresee"):
+        policy.foresee(env.world)
+    while account.running.any() and len(account.costs) != max_steps:
+        action = policy.act(env.public, observation, allowed(task.system, env.public))
+        account.seconds[account.running] += (perf_counter() - start) / account.running.sum()
+        observation, _, terminated, truncated, info = env.step(action)
+        account.add(info, terminated | truncated)
+        start = perf_counter()
+    return account.close()
+
+
+class _Account:
+    """Running sums over the steps of a batch of episodes."""
+
+    def __init__(self, task: Task, count: int) -> None:
+        actions = task.system.actions
+        waveforms = 0 if isinstance(actions, ParameterBox) else len(actions.labels)
+        self.running = np.ones(count, np.bool_)
+        self.costs: list[Array] = []
+        self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
+        self.square, self.nees, self.lost = np.zeros(count), np.zeros(count), np.zeros(count)
+        self.chosen = np.zeros((count, waveforms), np.int64)
+
+    def add(self, info: dict[str, Array], ended: Array) -> None:
+        """One step of every environment; only those still in their first episode count."""
+        on = self.running
+        self.costs.append(np.where(on, info["cost"], np.nan))
+        self.steps[on] += 1
+        self.square[on] += np.square(_metric(info, "position_error")[on]).mean(axis=1)
+        self.nees[on] += _metric(info, "nees")[on].mean(axis=1)
+        self.lost[on] = _metric(info, "lost")[on].sum(axis=1)
+        if self.chosen.size:
+            self.chosen[np.flatnonzero(on), info["waveform"][on]] += 1
+        self.running = on & ~ended
+
+    def close(self) -> Played:
+        """The sums as means."""
+        rmse, nees = np.sqrt(self.square / self.steps), self.nees / self.steps
+        return Played(np.stack(self.costs, axis=1), self.steps, rmse, nees, self.lost, self.chosen, self.seconds)
+
+
+def _metric(info: dict[str, Array], key: str) -> Array:
+    """A metric with all its targets on one axis, (world, target); NaN where there is no such metric."""
+    count = len(info["cost"])
+    return np.asarray(info[key], np.float64).reshape(count, -1) if key in info else np.full((count, 1), np.nan)
+
+
+def merged(parts: Sequence[Played]) -> Played:
+    """One account from those of consecutive chunks of worlds."""
+    longest = max(part.cost.shape[1] for part in parts)
+    costs = [np.pad(p.cost, ((0, 0), (0, longest - p.cost.shape[1])), constant_values=np.nan) for p in parts]
+    rest = [np.concatenate(arrays) for arrays in zip(*(part[1:] for part in parts), strict=True)]
+    return Played(np.concatenate(costs), *rest)

@@ -1,0 +1,73 @@
+"""A comparison as files: summary.json, episodes.csv, table.md and comparison.png."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavegym.evaluation.comparison import Comparison
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.picture import draw
+from wavegym.evaluation.play import Played
+from wavegym.evaluation.summary import summarise
+from wavegym.evaluation.table import markdown
+from wavegym.waveforms import ParameterBox
+
+COLUMNS = ("policy", "member", "world", "seed", "steps", "cost", "rmse", "nees", "lost", "favourite", "favourite_share")
+
+
+def write_report(comparison: Comparison, folder: Path | str) -> str:
+    """Write the four files, all or none, and return the table.
+
+    Args:
+        comparison: what was played.
+        folder: made if it is not there.
+
+    Raises:
+        OSError: the folder cannot be written or the disk is full; earlier files are then as they were.
+    """
+    summary = summarise(comparison)
+    table = markdown(summary)
+    write_whole(
+        Path(folder),
+        {
+            "episodes.csv": episodes(comparison).encode(),
+            "comparison.png": draw(comparison, summary),
+            "table.md": f"{table}\n".encode(),
+            "summary.json": (json.dumps(summary, indent=2, allow_nan=False) + "\n").encode(),
+        },
+    )
+    return table
+
+
+def episodes(comparison: Comparison) -> str:
+    """``episodes.csv``: a row per policy, member and world, with every digit; the same for any number of jobs.
+
+    ``env.reset(seed=[seed])`` replays the world. ``cost`` is the mean per step; ``favourite`` the waveform transmitted
+    most often and ``favourite_share`` how often, 0 to 1. A field is empty where there is nothing to tell.
+    """
+    actions = comparison.task.system.actions
+    labels = () if isinstance(actions, ParameterBox) else actions.labels
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for name, members in comparison.played.items():
+        for member, played in enumerate(members):
+            for world, row in enumerate(_rows(played, labels)):
+                writer.writerow([name, member, world, comparison.seeds[world], *row])
+    return text.getvalue()
+
+
+def _rows(played: Played, labels: tuple[str, ...]) -> list[list[Any]]:
+    """One member's fields of each world, from ``steps`` on."""
+    numbers = np.stack([played.episode_cost(), played.rmse, played.nees, played.lost], axis=1)
+    rows = []
+    for steps, values, chosen in zip(played.steps, numbers, played.chosen, strict=True):
+        favourite = [labels[chosen.argmax()], float(chosen.max() / steps)] if labels else ["", ""]
+        rows.append([steps, *["" if np.isnan(v) else float(v) for v in values], *favourite])
+    return rows

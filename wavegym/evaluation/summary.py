@@ -1,0 +1,98 @@
+"""A comparison in numbers: what ``summary.json`` holds."""
+
+from __future__ import annotations
+
+import math
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import wavegym
+from wavegym.evaluation import statistics
+from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
+from wavegym.evaluation.statistics import Estimate
+from wavegym.evaluation.worlds import word
+
+Array = NDArray[Any]
+PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
+
+
+def summarise(comparison: Comparison) -> dict[str, Any]:
+    """The summary, made of plain types; None (``null``) for whatever the system does not measure or has no estimate.
+
+    Keys:
+        env, settings (parameters other than the registered ones), worlds, seed, versions, and policies: for each name
+        ``cost`` {mean, ci, iqm, median} of the episodes' mean cost per step; ``vs_myopic`` {percent, ci,
+        geometric_percent, geometric_ci}, negative = cheaper than the one-step scheduler; ``score`` (0 = random,
+        1 = myopic); ``rmse`` {mean, median, ci} of the position in m; ``nees``, the mean; ``lost``, tracks lost per
+        episode; ``us_per_decision``, microseconds for one decision in batches of worlds, the only figure taken from a
+        clock and so the only one that another run will not repeat. Intervals are [low, high] at 95 %.
+    """
+    costs = {name: comparison.cost(name) for name in comparison.played}
+    return {
+        "env": comparison.task.env_id,
+        "settings": {key: _plain(value) for key, value in comparison.task.settings.items()},
+        "worlds": len(comparison.seeds),
+        "seed": comparison.root,
+        "versions": _versions(),
+        "policies": {name: _policy(comparison, name, costs) for name in comparison.played},
+    }
+
+
+def _policy(comparison: Comparison, name: str, costs: dict[str, Array]) -> dict[str, Any]:
+    # A generator of its own for every policy: its interval is the same in whatever company it is compared.
+    rng = np.random.default_rng([comparison.root, word("bootstrap")])
+    cost = costs[name]
+    mean, rmse = statistics.mean(cost, rng), _matrix(comparison, name, "rmse")
+    against = statistics.difference(cost, costs[BASELINE], rng)
+    floor = statistics.average(costs[FLOOR]) if FLOOR in costs else None
+    rmse_mean = statistics.mean(rmse, rng)
+    played = comparison.played[name]
+    return {
+        "cost": {
+            **_named("mean", "ci", mean),
+            "iqm": statistics.interquartile_mean(cost),
+            "median": statistics.median(cost),
+        },
+        "vs_myopic": {
+            **_named("percent", "ci", against.percent),
+            **_named("geometric_percent", "geometric_ci", against.geometric),
+        },
+        "score": statistics.score(mean.value, floor, statistics.average(costs[BASELINE])),
+        "rmse": {**_named("mean", "ci", rmse_mean), "median": statistics.median(rmse)},
+        "nees": statistics.average(_matrix(comparison, name, "nees")),
+        "lost": statistics.average(_matrix(comparison, name, "lost")),
+        "us_per_decision": 1e6 * sum(m.seconds.sum() for m in played) / sum(m.steps.sum() for m in played),
+    }
+
+
+def _matrix(comparison: Comparison, name: str, metric: str) -> Array:
+    """A metric of every episode, (member, world)."""
+    return np.stack([getattr(member, metric) for member in comparison.played[name]])
+
+
+def _named(value: str, ci: str, estimate: Estimate) -> dict[str, Any]:
+    return {value: estimate.value, ci: None if estimate.ci is None else list(estimate.ci)}
+
+
+def _versions() -> dict[str, str]:
+    """Of Python, this package and those that the numbers rest on."""
+    found = {"python": platform.python_version(), "wavegym": wavegym.__version__}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """A setting as JSON has it."""
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value if isinstance(value, (bool, int, float, str, type(None))) else str(value)

@@ -1,0 +1,81 @@
+"""A summary as a Markdown table, with its columns aligned for a terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+HEADERS = (
+    "policy",
+    "mean cost",
+    "95 %",
+    "vs myopic %",
+    "95 %",
+    "geometric %",
+    "95 %",
+    "score",
+    "RMSE m",
+    "NEES",
+    "lost",
+    "µs/decision",
+)
+
+
+def markdown(summary: dict[str, Any]) -> str:
+    """One row per policy, the cheapest first; columns that are empty for all are left out."""
+    ordered = sorted(summary["policies"].items(), key=lambda item: _or_last(item[1]["cost"]["mean"]))
+    columns = [list(column) for column in zip(HEADERS, *(_row(name, p) for name, p in ordered), strict=True)]
+    shown = [column for column in columns if any(column[1:])]
+    widths = [max(map(len, column)) for column in shown]
+    lines = [_line(row, widths) for row in zip(*shown, strict=True)]
+    rule = "|".join(["", ":" + "-" * (widths[0] + 1), *("-" * (w + 1) + ":" for w in widths[1:]), ""])
+    settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
+    worlds = f"{summary['worlds']} world{'s' * (summary['worlds'] > 1)}"
+    title = f"{summary['env']}{settings}: {worlds}, seed {summary['seed']}"
+    return "\n".join([title, "", lines[0], rule, *lines[1:]])
+
+
+def _row(name: str, policy: dict[str, Any]) -> tuple[str, ...]:
+    cost, against = policy["cost"], policy["vs_myopic"]
+    return (
+        name,
+        _number(cost["mean"]),
+        _range(cost["ci"], _number),
+        signed(against["percent"]),
+        _range(against["ci"], signed),
+        signed(against["geometric_percent"]),
+        _range(against["geometric_ci"], signed),
+        "" if policy["score"] is None else f"{policy['score']:.3f}",
+        _number(policy["rmse"]["mean"]),
+        _number(policy["nees"]),
+        _number(policy["lost"]),
+        f"{policy['us_per_decision']:.1f}",
+    )
+
+
+def _line(cells: tuple[str, ...], widths: list[int]) -> str:
+    padded = [cells[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(cells[1:], widths[1:], strict=True))]
+    return f"| {' | '.join(padded)} |"
+
+
+def _number(value: float | None) -> str:
+    """Four digits, and no exponent where four or five places will do."""
+    if value is None:
+        return ""
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:#.4g}"
+
+
+def signed(percent: float | None) -> str:
+    """A difference in per cent: one decimal, two below 1 %, none from 1000 % on."""
+    if percent is None:
+        return ""
+    digits = 2 if abs(percent) < 1 else 1 if abs(percent) < 1000 else 0
+    rounded = round(percent, digits) or 0.0  # no "-0.00"
+    return f"{rounded:+.{digits}f}" if rounded else "0"
+
+
+def _range(ci: list[float] | None, shown: Any) -> str:
+    return "" if ci is None else f"{shown(ci[0])} to {shown(ci[1])}"
+
+
+def _or_last(value: float | None) -> float:
+    return float("inf") if value is None else value

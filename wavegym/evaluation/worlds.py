@@ -1,0 +1,70 @@
+"""Which worlds are for training, which for tuning and which for the test: three families of seeds that never meet.
+
+A seed ``s`` stands for the first episode of ``env.reset(seed=s)``. With plain 0, 1, 2, ... the first training run would
+train on the very worlds of the test.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+
+from wavegym.envs import trees
+from wavegym.errors import InputError, choice
+from wavegym.systems.contract import System
+
+SPLITS = ("train", "tune", "test")
+WORDS = 4  # of 32 bits in a seed: two of 128 bits never meet by chance
+
+
+def word(text: str) -> int:
+    """A stable integer for a word (CRC-32): Python's own hash differs from process to process."""
+    return zlib.crc32(text.encode())
+
+
+def world_seeds(root: int, split: str, count: int) -> list[int]:
+    """Seeds of the first ``count`` worlds of a split; world i does not depend on ``count``.
+
+    Args:
+        root: of all seeds of a comparison, >= 0.
+        split: "train", "tune" or "test".
+        count: how many.
+
+    Returns:
+        Integers of 128 bits for ``env.reset(seed=[...])``.
+
+    Raises:
+        InputError: an unknown split, a negative root or count.
+    """
+    key = word(choice("split", split, SPLITS))
+    _whole("seed", root)
+    return [_seed(np.random.SeedSequence([root, key, i])) for i in range(_whole("worlds", count))]
+
+
+def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
+    """One seed for each environment of the training run number ``seed``, spawned from [root, "train", seed].
+
+    Raises:
+        InputError: a negative argument.
+    """
+    parent = np.random.SeedSequence([_whole("root", root), word("train"), _whole("seed", seed)])
+    return [_seed(child) for child in parent.spawn(_whole("num_envs", num_envs))]
+
+
+def draw_worlds(system: System, seeds: Sequence[int]) -> Any:
+    """The tapes that ``env.reset(seed=list(seeds))`` would draw, axis 0 = world."""
+    return trees.stack([system.draw_world(seeding.np_random(seed)[0]) for seed in seeds])
+
+
+def _seed(sequence: np.random.SeedSequence) -> int:
+    return int.from_bytes(sequence.generate_state(WORDS).astype("<u4").tobytes(), "little")
+
+
+def _whole(name: str, value: int) -> int:
+    if not isinstance(value, (int, np.integer)) or value < 0:
+        raise InputError(f"{name} is {value!r}, expected an integer >= 0 (nearest: 0)")
+    return int(value)

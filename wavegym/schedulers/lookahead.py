@@ -1,0 +1,74 @@
+"""H-step lookahead: the first choice of the cheapest foreseen sequence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import InputError
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+NODES = 200_000  # beliefs held at a time, about 20 MB for two states
+
+
+class Lookahead:
+    """Tries every sequence of ``depth`` candidates by repeated ``imagine``; shorter ones towards the episode's end.
+
+    A system may offer ``best_sequence(public, depth)``, the same search fused into a kernel; it is used when it is
+    there and nothing is masked. Otherwise the tree is searched in chunks of at most ``NODES`` beliefs.
+
+    Args:
+        depth: steps ahead; 1 is the myopic scheduler.
+        fused: whether the system's own search may be used.
+    """
+
+    def __init__(self, depth: int, fused: bool = True) -> None:
+        if depth < 1:
+            raise InputError(f"lookahead depth is {depth}, expected at least 1 (nearest: 1)")
+        self.depth, self.fused = depth, fused
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self._system, self._candidates = system, system.candidates()
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        if self.fused and mask is None and hasattr(self._system, "best_sequence"):
+            first, _ = self._system.best_sequence(public, self.depth)
+        else:
+            first = np.argmin(self._values(public, self.depth, mask), axis=1)
+        return self._candidates[first]
+
+    def _values(self, public: Any, depth: int, mask: Array | None) -> Array:
+        """Cost of the best sequence that starts with each candidate, (env, candidate)."""
+        count, branches = len(public.step), len(self._candidates)
+        chunk = max(1, NODES // branches**2)
+        if count > chunk and depth > 1:
+            parts = [slice(start, start + chunk) for start in range(0, count, chunk)]
+            masks = [None if mask is None else mask[part] for part in parts]
+            return np.concatenate(
+                [self._values(_rows(public, p), depth, m) for p, m in zip(parts, masks, strict=True)]
+            )
+        imagined = self._system.imagine(public, self._candidates[None])
+        values = self._system.cost(imagined)
+        if mask is not None:
+            values = np.where(mask, values, np.inf)
+        if depth > 1:
+            leaves = type(imagined)(*(a.reshape(count * branches, *a.shape[2:]) for a in imagined))
+            over = self._system.ended(leaves)
+            if not over.all():
+                below = self._values(leaves, depth - 1, self._masks(leaves)).min(axis=1)
+                values = values + np.where(over, 0.0, below).reshape(count, branches)
+        return values
+
+    def _masks(self, public: Any) -> Array | None:
+        mask = self._system.mask(public)
+        return None if mask.all() else mask
+
+
+def _rows(public: Any, rows: slice) -> Any:
+    return type(public)(*(a[rows] for a in public))

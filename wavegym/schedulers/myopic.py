@@ -1,0 +1,59 @@
+"""One-step schedulers over a grid: what the papers propose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import choice
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+Objective = Callable[[Any, Any, Array], Array]  # (system, public, candidates (1, c)) -> (env, c)
+
+
+def trace(system: Any, public: Any, candidates: Array) -> Array:
+    """trace(Lambda P) after the update."""
+    return system.cost(system.imagine(public, candidates))
+
+
+def determinant(system: Any, public: Any, candidates: Array) -> Array:
+    """det P after the update.
+
+    With Gaussian chirps of fixed energy det R is the same for all, so det P = det P^- det R / det S: minimising it
+    *maximises* the validation gate and runs to the edge of the box. Kept because the literature uses it.
+    """
+    return np.linalg.det(system.imagine(public, candidates).covariance)
+
+
+def gate_volume(system: Any, public: Any, candidates: Array) -> Array:
+    """det S, proportional to the squared volume of the validation gate (Kershaw & Evans 1994, section IV)."""
+    return np.linalg.det(system.innovation_covariance(public, candidates))
+
+
+OBJECTIVES: dict[str, Objective] = {"trace": trace, "determinant": determinant, "gate": gate_volume}
+
+
+class Myopic:
+    """The candidate with the least predicted objective one step ahead; the first of equals.
+
+    Args:
+        objective: "trace", "determinant" or "gate", or a function of (system, public, candidates).
+    """
+
+    def __init__(self, objective: str | Objective = "trace") -> None:
+        if isinstance(objective, str):
+            objective = OBJECTIVES[choice("objective", objective, OBJECTIVES)]
+        self.objective: Objective = objective
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self._system, self._candidates = system, system.candidates()
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        values = self.objective(self._system, public, self._candidates[None])
+        return self._candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]

@@ -1,0 +1,51 @@
+"""Play a policy on given worlds, without a Gymnasium shell: for references, tuning and bounds."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.schedulers.policy import Policy
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+
+class Rollout(NamedTuple):
+    """What happened."""
+
+    cost: Array  # (env, H) cost after each step; 0 after an early end
+    steps: Array  # (env,) steps to the end
+    actions: Array  # (env, H, ...)
+
+    @property
+    def mean_cost(self) -> Array:
+        """Mean cost per step, (env,)."""
+        return self.cost.sum(axis=1) / self.steps
+
+
+def allowed(system: System, public: Any) -> Array | None:
+    """The mask as policies take it: None where everything is allowed."""
+    if type(system).mask is System.mask:
+        return None
+    return system.mask(public)
+
+
+def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator | None = None) -> Rollout:
+    """Play ``policy`` to the end on ``world`` (axis 0 = environment).
+
+    Policies that read observations get the unscaled ones' place holder None: this is for schedulers.
+    """
+    state = system.begin(world)
+    policy.begin(system, len(state.public.step), rng or np.random.default_rng(0))
+    costs, actions, steps = [], [], np.zeros(len(state.public.step), np.int64)
+    for _ in range(system.horizon):
+        over = system.ended(state.public)
+        steps += ~over
+        action = policy.act(state.public, None, allowed(system, state.public))
+        state = system.advance(state, action, world)
+        costs.append(np.where(over, 0.0, system.cost(state.public)))
+        actions.append(action)
+    return Rollout(np.stack(costs, axis=1), steps, np.stack(actions, axis=1))

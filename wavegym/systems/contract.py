@@ -1,0 +1,130 @@
+"""The contract between a closed loop (waveform, target, sensor, tracker) and everything that uses it.
+
+A system is data plus a handful of pure functions of arrays. Environments, schedulers, evaluation and documentation know
+nothing else, so a system of your own is one dataclass in plain NumPy::
+
+    @dataclass(frozen=True)
+    class MySystem(System):
+        ...parameters...
+
+Every array carries the environments on axis 0. Three kinds of data, each a NamedTuple of arrays:
+
+* **World**: every random number of one episode, drawn in advance and independent of what will be chosen (a tape);
+* **Hidden**: what no scheduler may see (true targets);
+* **Public**: the belief, resources, time and known map. It has at least the field ``step``: int array (env,).
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.waveforms import ParameterBox
+
+Array = NDArray[Any]
+
+
+class State(NamedTuple):
+    """All there is to know of a batch of episodes: NamedTuples of arrays with axis 0 = environment."""
+
+    hidden: Any
+    public: Any
+
+
+class Element(NamedTuple):
+    """One element of the observation, shown to agents as (value - centre) / scale."""
+
+    name: str
+    unit: str
+    centre: float
+    scale: float
+    meaning: str
+
+
+class Choices(Protocol):
+    """A finite set of named actions; a waveform library is one."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A short name for each action."""
+
+
+class System:
+    """Base class of all systems: the contract, with defaults for what most systems share.
+
+    Attributes:
+        horizon: steps in an episode.
+        dt: time step in seconds.
+        actions: what may be transmitted: a waveform library (action = index) or a ParameterBox (action in [-1, 1]^d).
+        elements: the observation's elements, in order.
+        terminates: True for a finite-horizon task (its end is a termination, the time left is observed), False for a
+            monitoring task cut off after ``horizon`` steps (its end is a truncation).
+    """
+
+    horizon: int
+    dt: float
+    terminates: ClassVar[bool] = True
+
+    @property
+    def actions(self) -> Choices | ParameterBox:
+        """The action set."""
+        raise NotImplementedError
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """The observation's elements, in the order in which ``observe`` returns them."""
+        raise NotImplementedError
+
+    def draw_world(self, rng: np.random.Generator) -> Any:
+        """Draw every random number of one episode. Arrays without an environment axis; ``rng`` is used nowhere else."""
+        raise NotImplementedError
+
+    def begin(self, world: Any) -> State:
+        """The state at step 0 of each world; world arrays have the environment axis from here on."""
+        raise NotImplementedError
+
+    def advance(self, state: State, action: Array, world: Any) -> State:
+        """One step: move the targets, sense with the chosen waveform, track. Returns fresh arrays.
+
+        Reads the tape at [env, public.step]; environments may stand at different steps. ``action``: (env,) or (env, d).
+        """
+        raise NotImplementedError
+
+    def imagine(self, public: Any, actions: Array, outcome: Any = None) -> Any:
+        """One step of the belief as a planner may foresee it.
+
+        Args:
+            public: the public state, axis 0 = environment.
+            actions: (env,), or (env, candidate) in which case every array of the result gains the axis ``candidate``;
+                axis 0 may be 1 where all environments share their candidates. A box adds its axis d at the end.
+            outcome: None for the expected outcome, or a given detection outcome.
+        """
+        raise NotImplementedError
+
+    def cost(self, public: Any) -> Array:
+        """The cost of a belief, trace(Lambda P), (env,), or with whatever leading axes ``public`` has."""
+        raise NotImplementedError
+
+    def observe(self, public: Any) -> Array:
+        """The observation's elements in the units that ``elements`` states, (env, elements)."""
+        raise NotImplementedError
+
+    def ended(self, public: Any) -> Array:
+        """Whether the episode is over, (env,) bool."""
+        return public.step >= self.horizon
+
+    def mask(self, public: Any) -> Array:
+        """Which actions are allowed, (env, actions) bool; finite action sets only."""
+        return np.ones((len(public.step), len(self.candidates())), dtype=np.bool_)
+
+    def metrics(self, state: State) -> dict[str, Array]:
+        """Key figures of the state, each (env, ...); may look at what is hidden, and is never observed."""
+        return {}
+
+    def candidates(self) -> Array:
+        """The actions that enumerating schedulers try: all indices (A,); a system with a box offers points, (A, d)."""
+        if isinstance(self.actions, ParameterBox):
+            raise NotImplementedError
+        return np.arange(len(self.actions.labels))
