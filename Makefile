@@ -45,8 +45,12 @@ docs: $(READY)
 	$(BIN)/python -m wavegym.envs.pages docs/environments
 	$(BIN)/mkdocs build --strict --quiet
 
+# Train what is missing and rebuild every table under results/; STUDIES="position" for one of them.
+results: $(READY)
+	$(BIN)/python -m agents.study $(STUDIES)
+
 benchmarks: $(READY)
-	$(BIN)/python benchmarks/run.py
+	$(BIN)/python -m benchmarks.run
 
 clean:
 	rm -rf $(VENV) $(VENV)-oldest $(OUT) site

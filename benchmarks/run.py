@@ -5,11 +5,6 @@ Times are CPU times of one thread; ratios are taken in one run, so they hold on 
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 import torch
 
 from benchmarks import kalman, planners, training

@@ -180,6 +180,7 @@ def broken(request):
     del gym.registry[id]
 
 
+@pytest.mark.filterwarnings("ignore:.*AutoresetMode:UserWarning")
 @pytest.mark.parametrize("broken", list(BROKEN), indirect=True, ids=lambda cls: cls.__name__)
 def test_a_broken_environment_is_rejected_by_name_of_its_defect(broken):
     id, defect = broken

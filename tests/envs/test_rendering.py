@@ -204,7 +204,7 @@ def test_a_scene_can_be_registered_for_a_class_of_ones_own():
     make_scene.register(Knob, Blank)
     film = Film(Knob(), 1)
     state = film.system.begin(Dial.Public(np.zeros(1), np.ones((1, 1))))
-    film.begin(state, None, np.array([True]))
+    film.begin(state, np.array([True]))
     film.frames()
     film.add(film.system.advance(state, np.array([1]), None), np.array([1]), np.array([0.5]), None)
     film.frames()

@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 KILO = 1e-3  # m -> km
 SIGMAS = 2.0
-CELLS = np.linspace(-3.0, 3.0, 33)  # of the ambiguity function, in resolution cells of its cuts
+CELLS = np.linspace(-3.0, 3.0, 25)  # of the ambiguity function, in resolution cells of its cuts
 TRUTH, PREDICTED, PULSE, UPDATED = "black", "0.5", "tab:orange", "tab:blue"
 CROSS: dict[str, Any] = {"marker": "x", "color": TRUTH, "markersize": 6, "markeredgewidth": 1.4, "linestyle": ""}
 

@@ -44,7 +44,7 @@ class Film:
         self.episodes = [Episode() for _ in range(num_envs)]
         self._canvas: Canvas | None = None
 
-    def begin(self, state: State, world: Any, rows: Array) -> None:
+    def begin(self, state: State, rows: Array) -> None:
         """New episodes in the environments ``rows`` (bool, env), which stand at ``state``."""
         cost = self.system.cost(state.public)
         for i in np.flatnonzero(rows):

@@ -30,6 +30,7 @@ class WaveformEnv(gym.Env):
         **parameters: Any,
     ) -> None:
         self.batch = WaveformVectorEnv(system, 1, reward=reward, render_mode=render_mode, **parameters)
+        self.metadata = dict(WaveformVectorEnv.metadata)  # its own: Gymnasium 1.2's SyncVectorEnv writes into it
         self.system, self.render_mode = self.batch.system, self.batch.render_mode
         self.action_space, self.observation_space = self.batch.single_action_space, self.batch.single_observation_space
         self._over = False

@@ -77,7 +77,7 @@ class WaveformVectorEnv(VectorEnv):
 
     @property
     def world(self) -> Any:
-        """The tapes, for reproducing an episode and for clairvoyant bounds; never for a policy."""
+        """The tapes, for replays and clairvoyant bounds, never for a policy; later resets overwrite them."""
         return self.episodes.world
 
     def action_masks(self) -> Array:
@@ -104,7 +104,7 @@ class WaveformVectorEnv(VectorEnv):
         info: dict[str, Any] = {}
         add_facts(info, facts, None if rows.all() else rows)
         if self._film:
-            self._film.begin(self.episodes.state, self.world, rows)
+            self._film.begin(self.episodes.state, rows)
         return observation, info
 
     def step(self, actions: Any) -> Stepped:
@@ -164,7 +164,7 @@ class WaveformVectorEnv(VectorEnv):
         """SAME_STEP: begin new episodes where one has ended; observations and facts of the states now."""
         self.episodes.begin(self._ended)
         if self._film:
-            self._film.begin(self.episodes.state, self.world, self._ended)
+            self._film.begin(self.episodes.state, self._ended)
         self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
         return self.episodes.look()
 

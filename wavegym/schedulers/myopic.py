@@ -30,7 +30,7 @@ def determinant(system: Any, public: Any, candidates: Array) -> Array:
 
 
 def gate_volume(system: Any, public: Any, candidates: Array) -> Array:
-    """det S, proportional to the squared volume of the validation gate (Kershaw & Evans 1994, section IV)."""
+    """det S, proportional to the squared volume of the validation gate (Kershaw & Evans 1994)."""
     return np.linalg.det(system.innovation_covariance(public, candidates))
 
 

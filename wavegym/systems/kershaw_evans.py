@@ -1,8 +1,6 @@
 """The waveform scheduling loop of Kershaw & Evans (1994): one target, one line of sight, Gaussian chirps.
 
-Reference: D. J. Kershaw and R. J. Evans, "Optimal waveform selection for tracking systems", IEEE Transactions on
-Information Theory 40(5), 1536-1550, 1994. The paper leaves carrier, library and scenario open; the values here are
-proposals (docs/errata.md) except where the docstring cites an equation.
+The paper leaves carrier, library and scenario open; the values here are proposals (docs/errata.md).
 """
 
 from __future__ import annotations
@@ -10,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +20,8 @@ from wavegym.sensors import range_law_snr
 from wavegym.systems import kershaw_evans_kernels as kernels
 from wavegym.systems.contract import Element, State, System
 from wavegym.systems.gaussian_menu import GaussianMenu
-from wavegym.systems.line_of_sight import PathSource, covariance_elements, path_source
+from wavegym.systems.line_of_sight import Hidden, PathSource, Public, World, covariance_elements, path_source
+from wavegym.systems.recursion import Recursion
 from wavegym.targets import MotionModel, constant_acceleration, constant_velocity
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.waveforms import Library, ParameterBox
@@ -34,30 +33,6 @@ SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
 MEASURED = 2  # range and range-rate
 
 
-class World(NamedTuple):
-    """One episode's tape: standard uniform and normal draws, whatever the scenario makes of them."""
-
-    uniform: Array  # (2, n) where the target starts (or which recording it flies), and how well it is known
-    normal: (
-        Array  # (H + 1, n + 2) row k: manoeuvre (n) and measurement error (2) of step k; row 0: first estimate's error
-    )
-
-
-class Hidden(NamedTuple):
-    """What no scheduler sees."""
-
-    truth: Array  # (env, n)
-    path: Array  # (env, H + 1, n) the truth at every step; no choice changes it
-
-
-class Public(NamedTuple):
-    """The belief."""
-
-    step: Array  # (env,) int
-    mean: Array  # (env, n)
-    covariance: Array  # (env, n, n)
-
-
 @dataclass(frozen=True, config=ConfigDict(extra="forbid", arbitrary_types_allowed=True))
 class KershawEvans(System):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
@@ -66,20 +41,20 @@ class KershawEvans(System):
         The state is range and range-rate, x = [r, rdot] (m, m/s; ``model="ca"`` adds rddot), x_{k+1} = F x_k + w with
         white-noise acceleration of power spectral density q (m^2/s^3). A pulse of duration k and chirp rate g measures
         range and range-rate with covariance R = C(k, g) / eta, where C is the inverse Fisher information at unit SNR
-        (Kershaw & Evans, eqs. 38-44) and eta = (r0 / r)^4 at the *true* range: the receiver measures its SNR. Every
+        and eta = (r0 / r)^4 at the *true* range: the receiver measures its SNR. Every
         pulse detects. Long pulses measure range-rate, short ones range, and a chirp couples the two errors; det R is
         the same for all.
 
     Rewards
         -trace(Lambda P) with Lambda = diag(weights); P in m^2 and m^2/s^2, so a weight on range-rate has the unit s^2
-        (default 1 m^-0 and 1 s^2).
+        (default 1 and 1 s^2).
 
     Starting state
         Range, range-rate (and acceleration) uniform in ``start_range``, ``start_speed``, ``start_acceleration``; the
         first estimate is drawn around the truth with covariance P0. ``start_covariance="steady"``: P0 is the fixed
-        point of the Riccati recursion for the library's middle pulse at the middle of ``start_range``, because with
-        a wide P0 the first step carries nearly the whole episode's cost. ``"random"``: P0 = diag(prior_variance) times
-        10^U(-1, 1), one draw per entry.
+        point of the Riccati recursion for the middle duration with the widest sweep at the middle of ``start_range``,
+        because with a wide P0 the first step carries nearly the whole episode's cost. ``"random"``:
+        P0 = diag(prior_variance) times 10^U(-1, 1), one draw per entry.
 
     Episode end
         Terminates after ``horizon`` steps; the time left is observed.
@@ -94,6 +69,10 @@ class KershawEvans(System):
         from ``radar``: latitude and longitude in degrees and altitude in metres, or x, y, z in metres where the file
         gives metres; by default the middle of the recording, or its origin). farthest_range: recorded windows beyond it
         are left out. smoothing: time constant in seconds against the jitter of a recording's time stamps.
+
+    References
+        D. J. Kershaw and R. J. Evans, "Optimal waveform selection for tracking systems", IEEE Transactions on
+        Information Theory 40(5), 1536-1550, 1994.
     """
 
     horizon: int = 50
@@ -168,9 +147,11 @@ class KershawEvans(System):
 
     @cached_property
     def steady_covariance(self) -> Array:
-        """Fixed point of the covariance recursion, middle pulse, middle of the start range, (n, n)."""
-        middle = self.menu.covariances[len(self.durations) // 2 * len(self.sweeps)]
-        R = middle / range_law_snr(np.mean(self.start_range), self.reference_range, self.nearest_range)
+        """Fixed point of the covariance recursion, (n, n): middle duration, widest sweep, middle of the start range."""
+        default = len(self.durations) // 2 * len(self.sweeps) + int(np.argmax(np.abs(self.sweeps)))
+        R = self.menu.covariances[default] / range_law_snr(
+            np.mean(self.start_range), self.reference_range, self.nearest_range
+        )
         P = np.diag(self.prior_variance).astype(np.float64)
         for _ in range(1000):
             P = update_covariance(predict_covariance(P, self.motion.F, self.motion.Q), self._model[2][0], R)
@@ -230,12 +211,16 @@ class KershawEvans(System):
         step = np.broadcast_to(public.step[:, None] + 1, x.shape[:2])
         return Public(step, x, P) if several else Public(step[:, 0], x[:, 0], P[:, 0])
 
-    def innovation_covariance(self, public: Public, actions: Array) -> Array:
-        """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
+    def predicted(self, public: Public) -> tuple[Array, Array]:
+        """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
         F, Q, _ = self._model
         mean, P = predict(public.mean, public.covariance, F[0], Q[0])
-        eta = range_law_snr(mean[:, 0], self.reference_range, self.nearest_range)[:, None, None, None]
-        return P[:, None, :MEASURED, :MEASURED] + self.unit_covariance(actions) / eta
+        return P, range_law_snr(mean[:, 0], self.reference_range, self.nearest_range)
+
+    def innovation_covariance(self, public: Public, actions: Array) -> Array:
+        """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
+        P, eta = self.predicted(public)
+        return P[:, None, :MEASURED, :MEASURED] + self.unit_covariance(actions) / eta[:, None, None, None]
 
     def best_sequence(self, public: Public, depth: int) -> tuple[Array, Array]:
         """Fused search over all sequences of ``depth`` candidates: first candidate (env,) and total cost (env,)."""
@@ -243,6 +228,13 @@ class KershawEvans(System):
         return kernels.lookahead(
             public.mean, public.covariance, C, public.step, self.horizon, depth, self._weights, *self._radar
         )
+
+    def deterministic_recursion(self, world: World) -> Recursion:
+        """The covariance recursion of whole episodes: eta is taken at the true range, so it depends on actions alone."""
+        state = self.begin(world)
+        eta = range_law_snr(state.hidden.path[:, 1:, 0], self.reference_range, self.nearest_range)
+        (F, Q, M), C = self._model, self.unit_covariance(self.candidates())
+        return Recursion(state.public.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
 
     def cost(self, public: Public) -> Array:
         """trace(Lambda P)."""
@@ -291,6 +283,11 @@ class KershawEvansPosition(KershawEvans):
 
     Rewards
         -trace(Lambda P) with Lambda = diag(1, 0): minus the variance of range in m^2.
+
+    Starting state
+        Range (``start_range``) 15 to 25 km and range-rate (``start_speed``) 0 to 300 m/s outbound, both uniform, as is
+        ``start_acceleration`` with ``model="ca"``; the first estimate is drawn around the truth with covariance
+        diag(1e4 m^2, 1e4 m^2/s^2) (``prior_variance``), each entry times 10^U(-1, 1) (``start_covariance="random"``).
     """
 
     q: float = 100.0

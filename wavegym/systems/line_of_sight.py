@@ -1,9 +1,9 @@
-"""Targets on one line of sight: true paths drawn, scripted or recorded, and what an agent sees of a belief."""
+"""Targets on one line of sight: tape, truth and belief; true paths drawn, scripted or recorded."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,30 @@ if TYPE_CHECKING:
     from wavegym.systems.kershaw_evans import KershawEvans
 
 Array = NDArray[Any]
+
+
+class World(NamedTuple):
+    """One episode's tape: standard uniform and normal draws, whatever the scenario makes of them."""
+
+    uniform: Array  # (2, n) where the target starts (or which recording it flies), and how well it is known
+    normal: (
+        Array  # (H + 1, n + 2) row k: manoeuvre (n) and measurement error (2) of step k; row 0: first estimate's error
+    )
+
+
+class Hidden(NamedTuple):
+    """What no scheduler sees."""
+
+    truth: Array  # (env, n)
+    path: Array  # (env, H + 1, n) the truth at every step; no choice changes it
+
+
+class Public(NamedTuple):
+    """The belief."""
+
+    step: Array  # (env,) int
+    mean: Array  # (env, n)
+    covariance: Array  # (env, n, n)
 
 
 class PathSource(Protocol):

@@ -1,0 +1,61 @@
+"""The whole loop in about two minutes: train PPO to schedule waveforms, then compare it with the analytic schedulers.
+
+    python -m agents.demo --out out/demo
+
+The trained run goes to DIR/ppo, the comparison to DIR/summary.json, episodes.csv, table.md and comparison.png. Nothing
+is overwritten: where DIR holds something already, DIR-2 is used, then DIR-3, ...
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from itertools import count
+from pathlib import Path
+
+from wavegym.evaluation.command import Parser, guarded
+
+ENV = "wavegym/KershawEvansPosition-v0"
+SCHEDULERS = "best-fixed,myopic,lookahead:2,lookahead:3,random"
+CHECKPOINT_EVERY = 100_000
+
+
+def parser() -> Parser:
+    """The options."""
+    options = Parser(prog="python -m agents.demo", description=__doc__.partition("\n")[0])
+    options.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default: %(default)s")
+    options.add_argument("--worlds", type=int, default=200, metavar="N", help="to compare on (default: %(default)s)")
+    options.add_argument("--steps", type=int, metavar="N", help="of training (default: agents/settings.toml)")
+    return options
+
+
+def unused(folder: Path) -> Path:
+    """``folder`` if there is nothing in it, else the first of folder-2, folder-3, ... that is free."""
+    names = (folder if n == 1 else folder.with_name(f"{folder.name}-{n}") for n in count(1))
+    return next(path for path in names if not path.exists() or (path.is_dir() and not any(path.iterdir())))
+
+
+def demo(arguments: Sequence[str] | None) -> None:
+    """Train, compare, print."""
+    options = parser().read(arguments)
+    from agents.plan import Plan
+    from agents.settings import load_settings
+    from agents.training import train
+    from evaluate import evaluate
+
+    out = unused(options.out.absolute())
+    settings = load_settings(ENV, "ppo", {} if options.steps is None else {"steps": options.steps})
+    print(f"training PPO on {ENV} for {settings.steps} steps, half a minute or more", flush=True)
+    train(Plan(ENV, "ppo", 0, settings), out / "ppo", CHECKPOINT_EVERY)
+    print(f"comparing it with the analytic schedulers on {options.worlds} worlds that it has never met", flush=True)
+    evaluate([ENV, "--policies", f"{SCHEDULERS},{out / 'ppo'}", "--worlds", str(options.worlds), "--out", str(out)])
+    print(f"the picture: {out / 'comparison.png'}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; returns its exit status."""
+    return guarded(lambda: demo(arguments))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,78 @@
+"""What a training run is to do, written into its folder before it begins, so that nothing else is resumed there."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import wavegym
+from agents.runs import CONTENTS, PLAN, read_record
+from agents.settings import Settings
+from wavegym.errors import InputError
+
+PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3")
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """What is to be trained; two runs of one plan end with the same weights.
+
+    Attributes:
+        env: the environment's full id.
+        algo: "ppo" or "dqn".
+        seed: number of the run, 0 to 2^32 - 1.
+        settings: of the algorithm, ``steps`` among them.
+    """
+
+    env: str
+    algo: str
+    seed: int
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.seed < 2**32:
+            raise InputError(f"seed is {self.seed}, expected an integer in [0, {2**32 - 1}]")
+
+    def record(self) -> dict[str, Any]:
+        """The plan as JSON holds it, with the versions that the last bits depend on."""
+        python = ".".join(platform.python_version_tuple()[:2])
+        versions = {"python": python, "wavegym": wavegym.__version__, **{name: _version(name) for name in PACKAGES}}
+        return json.loads(json.dumps({**dataclasses.asdict(self), "versions": versions}))
+
+
+def check_unused(folder: Path) -> None:
+    """Raise an InputError if the folder holds a run: nothing is ever overwritten."""
+    for name in CONTENTS:
+        if (folder / name).exists():
+            raise InputError(f"{folder} already holds a run ({name}), expected a new folder or --resume")
+
+
+def check_same(plan: Plan, folder: Path) -> None:
+    """Raise an InputError that names the difference if the run in the folder is of another plan, or there is none."""
+    if not (folder / PLAN).exists():
+        raise InputError(f"{folder} holds no run to resume, expected {PLAN} in it")
+    here, there = _flat(plan.record()), _flat(read_record(folder / PLAN))
+    for name in sorted({*here, *there}):
+        if here.get(name) != there.get(name):
+            raise InputError(
+                f"{name} is {here.get(name)!r}, but the run in {folder} has {there.get(name)!r}: it cannot be resumed"
+            )
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from a source tree, say
+        return "unknown"
+
+
+def _flat(record: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """{"settings.gamma": 0.9, ...} of a nested record."""
+    flat: dict[str, Any] = {}
+    for key, value in record.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return flat

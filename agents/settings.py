@@ -1,0 +1,134 @@
+"""Training settings: one readable file (settings.toml), closed and checked, with changes from the command line."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from wavegym.errors import InputError, choice, nearest
+from wavegym.registration import list_envs
+
+FILE = Path(__file__).with_name("settings.toml")
+
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+@dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class Settings:
+    """What all algorithms share. Values stand in settings.toml, so there are no defaults here but ``environment``'s.
+
+    Attributes:
+        steps: environment steps in a whole training, over all environments together.
+        num_envs: environments in the batch.
+        reward: the environment's training reward.
+        network: widths of the hidden layers.
+        activation: of the hidden layers.
+        learning_rate: Adam's, at the start; falls linearly to 0.
+        gamma: discount; 0 learns the one-step scheduler.
+        batch_size: transitions in a gradient step.
+        max_grad_norm: longer gradients are shortened to it.
+        environment: parameters of the environment other than its defaults.
+    """
+
+    steps: Count
+    num_envs: Count
+    reward: str
+    network: tuple[Count, ...]
+    activation: Literal["tanh", "relu"]
+    learning_rate: Positive
+    gamma: Share
+    batch_size: Count
+    max_grad_norm: Positive
+    environment: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class PPOSettings(Settings):
+    """Proximal policy optimisation; see Stable-Baselines3's PPO. ``n_steps`` is the rollout of each environment."""
+
+    n_steps: Count
+    n_epochs: Count
+    gae_lambda: Share
+    clip_range: Positive
+    ent_coef: NonNegative
+    vf_coef: NonNegative
+
+
+@dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class DQNSettings(Settings):
+    """Deep Q-learning; see Stable-Baselines3's DQN. ``gradient_steps`` follow every step of the batch."""
+
+    buffer_size: Count
+    learning_starts: Count
+    gradient_steps: Count
+    target_update_interval: Count
+    exploration_fraction: Share
+    exploration_final_eps: Share
+
+
+ALGORITHMS: dict[str, type[Settings]] = {"ppo": PPOSettings, "dqn": DQNSettings}
+
+
+def load_settings(
+    env_id: str,
+    algo: str,
+    changes: Mapping[str, Any] | None = None,
+    environment: Mapping[str, Any] | None = None,
+    file: Path = FILE,
+) -> Settings:
+    """Settings of ``algo`` in ``env_id``: the algorithm's, then the environment's own, then ``changes``.
+
+    Args:
+        env_id: a registered id; one without a table of its own takes the algorithm's settings.
+        algo: "ppo" or "dqn".
+        changes: settings by name.
+        environment: parameters of the environment by name.
+        file: the settings file.
+
+    Raises:
+        InputError: an unknown table, algorithm or setting (nearest named), or a value out of range.
+    """
+    choice("algorithm", algo, ALGORITHMS)
+    tables = _tables(file)
+    layers = [tables.get(algo, {}), tables.get(env_id, {}).get(algo, {}), changes or {}]
+    values = {key: value for layer in layers for key, value in layer.items()}
+    parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
+    values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
+    return _checked(ALGORITHMS[algo], values)
+
+
+def _tables(file: Path) -> dict[str, Any]:
+    try:
+        tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"settings file {file} cannot be read: {error}") from None
+    for name, table in tables.items():
+        if name not in ALGORITHMS:
+            choice(f"table of {file.name}", name, [*ALGORITHMS, *list_envs()])
+            for algo in table:
+                choice(f"table {name!r} of {file.name}", algo, ALGORITHMS)
+    return tables
+
+
+def _checked(kind: type[Settings], values: dict[str, Any]) -> Settings:
+    names = [field.name for field in dataclasses.fields(kind)]
+    for name in values:
+        if name not in names:
+            raise InputError(f"setting {name!r} is unknown to {kind.__name__}{nearest(name, names)}")
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "missing":
+            raise InputError(f"setting {where!r} is missing, expected it in the settings file") from None
+        raise InputError(f"{where} is {first['input']!r}: {first['msg']}") from None

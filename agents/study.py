@@ -1,0 +1,130 @@
+"""Rebuild the tables under results/: ``python -m agents.study [STUDY ...]`` trains what is missing and compares.
+
+``results/studies.toml`` says what a study is. Runs go to ``results/runs/STUDY/LEARNER/seedN``; one that was killed is
+taken up again, a finished one is kept. Comparisons go to ``results/STUDY``.
+"""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from wavegym.errors import InputError, choice
+from wavegym.evaluation import compare, write_report
+from wavegym.evaluation.command import Parser, guarded, settings
+
+FOLDER = Path(__file__).parents[1] / "results"
+CLOSED = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True, config=CLOSED)
+class Learner:
+    """What is trained, once for each seed.
+
+    Attributes:
+        algo: "ppo" or "dqn".
+        set: settings other than those of agents/settings.toml, ``["gamma=0"]``.
+    """
+
+    algo: str
+    set: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, config=CLOSED)
+class Study:
+    """One table: policies on the same worlds.
+
+    Attributes:
+        env: id of the environment.
+        worlds: how many.
+        policies: schedulers by name.
+        seeds: training seeds.
+        learners: by name.
+        trained_in: another study whose learners are compared here.
+        tracks: a recording, relative to the repository; radar: where the radar stands.
+    """
+
+    env: str
+    worlds: int
+    policies: tuple[str, ...]
+    seeds: tuple[int, ...] = ()
+    learners: dict[str, Learner] | None = None
+    trained_in: str | None = None
+    tracks: Path | None = None
+    radar: tuple[float, ...] | None = None
+
+    def parameters(self) -> dict[str, Any]:
+        """The environment's parameters."""
+        if self.tracks is None:
+            return {}
+        return {"targets": "recorded", "tracks": self.tracks, "radar": self.radar}
+
+
+def load_studies(file: Path = FOLDER / "studies.toml") -> dict[str, Study]:
+    """All studies of a file; InputError where it is not one."""
+    try:
+        return TypeAdapter(dict[str, Study]).validate_python(tomllib.loads(file.read_text(encoding="utf-8")))
+    except (ValidationError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{file}: {' '.join(str(error).split())}") from None
+
+
+def train_missing(name: str, study: Study, jobs: int) -> None:
+    """Train every learner of a study with every seed, ``jobs`` at a time."""
+    work = [
+        delayed(_train)(study.env, learner, seed, _run_folder(name, label, seed))
+        for label, learner in (study.learners or {}).items()
+        for seed in study.seeds
+    ]
+    Parallel(n_jobs=jobs)(work)
+
+
+def _train(env: str, learner: Learner, seed: int, folder: Path) -> None:
+    from agents.plan import Plan
+    from agents.runs import RUN
+    from agents.settings import load_settings
+    from agents.training import train
+
+    if (folder / RUN).exists():
+        return
+    plan = Plan(env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set)))
+    train(plan, folder, checkpoint_every=200_000, resume=(folder / "plan.json").exists(), progress=False)
+
+
+def _run_folder(study: str, learner: str, seed: int) -> Path:
+    return FOLDER / "runs" / study / learner / f"seed{seed}"
+
+
+def run(name: str, studies: dict[str, Study], jobs: int) -> str:
+    """Train and compare one study; its table."""
+    from agents.runs import load_policy
+
+    study = studies[name]
+    train_missing(name, study, jobs)
+    source = study.trained_in or name
+    policies: dict[str, Any] = dict.fromkeys(study.policies)
+    for learner in studies[source].learners or {}:
+        policies[learner] = partial(load_policy, FOLDER / "runs" / source / learner, study.env)
+    comparison = compare(study.env, policies, worlds=study.worlds, jobs=jobs, **study.parameters())
+    return write_report(comparison, FOLDER / name)
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m agents.study", description="Rebuild the tables under results/.")
+    parser.add_argument("studies", nargs="*", metavar="STUDY", help="which (default: all)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    options = parser.read(None)
+    studies = load_studies()
+    for name in options.studies or studies:
+        print(f"\n## {choice('study', name, studies)}\n\n{run(name, studies, options.jobs)}")
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))

@@ -1,0 +1,87 @@
+"""Training runs that can be killed at any time and taken up again, with the same weights at the end, bit for bit."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from agents.checkpoints import load_checkpoint
+from agents.curve import LearningCurve
+from agents.keeper import Keeper, tensorboard
+from agents.models import build_model, model_bytes
+from agents.plan import Plan, check_same, check_unused
+from agents.runs import CHECKPOINTS, CURVE, PLAN, POLICY, RUN, signature
+from agents.snapshots import restore
+from wavegym.errors import InputError
+from wavegym.evaluation.files import write_whole
+
+
+def train(plan: Plan, folder: Path, checkpoint_every: int, resume: bool = False, progress: bool = True) -> None:
+    """Train into ``folder`` (its layout: ``agents.runs``), from the start or from the last checkpoint there.
+
+    Args:
+        plan: what to train.
+        folder: a new or empty folder; with ``resume`` that of a killed run of the same plan.
+        checkpoint_every: environment steps that a kill may cost, at most (or one rollout, if that is longer).
+        resume: take up a run; one that had finished is left as it is.
+        progress: show a progress bar on standard error.
+
+    Raises:
+        InputError: the folder holds a run already, or (resume) none, or one of another plan, or no whole checkpoint.
+        OSError: a full disk and the like; the last checkpoint is still there.
+    """
+    if checkpoint_every < 1:
+        raise InputError(f"checkpoint-every is {checkpoint_every}, expected an integer >= 1 (nearest: 1)")
+    torch.set_num_threads(1)  # a second one makes networks of this size slower, and the order of sums uncertain
+    if not resume:
+        check_unused(folder)
+        model = build_model(plan)
+        write_whole(folder, {PLAN: _json(plan.record())})
+        _learn(plan, folder, checkpoint_every, progress, model, LearningCurve(plan.settings.num_envs), None)
+        return
+    check_same(plan, folder)
+    if (folder / RUN).exists():
+        return
+    saved = load_checkpoint(folder / CHECKPOINTS)
+    if saved is None:  # killed before the first
+        model, curve, start = build_model(plan), LearningCurve(plan.settings.num_envs), None
+    else:
+        start, content = saved
+        model, curve = restore(plan.algo, content)
+    for half_written in folder.glob(".*.part"):
+        half_written.unlink()
+    _learn(plan, folder, checkpoint_every, progress, model, curve, start)
+
+
+def _learn(
+    plan: Plan, folder: Path, every: int, progress: bool, model: BaseAlgorithm, curve: LearningCurve, start: int | None
+) -> None:
+    """Learn from ``start`` (steps; None: the beginning) to the end, and leave the results in the folder."""
+    keeper = Keeper(plan, folder, curve, every, start, progress)
+    with tensorboard(folder, start or 0) as logger, keeper.bar:
+        model.set_logger(logger)
+        model.learn(
+            plan.settings.steps - (start or 0),
+            callback=keeper,
+            log_interval=1 if plan.algo == "ppo" else plan.settings.num_envs,  # rollouts; episodes
+            reset_num_timesteps=start is None,
+        )
+    curve.close_row(model.num_timesteps, 1)
+    policy, env = model_bytes(model), model.get_env()
+    assert env is not None
+    run = {
+        **plan.record(),
+        "steps": model.num_timesteps,
+        "policy_sha256": hashlib.sha256(policy).hexdigest(),
+        **signature(env.get_attr("system", 0)[0]),
+    }
+    write_whole(folder, {CURVE: curve.csv().encode(), POLICY: policy, RUN: _json(run)})
+
+
+def _json(record: dict[str, Any]) -> bytes:
+    return (json.dumps(record, indent=2) + "\n").encode()

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from agents.settings import ALGORITHMS, FILE, DQNSettings, PPOSettings, load_settings
+from wavegym.errors import InputError
+from wavegym.registration import list_envs
+
+POSITION = "wavegym/KershawEvansPosition-v0"
+
+
+def test_the_file_is_complete_for_every_environment() -> None:
+    for env_id in [*list_envs(), "mine/NotInTheFile-v0"]:
+        for algo, kind in ALGORITHMS.items():
+            assert isinstance(load_settings(env_id, algo), kind)
+
+
+def test_layers_override_each_other(tmp_path: Path) -> None:
+    text = FILE.read_text()
+    text = re.sub(r"(?m)^gamma = .*$", "gamma = 0.5", text, count=1)
+    text += '\n["wavegym/KershawEvans-v0".ppo.environment]\nq = 2.0\nhorizon = 9\n'
+    file = tmp_path / "settings.toml"
+    file.write_text(text)
+    default = load_settings("mine/Env-v0", "ppo", file=file)
+    assert default.gamma == 0.5
+    assert default.reward == "trace"
+    own = load_settings("wavegym/KershawEvans-v0", "ppo", file=file)
+    assert own.reward == "relative"
+    assert own.environment == {"q": 2.0, "horizon": 9}
+    changed = load_settings("wavegym/KershawEvans-v0", "ppo", {"gamma": 0}, {"horizon": 5}, file=file)
+    assert changed.gamma == 0.0
+    assert changed.environment == {"q": 2.0, "horizon": 5}
+    assert load_settings("wavegym/KershawEvans-v0", "dqn", file=file).environment == {}
+
+
+def test_types_are_those_of_the_algorithms() -> None:
+    ppo, dqn = load_settings(POSITION, "ppo", {"network": [32]}), load_settings(POSITION, "dqn")
+    assert isinstance(ppo, PPOSettings)
+    assert ppo.network == (32,)
+    assert isinstance(dqn, DQNSettings)
+    assert dqn.gradient_steps == 4
+
+
+@pytest.mark.parametrize(
+    ("algo", "changes", "message"),
+    [
+        ("ppo", {"gama": 0}, "'gama' is unknown to PPOSettings; did you mean 'gamma'"),
+        ("dqn", {"n_epochs": 3}, "'n_epochs' is unknown to DQNSettings"),
+        ("ppo", {"gamma": 1.5}, "gamma is 1.5"),
+        ("ppo", {"gamma": "half"}, "gamma is 'half'"),
+        ("ppo", {"learning_rate": float("nan")}, "learning_rate is nan"),
+        ("ppo", {"num_envs": 0}, "num_envs is 0"),
+        ("ppo", {"network": [64, -1]}, "network.1 is -1"),
+        ("dqn", {"activation": "tan"}, "activation is 'tan'"),
+        ("pop", {}, "algorithm is 'pop', expected one of 'ppo', 'dqn'; did you mean 'ppo'"),
+    ],
+)
+def test_a_bad_setting_is_named_in_one_line(algo: str, changes: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        load_settings(POSITION, algo, changes)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("[pppo]\n", "table of settings.toml is 'pppo'"),
+        ('["wavegym/KershawEvan-v0".ppo]\n', "did you mean 'wavegym/KershawEvans-v0'"),
+        ('["wavegym/KershawEvans-v0"]\nppo2 = {gamma = 0.5}\n', "did you mean 'ppo'"),
+        ("gamma 0.5\n", "cannot be read"),
+    ],
+)
+def test_a_bad_file_is_named_in_one_line(tmp_path: Path, line: str, message: str) -> None:
+    file = tmp_path / "settings.toml"
+    original = re.sub(r'(?m)^\["wavegym/KershawEvans-v0".*\n.*\n', "", FILE.read_text())
+    file.write_text(original + line)
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        load_settings(POSITION, "ppo", file=file)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_setting_and_a_missing_file_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "settings.toml"
+    file.write_text("[ppo]\ngamma = 0.5\n")
+    with pytest.raises(InputError, match="is missing, expected it in the settings file"):
+        load_settings(POSITION, "ppo", file=file)
+    with pytest.raises(InputError, match="cannot be read"):
+        load_settings(POSITION, "ppo", file=tmp_path / "none.toml")

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from runs_for_tests import arguments, assert_same_run
+
+import train
+from wavegym.evaluation import full_id
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["KershawEvan-v0", "--algo", "ppo"], "did you mean 'wavegym/KershawEvans-v0'?"),
+        (["KershawEvans-v0", "--algo", "pp"], "algorithm is 'pp', expected one of 'ppo', 'dqn'; did you mean 'ppo'?"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "gama=0"], "did you mean 'gamma'?"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "gamma"], "setting is 'gamma', expected key=value"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "reward=relativ"], "did you mean 'relative'?"),
+        (["KershawEvans-v0", "--algo", "ppo", "--environment", "horizn=3"], "did you mean 'horizon'?"),
+        (["KershawEvans-v0", "--algo", "dqn", "--environment", "action=box"], "dqn cannot choose from Box"),
+        (["KershawEvans-v0", "--algo", "ppo", "--steps", "many"], "invalid int value: 'many'"),
+        (["KershawEvans-v0", "--algo", "ppo", "--steps", "0"], "steps is 0"),
+        (["KershawEvans-v0", "--algo", "ppo", "--seed", "-1"], "seed is -1, expected an integer in [0, 4294967295]"),
+        (["KershawEvans-v0", "--algo", "ppo", "--checkpoint-every", "0"], "checkpoint-every is 0"),
+        (["KershawEvans-v0", "--algo", "ppo", "--resum"], "did you mean '--resume'?"),
+        (["KershawEvans-v0", "--algo", "ppo", "--resume"], "holds no run to resume"),
+        (["KershawEvans-v0"], "--algo"),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(
+    given: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert train.main([*given, "--out", str(tmp_path / "run")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: ")
+    assert message in line
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_that_holds_a_run_is_not_touched(
+    unbroken: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = unbroken["ppo"]
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    assert train.main(arguments("ppo", folder)) == 2
+    assert "already holds a run (plan.json), expected a new folder or --resume" in capsys.readouterr().err
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+
+
+def test_an_output_that_cannot_be_a_folder_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "file"
+    file.write_text("not a folder")
+    for out in (file, file / "run"):
+        assert train.main(arguments("ppo", out)) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert str(file) in line
+    assert file.read_text() == "not a folder"
+
+
+def test_the_command_trains_what_the_function_trains(
+    unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = arguments("dqn", tmp_path / "run")
+    assert full_id("KershawEvansPosition-v0") == given[0]
+    assert train.main(["KershawEvansPosition-v0", *given[1:]]) == 0
+    assert_same_run(tmp_path / "run", unbroken["dqn"])
+    assert str(tmp_path / "run") in capsys.readouterr().out

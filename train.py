@@ -1,0 +1,64 @@
+"""Train a waveform scheduler.
+
+    python train.py KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
+
+A run that was killed goes on with the same command and --resume, to the same weights. DIR is then a policy for
+evaluate.py, with the learning curve in DIR/curve.csv and TensorBoard's files in DIR/tensorboard.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from wavegym.errors import choice
+from wavegym.evaluation.command import Parser, guarded, settings
+
+
+def parser() -> Parser:
+    """The options."""
+    options = Parser(prog="train.py", description=__doc__.partition("\n")[0])
+    options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
+    options.add_argument("--algo", required=True, metavar="ALGO", help="ppo or dqn")
+    options.add_argument("--steps", type=int, metavar="N", help="environment steps (default: agents/settings.toml)")
+    options.add_argument("--seed", type=int, default=0, metavar="S", help="number of the run (default: %(default)s)")
+    options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
+    several: Any = {"nargs": "+", "action": "extend", "default": [], "metavar": "KEY=VALUE"}
+    options.add_argument("--set", **several, help="settings other than in agents/settings.toml")
+    options.add_argument("--environment", **several, help="parameters of the environment other than its defaults")
+    options.add_argument(
+        "--checkpoint-every", type=int, default=50_000, metavar="N", help="steps (default: %(default)s)"
+    )
+    options.add_argument("--resume", action="store_true", help="go on with the run in DIR, from its last checkpoint")
+    options.add_argument("--quiet", action="store_true", help="no progress bar")
+    return options
+
+
+def train(arguments: Sequence[str] | None) -> None:
+    """Read the options and the settings, then train."""
+    options = parser().read(arguments)
+    choice("algorithm", options.algo, ["ppo", "dqn"])
+    # Seconds of imports that a misspelt option need not wait for.
+    from agents.settings import load_settings
+    from agents.training import Plan
+    from agents.training import train as run
+    from wavegym.evaluation import full_id
+
+    env_id, changes = full_id(options.env), settings(options.set)
+    if options.steps is not None:
+        changes["steps"] = options.steps
+    chosen = load_settings(env_id, options.algo, changes, settings(options.environment))
+    plan = Plan(env_id, options.algo, options.seed, chosen)
+    run(plan, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
+    print(f"written to {options.out}: policy.zip, run.json, curve.csv")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; returns its exit status."""
+    return guarded(lambda: train(arguments))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

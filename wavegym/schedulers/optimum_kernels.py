@@ -1,0 +1,192 @@
+"""Branch and bound over waveform schedules in compiled form; ``optimum.py`` proves the rules.
+
+Shapes: e environments, n states, m measurements, A actions, H steps, N nodes. F, Q (1, n, n), M (1, m, n), C (A, m, m).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.kernels import kernel
+from wavegym.trackers.kernels import factor_innovation_one, predict_covariance_one, update_covariance_one
+
+BEAM, BEAM_SLACK = 20, 0.03  # the schedule that sets the ceiling: nodes kept, and how alike two may be
+DEPTH, DEPTH_SLACK = 3, 0.03  # the bound on the cost to come: steps from zero covariance, likewise
+
+
+class Nodes(NamedTuple):
+    """Beliefs of one step, each reached by another schedule."""
+
+    cost: NDArray[np.float64]  # (N,) up to this step
+    P: NDArray[np.float64]  # (N, n, n)
+    origin: NDArray[np.int64]  # (N,) parent's index times A, plus the action
+
+
+class Model(NamedTuple):
+    """The recursion, without what differs between environments."""
+
+    F: NDArray[np.float64]
+    Q: NDArray[np.float64]
+    M: NDArray[np.float64]
+    C: NDArray[np.float64]
+    weights: NDArray[np.float64]  # (n,)
+
+
+@kernel
+def make_nodes(count, nn):  # type: ignore[no-untyped-def]
+    """Room for ``count`` nodes."""
+    return Nodes(np.empty(count), np.empty((count, len(nn), len(nn))), np.empty(count, np.int64))
+
+
+@kernel
+def dominates(b, B, a, A, factor, Z, nn):  # type: ignore[no-untyped-def]
+    """Whether B[b] <= factor A[a] in the Loewner order: elimination meets no negative pivot. Z (n, n) is scratch space."""
+    n = len(nn)
+    for i in range(n):
+        if factor * A[a, i, i] < B[b, i, i]:
+            return False
+        for j in range(i + 1):
+            Z[i, j] = factor * A[a, i, j] - B[b, i, j]
+    for j in range(n):
+        if Z[j, j] < 0.0:
+            return False
+        for i in range(j + 1, n):
+            if Z[j, j] > 0.0:
+                ratio = Z[i, j] / Z[j, j]
+                for k in range(j + 1, i + 1):
+                    Z[i, k] -= ratio * Z[k, j]
+            elif Z[i, j] != 0.0:
+                return False
+    return True
+
+
+@kernel
+def branch(nodes, count, model, weights, scale, room, children, nn, mm):  # type: ignore[no-untyped-def]
+    """Every action at each of the first ``count`` nodes; returns how many children cost less than ``room``.
+
+    Leaves the predicted covariance in ``nodes.P``.
+    """
+    n, m, actions = len(nn), len(mm), model.C.shape[0]
+    T, L, D, V = np.empty((n, n)), np.empty((m, m)), np.empty(m), np.empty((n, m))
+    born = 0
+    for k in range(count):
+        predict_covariance_one(k, nodes.P, model.F, model.Q, 0, T, nodes.P, nn)
+        for a in range(actions):
+            factor_innovation_one(k, nodes.P, model.M, 0, model.C, a, scale, L, D, V, nn, mm)
+            update_covariance_one(k, nodes.P, D, V, born, children.P, nn, mm)
+            total = nodes.cost[k]
+            for i in range(n):
+                total += weights[i] * children.P[born, i, i]
+            if total < room:
+                children.cost[born] = total
+                children.origin[born] = k * actions + a
+                born += 1
+    return born
+
+
+@kernel
+def prune(children, born, slack, allowance, room, nodes, limit, nn):  # type: ignore[no-untyped-def]
+    """Keep in ``nodes`` the children that no cheaper one dominates, cheapest first, ``limit`` at most.
+
+    A child A is left out where a kept B has c_B + e (room - c_A) <= c_A + allowance and P_B <= (1 + slack + e) P_A.
+    Returns how many were kept, and the cost of the cheapest one for which there was no place (inf: none).
+    """
+    n, kept = len(nn), 0
+    Z, order = np.empty((n, n)), np.empty(limit, np.int64)
+    for a in np.argsort(children.cost[:born]):
+        gain, base = 1.0 / (room - children.cost[a]), 1.0 + slack
+        dominated = False
+        for i in range(kept):
+            b = order[i]
+            factor = base + (children.cost[a] - nodes.cost[b] + allowance) * gain
+            if dominates(b, nodes.P, a, children.P, factor, Z, nn):
+                dominated = True
+                for j in range(i, 0, -1):  # what dominated one will dominate its like: try it first next time
+                    order[j] = order[j - 1]
+                order[0] = b
+                break
+        if dominated:
+            continue
+        if kept == limit:
+            return kept, children.cost[a]
+        nodes.cost[kept], nodes.origin[kept] = children.cost[a], children.origin[a]
+        for i in range(n):
+            for j in range(n):
+                nodes.P[kept, i, j] = children.P[a, i, j]
+        order[kept] = kept
+        kept += 1
+    return kept, np.inf
+
+
+@kernel
+def cost_to_come(model, scale, nodes, children, nn, mm):  # type: ignore[no-untyped-def]
+    """Bound from below (H,) on the cost of all steps after each, whatever the schedule and the covariance.
+
+    Step u costs at least what the best schedule of the last DEPTH steps (fewer near the start) makes of a zero covariance.
+    """
+    horizon, n = len(scale), len(nn)
+    least, rest = np.zeros((horizon, DEPTH)), np.zeros(horizon)
+    for start in range(horizon):
+        nodes.P[0], nodes.cost[0], kept, lost = 0.0, 0.0, 1, np.inf
+        for d in range(min(DEPTH, horizon - start)):
+            born = branch(nodes, kept, model, np.zeros(n), scale[start + d], np.inf, children, nn, mm)
+            least[start, d] = np.inf
+            for k in range(born):
+                cost = 0.0
+                for i in range(n):
+                    cost += model.weights[i] * children.P[k, i, i]
+                least[start, d] = min(least[start, d], cost / (1.0 + DEPTH_SLACK) ** d)
+            if d + 1 < DEPTH:
+                kept, lost = prune(children, born, DEPTH_SLACK, 0.0, np.inf, nodes, len(nodes.cost), nn)
+            if lost < np.inf:
+                break
+    for k in range(horizon):
+        for u in range(k + 1, horizon):
+            d = min(u - k, DEPTH)
+            rest[k] += least[u - d + 1, d - 1]
+    return rest
+
+
+@kernel
+def search(P0, model, scale, slack, allowance, rest, ceiling, limit, nodes, children, origins, plan, nn, mm):  # type: ignore[no-untyped-def]
+    """Cheapest schedule below ``ceiling``, written to ``plan`` (H,), with its cost; and a bound on those given up.
+
+    Without such a schedule ``plan`` is left as it is and the cost is the ceiling. ``origins`` (H, limit) is scratch space.
+    """
+    actions, bound = model.C.shape[0], np.inf
+    nodes.P[0], nodes.cost[0], kept = P0, 0.0, 1
+    for k in range(len(scale)):
+        room = ceiling - rest[k]
+        born = branch(nodes, kept, model, model.weights, scale[k], room, children, nn, mm)
+        kept, lost = prune(children, born, slack, allowance, room, nodes, limit, nn)
+        bound = min(bound, lost + rest[k])
+        origins[k, :kept] = nodes.origin[:kept]
+    if kept == 0:
+        return ceiling, bound
+    node = 0
+    for k in range(len(scale) - 1, -1, -1):
+        plan[k] = origins[k, node] % actions
+        node = origins[k, node] // actions
+    return nodes.cost[0], bound
+
+
+@kernel
+def schedule(P0, scale, F, Q, M, C, weights, tolerance, limit, nn, mm):  # type: ignore[no-untyped-def]
+    """For each environment the best schedule (e, H), its cost (e,) and a bound from below on the cost of any (e,)."""
+    count, horizon = scale.shape
+    model = Model(F, Q, M, C, weights)
+    nodes, children = make_nodes(limit, nn), make_nodes(limit * C.shape[0] + 1, nn)
+    origins, plan = np.empty((horizon, limit), np.int64), np.zeros((count, horizon), np.int64)
+    cost, bound = np.empty(count), np.empty(count)
+    free = np.zeros(horizon)
+    for e in range(count):
+        tools = (nodes, children, origins, plan[e], nn, mm)
+        ceiling, _ = search(P0[e], model, scale[e], BEAM_SLACK, 0.0, free, np.inf, min(BEAM, limit), *tools)
+        rest = cost_to_come(model, scale[e], nodes, children, nn, mm)
+        allowance = tolerance * ceiling / horizon
+        cost[e], lost = search(P0[e], model, scale[e], 0.0, allowance, rest, ceiling, limit, *tools)
+        bound[e] = min(cost[e], lost) - tolerance * ceiling
+    return plan, cost, bound
