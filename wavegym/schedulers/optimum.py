@@ -36,6 +36,8 @@ from wavegym.systems.recursion import Recursion
 
 Array = NDArray[Any]
 
+BEAM, BEAM_SLACK = 20, 0.03  # of the first schedule's search: nodes kept, and how alike two may be
+
 
 class Schedule(NamedTuple):
     """The best schedule of each environment."""
@@ -45,7 +47,7 @@ class Schedule(NamedTuple):
     lower_bound: Array  # (env,) no schedule costs less
 
 
-def best_schedule(recursion: Recursion, tolerance: float = 1e-3, nodes: int = 10_000) -> Schedule:
+def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_000) -> Schedule:
     """The cheapest schedule of each environment, with a certificate (the module's docstring has the proof).
 
     Args:
@@ -60,12 +62,21 @@ def best_schedule(recursion: Recursion, tolerance: float = 1e-3, nodes: int = 10
     """
     from wavegym.schedulers import optimum_kernels as kernels
 
-    P0, F, Q, M, C, scale, weights = (np.array(a, np.float64, order="C") for a in recursion)
-    n, m = (0,) * len(F), (0,) * len(M)
+    non_negative("tolerance", tolerance)
     limit = int(positive("nodes", nodes))
-    return Schedule(
-        *kernels.schedule(P0, scale, F[None], Q[None], M[None], C, weights, non_negative("tolerance", tolerance), limit, n, m)
-    )
+    P0, F, Q, M, C, scale, weights = (np.array(a, np.float64, order="C") for a in recursion)
+    model, sizes = kernels.Model(F[None], Q[None], M[None], C, weights), ((0,) * len(F), (0,) * len(M))
+    room = kernels.make_nodes(limit, sizes[0]), kernels.make_nodes(limit * len(C) + 1, sizes[0])
+    origins, free = np.empty((scale.shape[1], limit), np.int64), np.zeros(scale.shape[1])
+    actions, cost, bound = np.zeros(scale.shape, np.int64), np.empty(len(scale)), np.empty(len(scale))
+    for e in range(len(scale)):
+        known, tools = (P0[e], model, scale[e]), (*room, origins, actions[e], *sizes)
+        ceiling, _ = kernels.search(*known, BEAM_SLACK, 0.0, free, np.inf, min(BEAM, limit), *tools)
+        rest = kernels.cost_to_come(model, scale[e], *room, *sizes)
+        allowance = tolerance * ceiling / len(free)
+        cost[e], lost = kernels.search(*known, 0.0, allowance, rest, ceiling, limit, *tools)
+        bound[e] = min(cost[e], lost) - tolerance * ceiling
+    return Schedule(actions, cost, bound)
 
 
 class Optimum:
@@ -79,7 +90,7 @@ class Optimum:
 
     plan: Schedule
 
-    def __init__(self, tolerance: float = 1e-3, nodes: int = 10_000) -> None:
+    def __init__(self, tolerance: float = 0.0, nodes: int = 10_000) -> None:
         self.tolerance, self.nodes = tolerance, nodes
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
