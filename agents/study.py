@@ -1,17 +1,21 @@
 """Rebuild the tables under results/: ``python -m agents.study [STUDY ...]`` trains what is missing and compares.
 
 ``results/studies.toml`` says what a study is. Runs go to ``results/runs/STUDY/LEARNER/seedN``; one that was killed is
-taken up again, a finished one is kept. Comparisons go to ``results/STUDY``.
+taken up again, a finished one is kept. Comparisons go to ``results/STUDY``, their tables into ``docs/results.md`` too.
 """
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
 import tomllib
+from dataclasses import field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 from joblib import Parallel, delayed
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -20,7 +24,9 @@ from wavegym.errors import InputError, choice
 from wavegym.evaluation import compare, write_report
 from wavegym.evaluation.command import Parser, guarded, settings
 
-FOLDER = Path(__file__).parents[1] / "results"
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "results"
+PAGE = ROOT / "docs" / "results.md"
 CLOSED = ConfigDict(extra="forbid")
 
 
@@ -31,10 +37,12 @@ class Learner:
     Attributes:
         algo: "ppo" or "dqn".
         set: settings other than those of agents/settings.toml, ``["gamma=0"]``.
+        environment: parameters of the environment it is trained in, ``["q=1"]``.
     """
 
     algo: str
     set: tuple[str, ...] = ()
+    environment: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, config=CLOSED)
@@ -47,7 +55,7 @@ class Study:
         policies: schedulers by name.
         seeds: training seeds.
         learners: by name.
-        trained_in: another study whose learners are compared here.
+        trained_in: another study whose learners are compared here too.
         tracks: a recording, relative to the repository; radar: where the radar stands.
     """
 
@@ -55,7 +63,7 @@ class Study:
     worlds: int
     policies: tuple[str, ...]
     seeds: tuple[int, ...] = ()
-    learners: dict[str, Learner] | None = None
+    learners: dict[str, Learner] = field(default_factory=dict)
     trained_in: str | None = None
     tracks: Path | None = None
     radar: tuple[float, ...] | None = None
@@ -64,7 +72,7 @@ class Study:
         """The environment's parameters."""
         if self.tracks is None:
             return {}
-        return {"targets": "recorded", "tracks": self.tracks, "radar": self.radar}
+        return {"targets": "recorded", "tracks": os.path.relpath(ROOT / self.tracks), "radar": self.radar}
 
 
 def load_studies(file: Path = FOLDER / "studies.toml") -> dict[str, Study]:
@@ -77,9 +85,13 @@ def load_studies(file: Path = FOLDER / "studies.toml") -> dict[str, Study]:
 
 def train_missing(name: str, study: Study, jobs: int) -> None:
     """Train every learner of a study with every seed, ``jobs`` at a time."""
+    # Compile the kernels here, not in several processes at once.
+    envs = gym.make_vec(study.env, num_envs=2, reward="relative")
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
     work = [
         delayed(_train)(study.env, learner, seed, _run_folder(name, label, seed))
-        for label, learner in (study.learners or {}).items()
+        for label, learner in study.learners.items()
         for seed in study.seeds
     ]
     Parallel(n_jobs=jobs)(work)
@@ -93,7 +105,9 @@ def _train(env: str, learner: Learner, seed: int, folder: Path) -> None:
 
     if (folder / RUN).exists():
         return
-    plan = Plan(env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set)))
+    plan = Plan(
+        env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set), settings(learner.environment))
+    )
     train(plan, folder, checkpoint_every=200_000, resume=(folder / "plan.json").exists(), progress=False)
 
 
@@ -107,12 +121,25 @@ def run(name: str, studies: dict[str, Study], jobs: int) -> str:
 
     study = studies[name]
     train_missing(name, study, jobs)
-    source = study.trained_in or name
     policies: dict[str, Any] = dict.fromkeys(study.policies)
-    for learner in studies[source].learners or {}:
-        policies[learner] = partial(load_policy, FOLDER / "runs" / source / learner, study.env)
+    for source in filter(None, (name, study.trained_in)):
+        for learner in studies[source].learners:
+            policies[learner] = partial(load_policy, FOLDER / "runs" / source / learner, study.env)
     comparison = compare(study.env, policies, worlds=study.worlds, jobs=jobs, **study.parameters())
-    return write_report(comparison, FOLDER / name)
+    table = write_report(comparison, FOLDER / name)
+    shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), name, table), encoding="utf-8")
+    return table
+
+
+def filled(page: str, name: str, text: str) -> str:
+    """``page`` with ``text`` between the marks ``<!-- name:begin -->`` and ``<!-- name:end -->``."""
+    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+    head, found, rest = page.partition(begin)
+    _, closed, tail = rest.partition(end)
+    if not found or not closed:
+        raise InputError(f"{PAGE.name} has no place for {name!r}, expected the marks {begin} and {end}")
+    return f"{head}{begin}\n\n{text.strip()}\n\n{end}{tail}"
 
 
 def main() -> None:

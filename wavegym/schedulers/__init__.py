@@ -1,9 +1,24 @@
 """Schedulers: analytic policies that choose the next waveform; learned policies share their protocol."""
 
+from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.myopic import Myopic
+from wavegym.schedulers.optimum import Optimum, Schedule, best_schedule
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.rollout import Rollout, rollout
 from wavegym.schedulers.simple import Fixed, RandomChoice, RoundRobin
 
-__all__ = ["Fixed", "Lookahead", "Myopic", "Policy", "RandomChoice", "Rollout", "RoundRobin", "rollout"]
+__all__ = [
+    "Fixed",
+    "Lookahead",
+    "Myopic",
+    "MyopicClosedForm",
+    "Optimum",
+    "Policy",
+    "RandomChoice",
+    "Rollout",
+    "RoundRobin",
+    "Schedule",
+    "best_schedule",
+    "rollout",
+]

@@ -50,9 +50,7 @@ class Lookahead:
         if count > chunk and depth > 1:
             parts = [slice(start, start + chunk) for start in range(0, count, chunk)]
             masks = [None if mask is None else mask[part] for part in parts]
-            return np.concatenate(
-                [self._values(_rows(public, p), depth, m) for p, m in zip(parts, masks, strict=True)]
-            )
+            return np.concatenate([self._values(_rows(public, p), depth, m) for p, m in zip(parts, masks, strict=True)])
         imagined = self._system.imagine(public, self._candidates[None])
         values = self._system.cost(imagined)
         if mask is not None:

@@ -9,18 +9,18 @@ with the actions a, the rule is: drop A = (c_A, P_A) for B = (c_B, P_B) where, f
 U is the cost of a schedule already found, h a bound from below on the cost of the remaining steps, d an allowance.
 
 *Proof.* One step of the Riccati recursion, f(P) = F P F' + Q updated with R, is monotone and concave in P with
-f(0) >= 0 (it is the least of the linear functions L -> (I - L M)(F P F' + Q)(I - L M)' + L R L' over all gains L); so is
-any composition of such steps, and J_a, a sum of their weighted traces, inherits it. Concavity on the ray through P_A
-gives J_a(P_B) <= J_a((1 + e) P_A) <= J_a(P_A) + e (J_a(P_A) - J_a(0)). Let a be the best way to continue A, and
-V = c + min_a J_a what a belief's best schedule costs. If V_A < U then J_a(P_A) < U - c_A, and J_a(0) >= h, so
-V_B <= c_B + J_a(P_A) + e (U - c_A - h) <= V_A + d. If V_A >= U nothing is lost, the schedule of cost U being at hand; nor
-is it by dropping a belief with c + h >= U. So from step to step the least of U and of the kept beliefs' V grows by at
-most d, and the schedule found costs at most H d more than the optimum. With d = 0 it is the optimum. Beliefs dropped
-for want of room have V >= c + h, which goes into the bound.
+f(0) >= 0, being the least of (I - L M)(F P F' + Q)(I - L M)' + L R L' over all gains L; so is any composition of such
+steps, and J_a, a sum of their weighted traces, inherits it. Concavity on the ray through P_A gives
+J_a(P_B) <= J_a((1 + e) P_A) <= J_a(P_A) + e (J_a(P_A) - J_a(0)). Let a be the best way to continue A, and
+V = c + min_a J_a(P) what a belief's best schedule costs. If V_A < U then J_a(P_A) < U - c_A, and J_a(0) >= h, so
+V_B <= c_B + J_a(P_A) + e (U - c_A - h) <= V_A + d. If V_A >= U nothing is lost, for the schedule of cost U is at hand;
+nor is it where a belief with c + h >= U is dropped. So the least of U and the V of all beliefs kept grows by at most d
+from step to step, and the schedule found costs at most H d more than the optimum. With d = 0 it is the optimum. Beliefs
+dropped for want of room have V >= c + h, which goes into the bound.
 
-h is the sum over the remaining steps of the least cost that any schedule of the last few steps can make of a zero
-covariance, by monotonicity; U comes from the same search with few nodes. Two states, 50 steps and 56 or 88 waveforms take
-some 50 ms.
+h is the sum, over the remaining steps, of the least cost that any schedule of the last few steps can make of a zero
+covariance (monotonicity again); U comes from the same search with few nodes. Two states, 50 steps and 56 or 88
+waveforms take 10 to 50 ms.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
         recursion: model, measurement covariances and SNR of all steps.
         tolerance: how much the cost may exceed the optimum, relative to that of a first schedule (about 1 % above the
             optimum); 0 is exact.
-        nodes: beliefs kept per step, which bounds the memory (about 100 bytes per belief and waveform). Where they do not
-            suffice, as they may not with three states, the schedule is a good one and ``lower_bound`` says how good.
+        nodes: beliefs kept per step, which bounds the memory (about 100 bytes per belief and waveform). Where they do
+            not suffice, as may happen with three states, ``lower_bound`` says how good the schedule is.
 
     Raises:
         InputError: a tolerance that is negative or not finite, no nodes.
@@ -82,7 +82,7 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
 class Optimum:
     """Plays the best schedule. Clairvoyant: it knows the target's future range, hence the SNR of every step to come.
 
-    For systems with ``deterministic_recursion(world) -> Recursion``. ``plan`` holds the schedule, its cost and the bound.
+    For systems with ``deterministic_recursion(world) -> Recursion``. ``plan`` holds the schedule, its cost, the bound.
 
     Args:
         tolerance, nodes: see ``best_schedule``.

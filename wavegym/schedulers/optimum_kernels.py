@@ -42,6 +42,14 @@ def make_nodes(count, nn):
 
 
 @kernel
+def copy(P, P_out, nn):
+    """P_out = P, (n, n); a slice assignment takes seconds to compile."""
+    for i in range(len(nn)):
+        for j in range(len(nn)):
+            P_out[i, j] = P[i, j]
+
+
+@kernel
 def dominates(b, B, a, A, factor, Z, nn):
     """Whether D = factor A[a] - B[b] is positive semidefinite; Z (n, n) is scratch space."""
     n = len(nn)
@@ -126,9 +134,7 @@ def prune(children, born, slack, allowance, room, nodes, limit, nn):
         if kept == limit:
             return kept, children.cost[a]
         nodes.cost[kept], nodes.origin[kept] = children.cost[a], children.origin[a]
-        for i in range(n):
-            for j in range(n):
-                nodes.P[kept, i, j] = children.P[a, i, j]
+        copy(children.P[a], nodes.P[kept], nn)
         order[kept] = kept
         kept += 1
     return kept, np.inf
@@ -138,14 +144,16 @@ def prune(children, born, slack, allowance, room, nodes, limit, nn):
 def cost_to_come(model, scale, nodes, children, nn, mm):
     """Bound from below (H,) on the cost of all steps after each, whatever the schedule and the covariance.
 
-    Step u costs at least what the best schedule of the last DEPTH steps (fewer near the start) makes of a zero covariance.
+    Step u costs at least what the best schedule of the last DEPTH steps (at most) makes of a zero covariance.
     """
     horizon, n = len(scale), len(nn)
+    nothing = np.zeros(n), np.zeros((n, n))
     least, rest = np.zeros((horizon, DEPTH)), np.zeros(horizon)
     for start in range(horizon):
-        nodes.P[0], nodes.cost[0], kept, lost = 0.0, 0.0, 1, np.inf
+        copy(nothing[1], nodes.P[0], nn)
+        nodes.cost[0], kept, lost = 0.0, 1, np.inf
         for d in range(min(DEPTH, horizon - start)):
-            born = branch(nodes, kept, model, np.zeros(n), scale[start + d], np.inf, children, nn, mm)
+            born = branch(nodes, kept, model, nothing[0], scale[start + d], np.inf, children, nn, mm)
             least[start, d] = np.inf
             for k in range(born):
                 cost = 0.0
@@ -170,13 +178,15 @@ def search(P0, model, scale, slack, allowance, rest, ceiling, limit, nodes, chil
     Where there is none, ``plan`` is left as it is and the cost is the ceiling. ``origins`` (H, limit) is scratch space.
     """
     actions, bound = model.C.shape[0], np.inf
-    nodes.P[0], nodes.cost[0], kept = P0, 0.0, 1
+    copy(P0, nodes.P[0], nn)
+    nodes.cost[0], kept = 0.0, 1
     for k in range(len(scale)):
         room = ceiling - rest[k]
         born = branch(nodes, kept, model, model.weights, scale[k], room, children, nn, mm)
         kept, lost = prune(children, born, slack, allowance, room, nodes, limit, nn)
         bound = min(bound, lost + rest[k])
-        origins[k, :kept] = nodes.origin[:kept]
+        for i in range(kept):
+            origins[k, i] = nodes.origin[i]
     if kept == 0:
         return ceiling, bound
     node = 0

@@ -40,6 +40,8 @@ def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator
     """
     state = system.begin(world)
     policy.begin(system, len(state.public.step), rng or np.random.default_rng(0))
+    if hasattr(policy, "foresee"):
+        policy.foresee(world)
     costs, actions, steps = [], [], np.zeros(len(state.public.step), np.int64)
     for _ in range(system.horizon):
         over = system.ended(state.public)

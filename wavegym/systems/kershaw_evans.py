@@ -230,7 +230,7 @@ class KershawEvans(System):
         )
 
     def deterministic_recursion(self, world: World) -> Recursion:
-        """The covariance recursion of whole episodes: eta is taken at the true range, so it depends on actions alone."""
+        """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone."""
         state = self.begin(world)
         eta = range_law_snr(state.hidden.path[:, 1:, 0], self.reference_range, self.nearest_range)
         (F, Q, M), C = self._model, self.unit_covariance(self.candidates())

@@ -1,0 +1,57 @@
+"""Plain matrix versions of what the kernels compute, and worlds to compute it on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+C = 299792458.0
+
+
+def worlds(system, count, seed=0):
+    """``count`` tapes of ``system`` as one batch."""
+    rng = np.random.default_rng(seed)
+    tapes = [system.draw_world(rng) for _ in range(count)]
+    return type(tapes[0])(*(np.stack(arrays) for arrays in zip(*tapes, strict=True)))
+
+
+def rows(batch, index):
+    """The environments ``index`` (a slice or an array) of a NamedTuple of arrays."""
+    return type(batch)(*(a[index] for a in batch))
+
+
+def random_covariance(rng, n, lead=()):
+    """Positive definite matrices with standard deviations over two decades."""
+    root = rng.standard_normal((*lead, n, 2 * n)) * 10 ** rng.uniform(-1, 1, (*lead, n, 1))
+    return root @ np.swapaxes(root, -1, -2)
+
+
+def predict(x, P, F, Q):
+    return F @ x, F @ P @ F.T + Q
+
+
+def update(x, P, y, H, R):
+    """Joseph's form, which forgives rounding in the gain."""
+    K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    left = np.eye(len(P)) - K @ H
+    return x + K @ y, left @ P @ left.T + K @ R @ K.T
+
+
+def chirp_covariance(k, sweep, fc=10.4e9):
+    """Unit SNR; duration s, sweep Hz with its sign: the formula of Kershaw and Evans."""
+    g, wc = np.pi * sweep / (2 * k), 2 * np.pi * fc
+    cross = -(C**2) * g * k**2 / wc
+    return np.array([[C**2 * k**2 / 2, cross], [cross, (C / wc) ** 2 * (1 / (2 * k**2) + 2 * g**2 * k**2)]])
+
+
+def motion(n, dt, q):
+    """F and Q of white noise on the n-th derivative, from the definition Q = int f f' q dt."""
+    F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])[:n, :n]
+    node, weight = np.polynomial.legendre.leggauss(5)
+    f = [[t ** (n - 1 - i) / (1, 1, 2)[n - 1 - i] for i in range(n)] for t in dt * (node + 1) / 2]
+    return F, q * dt / 2 * sum(w * np.outer(v, v) for v, w in zip(f, weight, strict=True))
+
+
+def covariance_distance(P, expected):
+    """Largest difference, in units of the expected standard deviations."""
+    sigma = np.sqrt(np.diagonal(expected, axis1=-2, axis2=-1))
+    return np.abs((P - expected) / (sigma[..., :, None] * sigma[..., None, :])).max()

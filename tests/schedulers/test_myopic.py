@@ -1,0 +1,87 @@
+"""The grid's choice against plain matrices over all actions."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracles
+import pytest
+from scheduler_systems import CA, Ladder, Start
+
+from wavegym.errors import InputError
+from wavegym.schedulers import Myopic, rollout
+from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+
+
+def objectives(system, mean, P):
+    """Each objective of every action, from the formulas."""
+    n = len(mean)
+    F, Q = oracles.motion(n, system.dt, system.q)
+    x, ahead = oracles.predict(mean, P, F, Q)
+    values = {"trace": [], "determinant": [], "gate": []}
+    for k in system.durations:
+        for sweep in system.sweeps:
+            R = oracles.chirp_covariance(k, sweep) * (x[0] / 50e3) ** 4
+            _, updated = oracles.update(x, ahead, np.zeros(2), np.eye(2, n), R)
+            values["trace"].append(np.diag(updated) @ system.weights)
+            values["determinant"].append(np.linalg.det(updated))
+            values["gate"].append(np.linalg.det(ahead[:2, :2] + R))
+    return values
+
+
+@pytest.mark.parametrize("objective", ["trace", "determinant", "gate"])
+@pytest.mark.parametrize("system", [KershawEvansPosition(), KershawEvans(sweeps=(0.0, 1e6, -1e6), **CA)])
+def test_the_choice_is_the_least_over_all_actions(system, objective):
+    rng = np.random.default_rng(0)
+    n = len(system.weights)
+    public = system.begin(oracles.worlds(system, 30)).public
+    public = public._replace(covariance=oracles.random_covariance(rng, n, (30,)))
+    policy = Myopic(objective)
+    policy.begin(system, 30, rng)
+    chosen = policy.act(public, None, None)
+    assert objective == "determinant" or len(np.unique(chosen)) > 1  # det P runs to an edge whatever the belief
+    for e in range(30):
+        values = np.array(objectives(system, public.mean[e], public.covariance[e])[objective])
+        assert values[chosen[e]] <= values.min() * (1 + 1e-8)
+
+
+def test_what_is_masked_is_not_chosen():
+    system = KershawEvansPosition()
+    public = system.begin(oracles.worlds(system, 5)).public
+    policy = Myopic()
+    policy.begin(system, 5, None)
+    free = policy.act(public, None, None)
+    mask = np.ones((5, 56), bool)
+    assert (policy.act(public, None, mask) == free).all()
+    mask[np.arange(5), free] = False
+    second = policy.act(public, None, mask)
+    cost = system.cost(system.imagine(public, np.arange(56)[None]))
+    assert (second == np.argsort(cost, axis=1)[:, 1]).all()
+    ladder = Ladder()
+    worlds = oracles.worlds(ladder, 20)
+    level = worlds.level
+    for k in range(ladder.horizon):
+        actions = rollout(ladder, Myopic(), worlds).actions[:, k]
+        live = level <= 40
+        assert ladder.mask(ladder.begin(Start(level)).public)[np.arange(20), actions][live].all()
+        level = ladder.imagine(ladder.begin(Start(level)).public, actions).level
+
+
+def test_a_box_is_searched_at_its_librarys_points():
+    library, box = KershawEvansPosition(), KershawEvansPosition(action="box")
+    public = library.begin(oracles.worlds(library, 10)).public
+    chosen = []
+    for system in (library, box):
+        policy = Myopic()
+        policy.begin(system, 10, None)
+        chosen.append(policy.act(public, None, None))
+    assert (chosen[1] == box.candidates()[chosen[0]]).all()
+
+
+def test_an_own_objective_and_an_unknown_one():
+    system = KershawEvansPosition()
+    public = system.begin(oracles.worlds(system, 4)).public
+    policy = Myopic(lambda system, public, candidates: -np.ones((4, 1)) * candidates)
+    policy.begin(system, 4, None)
+    assert (policy.act(public, None, None) == 55).all()
+    with pytest.raises(InputError, match="did you mean 'determinant'"):
+        Myopic("determinent")
