@@ -18,7 +18,7 @@ from wavegym.errors import InputError
 from wavegym.evaluation.command import Parser, guarded, settings
 
 POLICIES = """comma-separated: random, round-robin, fixed:K, best-fixed, myopic, myopic:determinant, myopic:gate,
-lookahead:H, optimum, or the folder of a trained run (or of several runs that differ in their seed)"""
+myopic:closed-form, lookahead:H, optimum, or the folder of a trained run (or of several runs, one for each seed)"""
 
 
 def parser() -> Parser:

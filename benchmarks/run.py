@@ -16,7 +16,7 @@ def main() -> None:
     print("| work | ours (us) | filterpy (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
     for name, (r, wanted) in kalman.run().items():
         row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
-        print(f"| {name} | {row} | >= {wanted:g} |")
+        print(f"| {name} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |")
     print("\n| planner | batch | us per decision | peak MiB |\n|---|---|---|---|")
     for name, decisions in planners.run().items():
         for d in decisions:

@@ -46,6 +46,8 @@ def within(name: str, value: float, low: float, high: float, unit: str = "") -> 
 
 def ordered(name: str, low: float, high: float) -> None:
     """Raise an InputError unless low <= high."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise InputError(f"{name} is ({low:g}, {high:g}), expected finite numbers")
     if not low <= high:
         raise InputError(f"{name} is ({low:g}, {high:g}), expected (low, high); nearest: ({high:g}, {low:g})")
 

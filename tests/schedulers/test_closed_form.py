@@ -92,6 +92,22 @@ def test_all_parts_of_the_box_are_met(objective):
     assert inside.all(axis=1).any() == (objective == "gate")  # of two states, the least trace is on an edge
 
 
+def test_a_gate_on_the_edge_of_the_sweep_solves_the_quartic():
+    """d/dk of A22 R11 - 2 A12 R12 + A11 R22 at the widest sweep, times k^3."""
+    system = SYSTEMS["narrow"]
+    public = beliefs(system, 1, 2000)
+    actions = ready(system, "gate").act(public, None, None)
+    k, sweep = system.actions.decode(actions).T
+    on_edge = (np.abs(actions[:, 1]) == 1.0) & (np.abs(actions[:, 0]) < 1.0)
+    wc = 2 * np.pi * system.carrier_hz
+    for A, duration, s in zip(system.predicted(public)[0][on_edge], k[on_edge], sweep[on_edge], strict=True):
+        us = 1e-6  # a unit in which the coefficients are alike
+        quartic = [A[1, 1] * us**4, np.pi * s * A[0, 1] / wc * us**3, 0.0, 0.0, -A[0, 0] / wc**2]
+        roots = np.roots(quartic) * us
+        (positive,) = roots[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)].real
+        np.testing.assert_allclose(duration, positive, rtol=1e-9)
+
+
 @pytest.mark.parametrize("objective", ["trace", "gate"])
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_batch_equals_its_elements(name, objective):

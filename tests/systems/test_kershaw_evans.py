@@ -207,7 +207,7 @@ def test_the_recursion_is_the_loops_covariance():
         ({"horizon": 0}, "horizon is 0"),
         ({"horizon": 2.5}, "horizon is 2.5"),
         ({"weights": (1.0,)}, "expected 2 numbers"),
-        ({"weights": (0.0, 0.0)}, "not all 0"),
+        ({"weights": (0.0, 0.0)}, "sum of weights"),
         ({"model": "ca"}, "expected 3 numbers"),
         ({"model": "cw"}, "'cv' or 'ca'"),
         ({"durations": (-1e-6,)}, "duration is -1e-06"),

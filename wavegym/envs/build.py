@@ -31,6 +31,9 @@ def build_system(system: System | type[System] | str, parameters: dict[str, Any]
         return make(**parameters)
     except ValidationError as error:
         first = error.errors()[0]
+        own = first.get("ctx", {}).get("error")
+        if isinstance(own, InputError):  # raised by the system itself, and complete
+            raise own from None
         field = ".".join(str(part) for part in first["loc"]) or make.__name__
         raise InputError(f"{field} is {first['input']!r}: {first['msg']}") from None
 

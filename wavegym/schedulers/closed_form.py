@@ -37,12 +37,9 @@ from wavegym.waveforms import SPEED_OF_LIGHT, ParameterBox
 
 Array = NDArray[Any]
 
-GRID, FINER, ROUNDS = (
-    65,
-    17,
-    5,
-)  # durations tried first, in each finer search between the best one's neighbours, and how often
-NEWTON = 8
+GRID = 65  # durations tried first,
+FINER, ROUNDS = 17, 5  # then between the best one's neighbours, and how often
+NEWTON = 8  # steps, from a start that is never far
 
 
 class Limits(NamedTuple):

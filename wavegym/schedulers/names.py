@@ -7,8 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 from wavegym.errors import InputError, choice
+from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.myopic import Myopic
+from wavegym.schedulers.optimum import Optimum
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.simple import Fixed, RandomChoice, RoundRobin
 from wavegym.schedulers.tuning import best_fixed
@@ -20,7 +22,8 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
 
     Args:
         name: ``random``, ``round-robin``, ``fixed:K`` (the candidate K), ``best-fixed`` (found on ``tuning_worlds``),
-            ``myopic``, ``myopic:determinant``, ``myopic:gate``, ``lookahead:H`` (steps), or ``optimum`` (clairvoyant).
+            ``myopic``, ``myopic:determinant``, ``myopic:gate``, ``myopic:closed-form`` (for action="box"),
+            ``lookahead:H`` (steps), or ``optimum`` (clairvoyant).
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 
@@ -59,12 +62,6 @@ def _gate(system: System, worlds: Any) -> Policy:
     return Myopic("gate")
 
 
-def _optimum(system: System, worlds: Any) -> Policy:
-    from wavegym.schedulers.optimum import Optimum
-
-    return Optimum()
-
-
 def _impossible(name: str, system: System, why: str) -> InputError:
     return InputError(f"policy {name!r} cannot be computed for {type(system).__name__}: {why}; nearest: 'myopic'")
 
@@ -77,6 +74,7 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "myopic": lambda system, worlds: Myopic(),
     "myopic:determinant": _determinant,
     "myopic:gate": _gate,
-    "optimum": _optimum,
+    "myopic:closed-form": lambda system, worlds: MyopicClosedForm(),
+    "optimum": lambda system, worlds: Optimum(),
 }
 FORMS = (*PLAIN, "fixed:K", "lookahead:H")

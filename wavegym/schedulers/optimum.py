@@ -44,7 +44,7 @@ class Schedule(NamedTuple):
 
     actions: Array  # (env, H) int, indices of candidates
     cost: Array  # (env,) sum over the steps
-    lower_bound: Array  # (env,) no schedule costs less
+    lower_bound: Array  # (env,) no schedule costs less, but for rounding
 
 
 def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_000) -> Schedule:

@@ -100,7 +100,7 @@ class KershawEvans(System):
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
-        for name in ("dt", "carrier_hz", "reference_range", "nearest_range"):
+        for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "farthest_range"):
             positive(name, getattr(self, name))
         non_negative("q", self.q)
         positive("horizon", self.horizon, "steps")
@@ -108,13 +108,15 @@ class KershawEvans(System):
         n = 3 if self.model == "ca" else 2
         for name in ("weights", "prior_variance"):
             values = getattr(self, name)
-            if len(values) != n or min(values) < 0 or not max(values) > 0:
-                raise InputError(f"{name} is {values}, expected {n} numbers >= 0, not all 0, for model={self.model!r}")
-        if min(self.prior_variance) <= 0:
-            raise InputError(f"prior_variance is {self.prior_variance}, expected numbers > 0")
+            if len(values) != n:
+                raise InputError(f"{name} is {values}, expected {n} numbers for model={self.model!r}")
+            for value in values:
+                non_negative(name, value)
+        positive("sum of weights", sum(self.weights))
+        positive("least prior_variance", min(self.prior_variance))
         for name in ("start_range", "start_speed", "start_acceleration"):
             ordered(name, *getattr(self, name))
-        self.library  # noqa: B018  (an invalid pulse is reported here, not at the first step)
+        self.library, self.actions, self._paths  # noqa: B018  (an invalid pulse or recording is reported here)
 
     @cached_property
     def motion(self) -> MotionModel:
