@@ -14,6 +14,7 @@ export OMP_NUM_THREADS ?= 1
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
+	@# torch by itself first: with its exact version there, no other package asks for a newer build.
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[agents,dev]"
 	touch $@

@@ -3,12 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wavegym.envs import WaveformVectorEnv
 from wavegym.errors import InputError
+from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
 from wavegym.schedulers.myopic import OBJECTIVES
 from wavegym.schedulers.names import FORMS, is_scheduler, make_policy
 from wavegym.systems.contract import State, System
-from wavegym.systems.kershaw_evans import KershawEvans, World
+from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition, World
 
 SYSTEM = KershawEvans(horizon=3)
 WORLDS = World(*(np.stack([a, a]) for a in SYSTEM.draw_world(np.random.default_rng(0))))
@@ -79,6 +81,23 @@ class Belief(System):
 def test_objectives_that_a_system_cannot_have_are_refused(name):
     with pytest.raises(InputError, match=f"'{name}' cannot be computed for Belief"):
         make_policy(name, Belief(), WORLDS)
+
+
+@pytest.mark.parametrize("name", [*(f for f in FORMS if f[-2] != ":"), "fixed:3", "lookahead:1", "lookahead:3"])
+def test_every_scheduler_gets_through_gymnasiums_loop(name):
+    """In the default autoreset mode a policy is also asked at the step that only resets, when its episode is over."""
+    action = "box" if name == "myopic:closed-form" else "library"
+    envs = WaveformVectorEnv(KershawEvansPosition, 2, horizon=4, action=action)
+    policy = make_policy(name, envs.system, draw_worlds(envs.system, world_seeds(0, "tune", 3)))
+    observation, _ = envs.reset(seed=0)
+    policy.begin(envs.system, 2, np.random.default_rng(0))
+    if hasattr(policy, "foresee"):
+        policy.foresee(envs.world)
+    ends = 0
+    for _ in range(12):
+        observation, _, terminated, _, _ = envs.step(policy.act(envs.public, observation, None))
+        ends += int(terminated.sum())
+    assert ends == 4
 
 
 def test_folders_are_no_schedulers():

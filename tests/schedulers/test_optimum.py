@@ -73,11 +73,17 @@ def test_the_plan_is_what_is_played():
 def test_the_bound_is_certified(kwargs):
     for system in (small(5), small_ca(5, start_covariance="random")):
         worlds = oracles.worlds(system, 6)
-        truth, plan = all_schedules(system, worlds), prepared(system, worlds, **kwargs).plan
+        truth, plan = all_schedules(system, worlds), prepared(system, worlds, **kwargs, gap=np.inf).plan
         assert (plan.lower_bound <= truth * (1 + 1e-9)).all()
         assert (truth <= plan.cost * (1 + 1e-9)).all()
         if "nodes" not in kwargs:
             assert (plan.cost <= (1 + 1.1 * kwargs["tolerance"]) * plan.lower_bound).all()
+
+
+def test_a_plan_that_is_not_certified_is_not_called_the_optimum():
+    system = small_ca(5, start_covariance="random")
+    with pytest.raises(InputError, match="of 6 plans are certified to .* only"):
+        prepared(system, oracles.worlds(system, 6), nodes=1)
 
 
 def test_a_tolerance_bounds_the_loss_over_whole_episodes():
@@ -86,7 +92,7 @@ def test_a_tolerance_bounds_the_loss_over_whole_episodes():
     exact = prepared(system, worlds).plan
     assert (exact.lower_bound == exact.cost).all()
     for tolerance in (1e-3, 1e-2):
-        plan = prepared(system, worlds, tolerance=tolerance).plan
+        plan = prepared(system, worlds, tolerance=tolerance, gap=np.inf).plan
         assert (plan.lower_bound <= exact.cost).all()
         assert (exact.cost <= plan.cost * (1 + 1e-12)).all()
         assert (plan.cost <= plan.lower_bound * (1 + 1.1 * tolerance)).all()

@@ -136,7 +136,7 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_by_track():
     P[0, 1] = np.nan
     with pytest.raises(InputError, match=r"of track \(0, 1\) has the eigenvalue nan"):
         update_covariance(P, H, R)
-    with pytest.raises(InputError, match=r"R has the eigenvalue -1, expected"):
+    with pytest.raises(InputError, match=r"^R has the eigenvalue -2, expected"):
         update(np.zeros(1), [[1.0]], np.zeros(1), [[1.0]], [[-2.0]])
 
 

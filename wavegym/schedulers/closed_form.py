@@ -20,8 +20,9 @@ a sum without cancellation. So tr(Lambda P) is a constant plus, with L = G' Lamb
 det A tr(L R) + det R tr(L A) to det S: for a given k a ratio of two quadratics in s, extremal at the roots of a third
 and at the limits. The duration is searched.
 
-Source: D. J. Kershaw and R. J. Evans, "Optimal waveform selection for tracking systems", IEEE Trans. Information Theory
-40(5), 1994.
+Source of the form of R, of R proportional to A and of the quadratic in the chirp rate: D. J. Kershaw and R. J. Evans,
+"Optimal waveform selection for tracking systems", IEEE Trans. Information Theory 40(5), 1994. The edges of the box, the
+form without cancellation and the search over durations are derived here.
 """
 
 from __future__ import annotations

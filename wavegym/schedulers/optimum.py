@@ -86,12 +86,13 @@ class Optimum:
 
     Args:
         tolerance, nodes: see ``best_schedule``.
+        gap: what is called the optimum must be certified to be within this share of it.
     """
 
     plan: Schedule
 
-    def __init__(self, tolerance: float = 0.0, nodes: int = 10_000) -> None:
-        self.tolerance, self.nodes = tolerance, nodes
+    def __init__(self, tolerance: float = 0.0, nodes: int = 10_000, gap: float = 1e-3) -> None:
+        self.tolerance, self.nodes, self.gap = tolerance, nodes, gap
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where the system's covariance is not deterministic."""
@@ -101,8 +102,15 @@ class Optimum:
         self._system, self._candidates = system, system.candidates()
 
     def foresee(self, world: Any) -> None:
-        """Plan for the worlds (axis 0 = environment) that will be played; called once after ``begin``."""
+        """Plan for the worlds (axis 0 = environment) that will be played; called once after ``begin``.
+
+        Raises an InputError where ``nodes`` do not suffice to certify a plan: it may be good, but is not the optimum.
+        """
         self.plan = best_schedule(self._system.deterministic_recursion(world), self.tolerance, self.nodes)
+        gaps = 1.0 - self.plan.lower_bound / self.plan.cost
+        if gaps.max() > self.gap:
+            found = f"{np.count_nonzero(gaps > self.gap)} of {len(gaps)} plans are certified to {gaps.max():.2g} only"
+            raise InputError(f"policy 'optimum': {found}, expected {self.gap:g}; it takes more nodes than {self.nodes}")
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``. An environment whose episode is over gets some action. Raises an InputError for a mask."""

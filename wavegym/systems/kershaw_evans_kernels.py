@@ -125,7 +125,7 @@ def lookahead(mean, P, C, step, horizon, depth, weights, F, Q, M, r0, nearest, n
     updated, predicted = np.empty((depth + 1, n, n)), np.empty((depth, n, n))
     spent, scale, tried = np.zeros(depth + 1), np.empty(depth), np.empty(depth, np.int64)
     for e in range(count):
-        levels = min(depth, horizon - step[e])
+        levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action nobody will use
         foreseen_scales(e, mean, levels, F, r0, nearest, scale, nn)
         updated[0] = P[e]
         level = 0

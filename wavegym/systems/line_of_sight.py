@@ -53,8 +53,10 @@ def path_source(system: KershawEvans) -> PathSource:
     """The source of true paths that ``system.targets`` names."""
     if system.targets == "recorded":
         return _recorded(system)
-    if system.tracks is not None:
-        raise InputError(f"tracks is {str(system.tracks)!r} with targets={system.targets!r}, expected 'recorded'")
+    for name in ("tracks", "radar"):
+        if getattr(system, name) is not None:
+            given = f"{name} is {getattr(system, name)!s} with targets={system.targets!r}"
+            raise InputError(f"{given}, expected it with targets='recorded' only")
     bounds = np.array([system.start_range, system.start_speed, system.start_acceleration])[: len(system.weights)].T
     if system.targets == "random":
         return RandomPath(system.motion, bounds[0], bounds[1] - bounds[0])

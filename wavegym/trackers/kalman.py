@@ -59,7 +59,7 @@ def update(
         The updated mean (..., n) and covariance (..., n, n), the latter exactly symmetric.
 
     Raises:
-        InputError: where an innovation covariance S is not positive definite.
+        InputError: where P, R or the innovation covariance S is not positive definite and the update shows it.
     """
     x, P = kernels.update(mean, covariance, innovation, H, R)
     _require_definite(P, covariance, H, R)
@@ -88,8 +88,15 @@ def ekf_update(
 
 
 def nees(error: ArrayLike, covariance: ArrayLike) -> Array:
-    """Normalised estimation error squared e' P^-1 e, (...): chi-square with n degrees of freedom for a right filter."""
-    return kernels.squared_mahalanobis(error, covariance)
+    """Normalised estimation error squared e' P^-1 e, (...): chi-square with n degrees of freedom for a right filter.
+
+    Raises:
+        InputError: where a P is not positive definite.
+    """
+    values = kernels.squared_mahalanobis(error, covariance)
+    if np.isnan(values).any():
+        require_positive_definite("covariance", covariance)
+    return values
 
 
 def require_positive_definite(name: str, matrix: ArrayLike) -> Array:
@@ -104,14 +111,20 @@ def require_positive_definite(name: str, matrix: ArrayLike) -> Array:
 
 
 def _require_definite(updated: Array, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
-    """The kernels answer NaN where S has no factorisation; say which track that was."""
-    if not np.isnan(updated.sum()):
+    """InputError for the first track that came out with a variance that is negative or NaN (S has no factorisation).
+
+    That is how a P or R that is no covariance shows, at a twentieth of the price of looking at its eigenvalues.
+    """
+    n = updated.shape[-1]
+    variances = updated.reshape(-1, n * n)[:, :: n + 1]
+    if not variances.size or variances.min() >= 0.0:
         return
-    index = tuple(int(i) for i in np.argwhere(np.isnan(updated).any((-2, -1)))[0])
     lead = updated.shape[:-2]
+    index = tuple(int(i) for i in np.argwhere(~(np.diagonal(updated, 0, -2, -1) >= 0.0).all(-1))[0])
     p, h, r = (np.broadcast_to(np.asarray(a), lead + np.shape(a)[-2:])[index] for a in (covariance, H, R))
-    smallest = np.linalg.eigvalsh(h @ p @ h.T + r).min() if np.isfinite(p).all() and np.isfinite(r).all() else np.nan
     where = f" of track {index}" if index else ""
-    raise InputError(
-        f"the innovation covariance H P H' + R{where} has the eigenvalue {smallest:.6g}, expected it positive definite"
-    )
+    for name, matrix in (("P", p), ("R", r), ("the innovation covariance H P H' + R", h @ p @ h.T + r)):
+        smallest = np.linalg.eigvalsh(matrix).min() if np.isfinite(matrix).all() else np.nan
+        if not smallest > 0.0:
+            raise InputError(f"{name}{where} has the eigenvalue {smallest:.6g}, expected it positive definite")
+    raise InputError(f"the update{where} left a negative variance, expected a better conditioned P and R")
