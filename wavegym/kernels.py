@@ -28,12 +28,13 @@ PACKAGE = Path(__file__).parent
 
 
 def _cache_folder() -> str:
-    """The folder for compiled code: beside the package where that can be written, else Numba's own choice ("")."""
+    """The folder for compiled code: beside the package where that can be written, else the user's cache."""
     digest = hashlib.sha256()
     for source in sorted(PACKAGE.rglob("*kernels.py")):
         digest.update(source.read_bytes())
-    folder = PACKAGE / "__pycache__" / f"kernels-{digest.hexdigest()[:16]}"
-    return str(folder) if os.access(PACKAGE, os.W_OK) else ""
+    caches = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "wavegym"
+    parent = PACKAGE / "__pycache__" if os.access(PACKAGE, os.W_OK) else caches
+    return str(parent / f"kernels-{digest.hexdigest()[:16]}")
 
 
 class _Notice(event.Listener):

@@ -6,7 +6,7 @@ import csv
 import math
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
@@ -84,11 +84,7 @@ def read_tracks(
     if table.geodetic and place is None:
         directions = np.concatenate([geodetic for geodetic, _ in cleaned.values()])
         place = (*mean_direction(directions[:, 0], directions[:, 1]), 0.0)
-    tracks = []
-    for name, (_, track) in cleaned.items():
-        positions = track.positions if place is None else ecef_to_enu(track.positions, *place)
-        tracks.append(RecordedTrack(name, track.times, positions, track.height_known, track.dropped, str(file), place))
-    return tracks
+    return [_placed(replace(track, source=str(file)), place) for _, track in cleaned.values()]
 
 
 def _clean(table: _Table, rows: NDArray[np.int64], limit: float) -> tuple[Array, RecordedTrack]:
@@ -106,6 +102,11 @@ def _clean(table: _Table, rows: NDArray[np.int64], limit: float) -> tuple[Array,
         "too fast": int(len(kept) - good.sum()),
     }
     return columns[good], RecordedTrack(table.ids[rows[0]], times[good], positions[good], known, dropped)
+
+
+def _placed(track: RecordedTrack, place: tuple[float, float, float] | None) -> RecordedTrack:
+    """The track in the local tangent plane at ``place``, if it is one of a geodetic file."""
+    return track if place is None else replace(track, positions=ecef_to_enu(track.positions, *place), origin=place)
 
 
 def _checked_origin(origin: Sequence[float] | None) -> tuple[float, float, float] | None:

@@ -54,6 +54,11 @@ def plot_ambiguity(
         _draw_plane(axes, waveform, taus, nus, floor_db)
         axes.set_title(waveform.label)
         return axes.figure.figure
+    return _plane_and_cuts(waveform, taus, nus, floor_db)
+
+
+def _plane_and_cuts(waveform: Waveform, taus: Array, nus: Array, floor_db: float | None) -> Figure:
+    """A figure of the plane with its colour bar, the zero-Doppler cut above it and the zero-delay cut beside it."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.2, 6.4), layout="constrained")
