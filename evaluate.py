@@ -7,97 +7,11 @@ Writes DIR/summary.json, episodes.csv, table.md and comparison.png, all or none,
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
-from typing import Any
 
-from wavegym.errors import InputError
-from wavegym.evaluation.command import Parser, guarded, settings
-
-POLICIES = """comma-separated: random, round-robin, fixed:K, best-fixed, myopic, myopic:determinant, myopic:gate,
-myopic:closed-form, lookahead:H, optimum, or the folder of a trained run (or of several runs, one for each seed)"""
-
-
-def parser() -> Parser:
-    """The options."""
-    options = Parser(prog="evaluate.py", description=__doc__.partition("\n")[0])
-    options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
-    options.add_argument("--policies", default="myopic,best-fixed,random", help=f"{POLICIES} (default: %(default)s)")
-    options.add_argument("--worlds", type=int, default=200, metavar="N", help="how many (default: %(default)s)")
-    options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    options.add_argument("--seed", type=int, default=0, metavar="S", help="another seed, other worlds (default: 0)")
-    options.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes (default: one for each core)")
-    options.add_argument("--tracks", type=Path, metavar="FILE.csv", help="recorded targets")
-    options.add_argument(
-        "--radar",
-        type=float,
-        nargs="+",
-        metavar="X",
-        help="where the radar stands: LAT LON [ALT], or X Y [Z] in metres",
-    )
-    options.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the environment")
-    return options
-
-
-def parameters(options: Any) -> dict[str, Any]:
-    """The system's parameters that the options ask for."""
-    chosen = settings(options.set)
-    if options.tracks:
-        chosen |= {"targets": "recorded", "tracks": options.tracks}
-    if options.radar:
-        if len(options.radar) not in (2, 3):
-            raise InputError(f"--radar has {len(options.radar)} numbers, expected LAT LON or LAT LON ALT")
-        chosen["radar"] = (*options.radar, 0.0)[:3]
-    return chosen
-
-
-def policies(names: str, env_id: str) -> dict[str, Any]:
-    """Where each policy comes from: None for a scheduler, a loader for a folder."""
-    from wavegym.schedulers.names import is_scheduler
-
-    found: dict[str, Any] = {}
-    for name in filter(None, (part.strip() for part in names.split(","))):
-        folder = Path(name)
-        trained = os.sep in name or (folder.is_dir() and not is_scheduler(name))
-        key = folder.resolve().name if trained else name
-        if key in found:
-            raise InputError(f"two policies are called {key!r}, expected different names (rename a folder)")
-        found[key] = partial(load_trained, folder, env_id) if trained else None
-    if not found:
-        raise InputError(f"--policies is {names!r}, expected at least one name, such as myopic")
-    return found
-
-
-def load_trained(folder: Path, env_id: str, system: Any) -> Any:
-    """The trained runs in a folder, one policy each."""
-    try:
-        from agents.runs import load_policy
-    except ImportError as error:
-        raise InputError(f"policy {str(folder)!r} needs the agents: {error}; pip install 'wavegym[agents]'") from error
-    return load_policy(folder, env_id, system)
-
-
-def evaluate(arguments: Sequence[str] | None) -> None:
-    """Play, compare, write, print."""
-    options = parser().read(arguments)
-    # Half a second of imports that a misspelt option need not wait for.
-    from wavegym.evaluation import compare, full_id, write_report
-
-    env_id = full_id(options.env)
-    options.out.mkdir(parents=True, exist_ok=True)
-    comparison = compare(
-        env_id,
-        policies(options.policies, env_id),
-        worlds=options.worlds,
-        root=options.seed,
-        jobs=options.jobs,
-        **parameters(options),
-    )
-    print(write_report(comparison, options.out))
-    print(f"\nwritten to {options.out}: summary.json, episodes.csv, table.md, comparison.png")
+from agents.compare import evaluate
+from wavegym.evaluation.command import guarded
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""The whole loop in about two minutes: train PPO to schedule waveforms, then compare it with the analytic schedulers.
+"""The whole loop in about a minute: train PPO to schedule waveforms, then compare it with the analytic schedulers.
 
     python -m agents.demo --out out/demo
 
@@ -38,10 +38,10 @@ def unused(folder: Path) -> Path:
 def demo(arguments: Sequence[str] | None) -> None:
     """Train, compare, print."""
     options = parser().read(arguments)
+    from agents.compare import evaluate
     from agents.plan import Plan
     from agents.settings import load_settings
     from agents.training import train
-    from evaluate import evaluate
 
     out = unused(options.out.absolute())
     settings = load_settings(ENV, "ppo", {} if options.steps is None else {"steps": options.steps})

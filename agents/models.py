@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 
+import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -53,6 +54,27 @@ def build_model(plan: Plan) -> BaseAlgorithm:
     )
     env.seed(training_seeds(ROOT, plan.seed, settings.num_envs))
     return model
+
+
+def try_out(plan: Plan) -> None:
+    """One step of the plan's environment, apart from the training's own environments and generators.
+
+    Raises:
+        InputError: a setting that the environment does not know, a missing file of recorded targets and the like, or a
+            reward that its system cannot give.
+    """
+    settings = plan.settings
+    env = SB3VecEnv(plan.env, 1, reward=settings.reward, **settings.environment)
+    env.seed(training_seeds(ROOT, plan.seed, 1))
+    env.action_space.seed(0)
+    try:
+        env.reset()
+        env.step(np.array([env.action_space.sample()]))
+    except NotImplementedError as error:
+        missing = f"its system does not offer what reward {settings.reward!r} needs"
+        raise InputError(f"{plan.env} cannot be trained in: {missing}, expected another reward") from error
+    finally:
+        env.close()
 
 
 def model_bytes(model: BaseAlgorithm) -> bytes:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import wavegym
-from agents.runs import CONTENTS, PLAN, read_record
+from agents.records import difference, read_record
+from agents.runs import CONTENTS, PLAN
 from agents.settings import Settings
 from wavegym.errors import InputError
 
@@ -55,12 +56,10 @@ def check_same(plan: Plan, folder: Path) -> None:
     """Raise an InputError that names the difference if the run in the folder is of another plan, or there is none."""
     if not (folder / PLAN).exists():
         raise InputError(f"{folder} holds no run to resume, expected {PLAN} in it")
-    here, there = _flat(plan.record()), _flat(read_record(folder / PLAN))
-    for name in sorted({*here, *there}):
-        if here.get(name) != there.get(name):
-            raise InputError(
-                f"{name} is {here.get(name)!r}, but the run in {folder} has {there.get(name)!r}: it cannot be resumed"
-            )
+    unlike = difference(plan.record(), read_record(folder / PLAN))
+    if unlike:
+        name, here, there = unlike
+        raise InputError(f"{name} is {here!r}, but the run in {folder} has {there!r}: it cannot be resumed")
 
 
 def _version(package: str) -> str:
@@ -68,11 +67,3 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:  # run from a source tree, say
         return "unknown"
-
-
-def _flat(record: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """{"settings.gamma": 0.9, ...} of a nested record."""
-    flat: dict[str, Any] = {}
-    for key, value in record.items():
-        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
-    return flat

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,8 @@ from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 
-from wavegym.errors import InputError
+from agents.records import difference, read_run
+from wavegym.errors import InputError, choice
 from wavegym.schedulers import Policy
 from wavegym.systems.contract import System
 from wavegym.waveforms import ParameterBox
@@ -35,6 +35,7 @@ Array = NDArray[Any]
 PLAN, RUN, POLICY, CURVE = "plan.json", "run.json", "policy.zip", "curve.csv"
 CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
 CONTENTS = (PLAN, RUN, POLICY, CURVE, CHECKPOINTS, BOARD)
+LEARNER = ("env", "algo", "settings")  # what training seeds of one learner have in common
 MODELS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "dqn": DQN}
 
 
@@ -89,21 +90,6 @@ def signature(system: System) -> dict[str, Any]:
     }
 
 
-def read_record(path: Path) -> dict[str, Any]:
-    """A JSON object that a training run wrote.
-
-    Raises:
-        InputError: the file is missing or is no such thing.
-    """
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {error}") from None
-    if not isinstance(record, dict):
-        raise InputError(f"{path} holds no JSON object, expected what train.py wrote")
-    return record
-
-
 def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]:
     """The trained policies in a folder: one of a run's folder; all, sorted by name, of a folder of runs' folders.
 
@@ -113,7 +99,8 @@ def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]
         system: its closed loop; the policy's observation and actions must be this one's.
 
     Raises:
-        InputError: no finished run, a missing or torn file, or a policy from another environment (both named).
+        InputError: no finished run, a missing or torn file, a policy from another environment (both named), or runs
+            that are not seeds of one learner (the difference named).
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -125,7 +112,9 @@ def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]
         raise InputError(
             f"policy folder {str(folder)!r} holds no training run, expected {RUN} in it or in folders in it"
         )
-    return [_load(run, env_id, system) for run in runs]
+    policies: list[Policy] = [_load(run, env_id, system) for run in runs]
+    _check_seeds({run.name: read_run(run / RUN) for run in runs}, folder)
+    return policies
 
 
 def _is_run(folder: Path) -> bool:
@@ -136,20 +125,50 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
     """The policy of one run's folder."""
     if not (folder / RUN).exists():
         raise InputError(f"training in {str(folder)!r} is unfinished, expected {RUN}; finish it with train.py --resume")
-    run = read_record(folder / RUN)
+    run = read_run(folder / RUN)
+    _check_same(folder, run, env_id, system)
+    model = MODELS[choice(f"algo in {folder / RUN}", run["algo"], MODELS)]
+    content = read_policy(folder, run)
     try:
-        _check_same(folder, run, env_id, system)
-        model, digest = MODELS[run["algo"]], run["policy_sha256"]
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{folder / RUN} is not what train.py wrote: {error} is missing or malformed") from None
+        # seed=None: loading must not seed the global generators.
+        return LearnedPolicy(model.load(io.BytesIO(content), device="cpu", seed=None).policy)
+    except Exception as error:  # unpickling foreign bytes can raise anything
+        text = f"{type(error).__name__}: {error}"
+        raise InputError(f"{folder / POLICY} is no {run['algo']} policy that can be loaded: {text}") from error
+
+
+def read_policy(folder: Path, run: dict[str, Any]) -> bytes:
+    """The policy file of a finished run.
+
+    Raises:
+        InputError: it is missing, or not the one that the record ``run`` tells of.
+    """
     try:
         content = (folder / POLICY).read_bytes()
     except OSError as error:
         raise InputError(f"{folder / POLICY} cannot be read: {error.strerror}") from None
-    if hashlib.sha256(content).hexdigest() != digest:
+    if hashlib.sha256(content).hexdigest() != run["policy_sha256"]:
         raise InputError(f"{folder / POLICY} is torn or not this run's: its SHA-256 differs from that in {RUN}")
-    # seed=None: loading must not seed the global generators.
-    return LearnedPolicy(model.load(io.BytesIO(content), device="cpu", seed=None).policy)
+    return content
+
+
+def _check_seeds(runs: dict[str, dict[str, Any]], folder: Path) -> None:
+    """Runs in one folder are training seeds of one learner: the same algorithm and settings, and no seed twice.
+
+    Versions may differ: seeds trained on two machines are still seeds of one learner.
+    """
+    (first, reference), *others = runs.items()
+    names = {reference["seed"]: first}
+    for name, run in others:
+        unlike = difference(*({key: record[key] for key in LEARNER} for record in (run, reference)))
+        if unlike:
+            raise InputError(
+                f"runs in {str(folder)!r} are not seeds of one learner: {unlike.name} is {unlike.here!r} in {name}, "
+                f"but {unlike.there!r} in {first}"
+            )
+        twin = names.setdefault(run["seed"], name)
+        if twin != name:
+            raise InputError(f"runs {twin} and {name} in {str(folder)!r} have one seed, {run['seed']}, expected two")
 
 
 def _check_same(folder: Path, run: dict[str, Any], env_id: str, system: System) -> None:

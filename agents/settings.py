@@ -14,9 +14,23 @@ from pydantic.dataclasses import dataclass
 from wavegym.errors import InputError, choice, nearest
 from wavegym.registration import list_envs
 
+# What gymnasium.make_vec takes besides parameters of the environment, and what to do about it here.
+SHELL = {
+    "num_envs": "--set num_envs=N",
+    "reward": "--set reward=NAME",
+    "autoreset_mode": "none: training needs SameStep",
+    "render_mode": "none: training shows nothing",
+    "vectorization_mode": "none: training uses the native batch",
+    "vector_kwargs": "none: training uses the native batch",
+    "wrappers": "none: training uses the native batch",
+    "system": "another environment id",
+    "id": "another environment id",
+    "env": "another environment id",
+}
 FILE = Path(__file__).with_name("settings.toml")
 
 Count = Annotated[int, Field(ge=1)]
+Several = Annotated[int, Field(ge=2)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -53,8 +67,12 @@ class Settings:
 
 @dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
 class PPOSettings(Settings):
-    """Proximal policy optimisation; see Stable-Baselines3's PPO. ``n_steps`` is the rollout of each environment."""
+    """Proximal policy optimisation; see Stable-Baselines3's PPO. ``n_steps`` is the rollout of each environment.
 
+    Advantages are divided by their standard deviation over a batch, so that one transition is too few.
+    """
+
+    batch_size: Several
     n_steps: Count
     n_epochs: Count
     gae_lambda: Share
@@ -103,7 +121,12 @@ def load_settings(
     values = {key: value for layer in layers for key, value in layer.items()}
     parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
     values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
-    return _checked(ALGORITHMS[algo], values)
+    for name in SHELL.keys() & values["environment"].keys():
+        raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
+    settings = _checked(ALGORITHMS[algo], values)
+    if isinstance(settings, PPOSettings) and settings.n_steps * settings.num_envs < 2:
+        raise InputError("n_steps times num_envs is 1, expected >= 2 transitions in a rollout (nearest: n_steps=2)")
+    return settings
 
 
 def _tables(file: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents.models import model_bytes
 from agents.runs import MODELS
+from wavegym.errors import InputError
 
 
 def snapshot(model: BaseAlgorithm, notes: Any) -> bytes:
@@ -36,10 +37,17 @@ def snapshot(model: BaseAlgorithm, notes: Any) -> bytes:
 
 
 def restore(algo: str, content: bytes) -> tuple[BaseAlgorithm, Any]:
-    """The model with its environment, ready for ``learn(reset_num_timesteps=False)``, and the notes."""
-    state = pickle.loads(content)
-    model = MODELS[algo].load(io.BytesIO(state["model"]), env=state["env"], device="cpu", force_reset=False)
-    model.action_space = state["action_space"]
+    """The model with its environment, ready for ``learn(reset_num_timesteps=False)``, and the notes.
+
+    Raises:
+        InputError: the content is no snapshot of a run of ``algo``, or one of another version of the code.
+    """
+    try:
+        state = pickle.loads(content)
+        model = MODELS[algo].load(io.BytesIO(state["model"]), env=state["env"], device="cpu", force_reset=False)
+        model.action_space = state["action_space"]
+    except Exception as error:  # unpickling foreign bytes can raise anything
+        raise InputError(f"checkpoint is no snapshot of this training: {type(error).__name__}: {error}") from error
     if state["replay_buffer"] is not None:
         model.replay_buffer = state["replay_buffer"]  # type: ignore[attr-defined]
     # Last, because making the model draws random weights and seeds the generators.

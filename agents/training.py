@@ -13,11 +13,12 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from agents.checkpoints import load_checkpoint
 from agents.curve import LearningCurve
 from agents.keeper import Keeper, tensorboard
-from agents.models import build_model, model_bytes
+from agents.models import build_model, model_bytes, try_out
 from agents.plan import Plan, check_same, check_unused
-from agents.runs import CHECKPOINTS, CURVE, PLAN, POLICY, RUN, signature
+from agents.records import read_run
+from agents.runs import CHECKPOINTS, CURVE, PLAN, POLICY, RUN, read_policy, signature
 from agents.snapshots import restore
-from wavegym.errors import InputError
+from wavegym.errors import whole
 from wavegym.evaluation.files import write_whole
 
 
@@ -28,24 +29,26 @@ def train(plan: Plan, folder: Path, checkpoint_every: int, resume: bool = False,
         plan: what to train.
         folder: a new or empty folder; with ``resume`` that of a killed run of the same plan.
         checkpoint_every: environment steps that a kill may cost, at most (or one rollout, if that is longer).
-        resume: take up a run; one that had finished is left as it is.
+        resume: take up a run; one that had finished is checked and left as it is.
         progress: show a progress bar on standard error.
 
     Raises:
-        InputError: the folder holds a run already, or (resume) none, or one of another plan, or no whole checkpoint.
+        InputError: the folder holds a run already, or (resume) none, or one of another plan, or no whole checkpoint,
+            or a finished one whose policy is torn; an environment or reward that cannot be played.
         OSError: a full disk and the like; the last checkpoint is still there.
     """
-    if checkpoint_every < 1:
-        raise InputError(f"checkpoint-every is {checkpoint_every}, expected an integer >= 1 (nearest: 1)")
+    whole("checkpoint-every", checkpoint_every, 1)
     torch.set_num_threads(1)  # a second one makes networks of this size slower, and the order of sums uncertain
     if not resume:
         check_unused(folder)
+        try_out(plan)  # a mistake that only a step brings to light must not leave a folder behind
         model = build_model(plan)
         write_whole(folder, {PLAN: _json(plan.record())})
         _learn(plan, folder, checkpoint_every, progress, model, LearningCurve(plan.settings.num_envs), None)
         return
     check_same(plan, folder)
     if (folder / RUN).exists():
+        read_policy(folder, read_run(folder / RUN))
         return
     saved = load_checkpoint(folder / CHECKPOINTS)
     if saved is None:  # killed before the first

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable
+from typing import SupportsIndex
 
 
 class InputError(ValueError):
@@ -42,6 +43,13 @@ def within(name: str, value: float, low: float, high: float, unit: str = "") -> 
     if math.isfinite(value):
         wanted += f" (nearest: {min(max(value, low), high):g})"
     return _checked(name, value, unit, low <= value <= high, wanted)
+
+
+def whole(name: str, value: SupportsIndex, low: int) -> int:
+    """Return ``value`` as an int if it is a whole number >= low; otherwise raise an InputError naming the bound."""
+    if not hasattr(value, "__index__") or int(value) < low:
+        raise InputError(f"{name} is {value!r}, expected an integer >= {low} (nearest: {low})")
+    return int(value)
 
 
 def ordered(name: str, low: float, high: float) -> None:

@@ -12,19 +12,21 @@ SYSTEMS = {
 }
 
 
-def register(id: str, system: Any, **parameters: Any) -> None:
+def register(id: str, system: Any, *, max_episode_steps: int | None = None, **parameters: Any) -> None:
     """Register an environment of your own: ``gym.make(id)`` and ``gym.make_vec(id, num_envs=...)`` then find it.
 
     Args:
         id: as Gymnasium's, ``"namespace/Name-v0"``.
         system: a System class, or ``"package.module:Class"`` (keeps your package's import light, and the
             specification serialisable).
+        max_episode_steps: truncate here unless ``make`` or ``make_vec`` is told otherwise.
         **parameters: parameters of the system, or settings of the environment, other than the defaults.
     """
     gym.register(
         id,
         entry_point="wavegym.envs.single:WaveformEnv",
         vector_entry_point="wavegym.envs.vector:WaveformVectorEnv",
+        max_episode_steps=max_episode_steps,
         kwargs={"system": system, **parameters},
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import pickle
 import shutil
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,24 @@ def test_a_finished_run_is_left_alone(unbroken: dict[str, Path], tmp_path: Path)
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
     with pytest.raises(InputError, match=r"already holds a run \(plan.json\)"):
         train(small_plan("ppo"), folder, EVERY["ppo"], progress=False)
+
+
+def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
+    (folder / "policy.zip").write_bytes(b"torn")
+    with pytest.raises(InputError, match=r"policy\.zip is torn"):
+        train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+
+
+@pytest.mark.parametrize("content", [b"no pickle", pickle.dumps([1, 2]), pickle.dumps({"model": b"no zip", "env": 0})])
+def test_a_whole_checkpoint_that_is_no_snapshot_is_one_line(
+    content: bytes, unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+    save_checkpoint(folder / "checkpoints", 10**6, content)
+    assert command.main(arguments("ppo", folder, "--resume")) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: checkpoint is no snapshot of this training: ")
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(unbroken: dict[str, Path], tmp_path: Path) -> None:

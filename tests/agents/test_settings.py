@@ -53,6 +53,8 @@ def test_types_are_those_of_the_algorithms() -> None:
         ("ppo", {"gamma": "half"}, "gamma is 'half'"),
         ("ppo", {"learning_rate": float("nan")}, "learning_rate is nan"),
         ("ppo", {"num_envs": 0}, "num_envs is 0"),
+        ("ppo", {"batch_size": 1}, "batch_size is 1: Input should be greater than or equal to 2"),
+        ("ppo", {"n_steps": 1, "num_envs": 1}, "n_steps times num_envs is 1, expected >= 2"),
         ("ppo", {"network": [64, -1]}, "network.1 is -1"),
         ("dqn", {"activation": "tan"}, "activation is 'tan'"),
         ("pop", {}, "algorithm is 'pop', expected one of 'ppo', 'dqn'; did you mean 'ppo'"),
@@ -89,3 +91,18 @@ def test_a_missing_setting_and_a_missing_file_are_named(tmp_path: Path) -> None:
         load_settings(POSITION, "ppo", file=file)
     with pytest.raises(InputError, match="cannot be read"):
         load_settings(POSITION, "ppo", file=tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("num_envs", "--set num_envs=N"),
+        ("reward", "--set reward=NAME"),
+        ("autoreset_mode", "none: training needs SameStep"),
+        ("render_mode", "none"),
+        ("wrappers", "none"),
+    ],
+)
+def test_what_is_no_parameter_of_the_system_is_sent_where_it_belongs(name: str, hint: str) -> None:
+    with pytest.raises(InputError, match=f"'{name}' is no parameter of an environment's system, expected {hint}"):
+        load_settings(POSITION, "ppo", environment={name: 3})

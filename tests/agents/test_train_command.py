@@ -26,6 +26,10 @@ from wavegym.evaluation import full_id
         (["KershawEvans-v0", "--algo", "ppo", "--resum"], "did you mean '--resume'?"),
         (["KershawEvans-v0", "--algo", "ppo", "--resume"], "holds no run to resume"),
         (["KershawEvans-v0"], "--algo"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "batch_size=1"], "batch_size is 1"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "n_steps=1", "num_envs=1"], "n_steps times num_envs is 1"),
+        (["KershawEvans-v0", "--algo", "ppo", "--environment", "num_envs=3"], "expected --set num_envs=N"),
+        (["KershawEvans-v0", "--algo", "ppo", "--environment", "autoreset_mode=NextStep"], "training needs SameStep"),
     ],
 )
 def test_a_mistake_is_one_line_and_leaves_nothing(

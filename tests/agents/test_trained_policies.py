@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import pickle
 import random
@@ -25,6 +26,18 @@ from wavegym.systems.kershaw_evans import KershawEvansPosition
 
 SYSTEM = make_task(ID, {}).system
 CLASSES: dict[str, Any] = {"ppo": PPO, "dqn": DQN}
+
+
+def rewrite(folder: Path, **changes: Any) -> None:
+    """Change entries of run.json."""
+    run = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps({**run, **changes}))
+
+
+def forge(folder: Path, content: bytes) -> None:
+    """Another policy.zip, with the record that vouches for it."""
+    (folder / "policy.zip").write_bytes(content)
+    rewrite(folder, policy_sha256=hashlib.sha256(content).hexdigest())
 
 
 def observations(count: int = 40) -> np.ndarray:
@@ -93,13 +106,13 @@ def test_loading_needs_no_environment(unbroken: dict[str, Path], monkeypatch: py
 
 def test_a_folder_of_runs_gives_all_in_order(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = tmp_path / "ppo"
-    shutil.copytree(unbroken["dqn"], folder / "seed1")
-    shutil.copytree(unbroken["ppo"], folder / "seed0")
+    shutil.copytree(unbroken["ppo"], folder / "seed1")
+    train(small_plan("ppo", seed=0), folder / "seed0", 300, progress=False)
     (folder / "notes").mkdir()
     first, second = load_policy(folder, ID, SYSTEM)
     shown = observations()
-    for policy, algo in ((first, "ppo"), (second, "dqn")):
-        model = CLASSES[algo].load(unbroken[algo] / "policy.zip", device="cpu")
+    for policy, name in ((first, "seed0"), (second, "seed1")):
+        model = PPO.load(folder / name / "policy.zip", device="cpu")
         assert (policy.act(None, shown, None) == model.predict(shown, deterministic=True)[0]).all()
 
 
@@ -143,6 +156,11 @@ def test_another_scaling_of_the_observation_is_refused(unbroken: dict[str, Path]
         (lambda folder: (folder / "run.json").write_text('{"env": '), "run.json cannot be read"),
         (lambda folder: (folder / "run.json").write_text("[]"), "holds no JSON object"),
         (lambda folder: (folder / "run.json").write_text("{}"), "'env' is missing"),
+        (lambda folder: rewrite(folder, algo="sac"), "algo in .*run.json is 'sac', expected one of 'ppo', 'dqn'"),
+        (lambda folder: rewrite(folder, algo=["ppo"]), r"'algo' is \['ppo'\], expected str"),
+        (lambda folder: rewrite(folder, observation=[1]), r"'observation' is \[1\], expected names"),
+        (lambda folder: rewrite(folder, actions={"form": "box"}), "'actions.count' is missing"),
+        (lambda folder: forge(folder, b"no zip file"), "policy.zip is no ppo policy that can be loaded"),
         (shutil.rmtree, "is not a folder"),
         (lambda folder: (shutil.rmtree(folder), folder.mkdir()), "holds no training run"),
     ],
@@ -161,3 +179,19 @@ def test_a_policy_runs_on_one_thread(unbroken: dict[str, Path]) -> None:
     (policy,) = load_policy(unbroken["ppo"], ID, SYSTEM)
     policy.begin(SYSTEM, 1, np.random.default_rng(0))
     assert torch.get_num_threads() == 1
+
+
+def test_a_folder_of_runs_holds_seeds_of_one_learner(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    first, second = (shutil.copytree(unbroken["ppo"], tmp_path / name) for name in ("seed1", "seed2"))
+    with pytest.raises(InputError, match=r"runs seed1 and seed2 in .* have one seed, 1, expected two"):
+        load_policy(tmp_path, ID, SYSTEM)
+    rewrite(second, seed=2)
+    assert len(load_policy(tmp_path, ID, SYSTEM)) == 2
+    settings = json.loads((first / "run.json").read_text())["settings"]
+    rewrite(second, settings={**settings, "gamma": 0.5})
+    with pytest.raises(InputError, match=r"settings\.gamma is 0\.5 in seed2, but 0\.9 in seed1"):
+        load_policy(tmp_path, ID, SYSTEM)
+    shutil.rmtree(second)
+    shutil.copytree(unbroken["dqn"], tmp_path / "seed3")
+    with pytest.raises(InputError, match="algo is 'dqn' in seed3, but 'ppo' in seed1"):
+        load_policy(tmp_path, ID, SYSTEM)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_systems import Burner
 
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.comparison import difference
@@ -67,11 +68,11 @@ def test_a_wrong_action_at_an_autoreset_leaves_the_finished_episode_in_place():
 def test_the_single_environment_refuses_as_the_vector_one_does():
     env = WaveformEnv(LIBRARY)
     env.reset(seed=0)
-    before = env.public
+    before = env.batch.episodes.state.public
     for wrong in (56, -1, 0.5, None, [1, 2], np.nan):
         with pytest.raises(InputError):
             env.step(wrong)
-    assert env.public is before
+    assert env.batch.episodes.state.public is before
     for right in (3, np.int64(3), np.array(3), np.uint8(3)):
         assert env.step(right)[-1]["waveform"] == 3
 
@@ -118,3 +119,54 @@ def test_spaces_and_masks():
     assert env.action_masks().all()
     box = gym.make("wavegym/KershawEvansPosition-v0", action="box")
     assert box.action_space == gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_a_masked_action_changes_nothing(mode):
+    env, twin = (WaveformVectorEnv(Burner(), 2, autoreset_mode=mode) for _ in range(2))
+    for each in (env, twin):
+        each.reset(seed=0)
+        each.step(np.array([0, 2]))
+    for each in (env, twin):  # down to two units
+        if each.public.left[1] == 3:
+            each.step(np.array([0, 0]))
+    with pytest.raises(InputError, match=r"action is 2, which environment 1 does not allow now \(nearest allowed: 1\)"):
+        env.step(np.array([0, 2]))
+    assert difference(env.step(np.array([0, 1])), twin.step(np.array([0, 1]))) is None
+
+
+def test_a_restarting_environment_may_get_a_masked_action():
+    env = WaveformVectorEnv(Burner(), 1)
+    env.reset(seed=0)
+    terminated = np.array([False])
+    while not terminated.all():
+        *_, terminated, _, _ = env.step(np.array([0]))
+    assert not env.action_masks().any()
+    env.step(np.array([2]))
+    assert env.public.step.tolist() == [0]
+
+
+def test_the_single_environment_refuses_masked_actions():
+    env = WaveformEnv(Burner(fuel=1))
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="does not allow now"):
+        env.step(2)
+    assert env.public.step.tolist() == [0]
+    env.step(0)
+
+
+def test_what_is_handed_out_is_the_callers_own():
+    settings = {"render_mode": "rgb_array"}
+    env, twin = (WaveformVectorEnv(LIBRARY, 2, **settings) for _ in range(2))
+    for each in (env, twin):
+        each.reset(seed=0)
+    for actions in (np.array([3, 4]), np.array([50, 20])):
+        *_, info = env.step(actions)
+        info["waveform"][:] = 0
+        for leaf in env.public:
+            leaf[...] = 7
+        actions[:] = 0
+    for actions in (np.array([3, 4]), np.array([50, 20])):
+        twin.step(actions)
+    assert difference(env.render(), twin.render()) is None
+    assert difference(env.step(np.array([1, 2])), twin.step(np.array([1, 2]))) is None

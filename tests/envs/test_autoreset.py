@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from wavegym.envs import WaveformVectorEnv
+from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.errors import InputError
 from wavegym.systems.kershaw_evans import KershawEvans
 
@@ -30,7 +30,8 @@ def out_of_step(mode):
 def test_the_mode_is_an_enum_in_the_metadata_of_each_environment_alone():
     for mode in AutoresetMode:
         assert make(mode.value).metadata["autoreset_mode"] is mode
-        assert make(mode).metadata["autoreset_mode"] is mode
+        with pytest.raises(InputError, match=f"expected the string '{mode.value}'"):
+            make(mode)
     assert "autoreset_mode" not in WaveformVectorEnv.metadata
 
 
@@ -75,10 +76,10 @@ def test_same_step_puts_the_last_observation_and_info_aside():
 
 def test_disabled_refuses_a_step_past_the_end_and_stays_as_it_was():
     env, _ = out_of_step("Disabled")
-    before = env.public
+    before = env.episodes.state.public
     with pytest.raises(InputError, match=r"environments \[1\] have ended, expected a reset"):
         env.step(np.array([0, 0]))
-    assert env.public is before
+    assert env.episodes.state.public is before
     env.reset(options={"reset_mask": np.array([False, True])})
     assert env.step(np.array([0, 0]))[2].tolist() == [True, False]
 
@@ -125,8 +126,25 @@ def test_first_things_first():
         make("SameStp")
     with pytest.raises(InputError, match="num_envs is 0"):
         make("SameStep", 0)
-    with pytest.raises(InputError, match="max_episode_steps is -1"):
-        make("SameStep", max_episode_steps=-1)
+    for limit in (-1, 0, 2.5):
+        with pytest.raises(InputError, match=f"max_episode_steps is {limit}, expected an integer >= 1"):
+            make("SameStep", max_episode_steps=limit)
+    with pytest.raises(InputError, match=r"expected reset\(\) first"):
+        make("SameStep", render_mode="rgb_array").render()
+    single = WaveformEnv(KershawEvans(), render_mode="rgb_array")
+    with pytest.raises(InputError, match=r"expected reset\(\) first"):
+        single.render()
+
+
+@pytest.mark.parametrize("setting", [{"autoreset_mode": "SameStep"}, {"num_envs": 3}])
+def test_the_single_environment_has_no_settings_of_a_batch(setting):
+    (name,) = setting
+    with pytest.raises(
+        InputError, match=rf"{name} is a setting of vector environments, expected gym.make_vec\(id, {name}"
+    ):
+        WaveformEnv(KershawEvans, **setting)
+    with pytest.raises(InputError, match=name):
+        gym.make("wavegym/KershawEvans-v0", **setting)
 
 
 def test_the_single_environment_refuses_a_step_past_the_end():

@@ -5,6 +5,7 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
+from small_systems import Burner, Leaky, LeakyMetric
 
 import wavegym
 from wavegym.envs import WaveformEnv, WaveformVectorEnv, check_vector_env
@@ -199,6 +200,18 @@ def test_a_broken_factory_is_rejected_too(cls):
 
     with pytest.raises(ConformanceError, match=BROKEN[cls]):
         check_vector_env(factory)
+
+
+@pytest.mark.parametrize(
+    ("system", "defect"),
+    [(Burner, None), (Leaky, "state exposed, as writing into"), (LeakyMetric, "state exposed, as writing into")],
+)
+def test_a_system_that_hands_out_its_state_is_rejected(system, defect):
+    def factory(num_envs, autoreset_mode):
+        return WaveformVectorEnv(system, num_envs, autoreset_mode=autoreset_mode)
+
+    said = report(factory)
+    assert said.startswith(defect) if defect else not said
 
 
 def report(env):

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from small_systems import Burner
 
 from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
 from wavegym.errors import InputError
-from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice
+from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 
 SYSTEM = KershawEvansPosition(horizon=12)
@@ -121,3 +122,25 @@ def test_an_unknown_reward_is_refused(reward, message):
         WaveformVectorEnv(SYSTEM, 1, reward=reward)
     with pytest.raises(InputError, match="did you mean 'share'"):
         Relative(form="shares")
+
+
+@pytest.mark.parametrize("form", ["share", "log", "difference"])
+def test_after_its_own_early_end_the_reference_is_held_at_its_last_cost(form):
+    env = WaveformVectorEnv(Burner(), 6, reward=Relative(RoundRobin(), form), autoreset_mode="Disabled")
+    env.reset(seed=0)
+    # Round robin burns 1, 2 and 3 units of 6; of 5 it burns 1, 2, then 1 since 2 are left, and 1 more.
+    costs = {5: [1, 1 / 2, 1, 1, 1], 6: [1, 1 / 2, 1 / 3, 1 / 3, 1 / 3]}
+    means = {5: (1 + 1 / 2 + 1 + 1) / 4, 6: (1 + 1 / 2 + 1 / 3) / 3}
+    fuel = env.public.left.tolist()
+    assert set(fuel) == {5, 6}
+    for k in range(5):
+        _, reward, _, _, info = env.step(np.zeros(6, np.int64))  # whose cost is 1
+        reference, mean = np.array([costs[f][k] for f in fuel]), np.array([means[f] for f in fuel])
+        np.testing.assert_allclose(info["reference_cost"], reference, rtol=1e-12)
+        want = {"share": 1 - 1 / reference, "log": np.log(reference), "difference": (reference - 1) / mean}
+        np.testing.assert_allclose(reward, want[form], rtol=1e-12, atol=1e-15)
+
+
+def test_the_true_error_needs_its_metric():
+    with pytest.raises(InputError, match=r"reward is 'error', expected a system with the metric 'position_error'"):
+        WaveformVectorEnv(Burner(), 2, reward="error").reset(seed=0)

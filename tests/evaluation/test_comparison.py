@@ -87,7 +87,7 @@ class Counting(Fixed):
         ),
         ({"policies": {"fixed:400": None}}, r"fixed:400 is not a waveform.*nearest: 55"),
         ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
-        ({"jobs": 0}, "jobs is 0, expected an integer >= 1 or -1"),
+        ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),
         ({"root": -1}, "seed is -1"),
         ({"horizn": 5}, "setting 'horizn' is unknown.*did you mean 'horizon'"),
         ({"reward": "log-trace"}, "setting 'reward' is unknown"),
@@ -98,6 +98,14 @@ def test_mistakes_are_named_before_the_work_begins(monkeypatch, change, words):
     arguments = {"env_id": POSITION, "policies": {}, "worlds": 2, "jobs": 1, **change}
     with pytest.raises(InputError, match=words):
         compare(**arguments)
+
+
+@pytest.mark.parametrize("price", [float("nan"), float("inf"), -float("inf")])
+def test_costs_that_are_not_finite_are_refused(price):
+    words = "policy 'myopic' has a cost that is not finite in 3 of 3 worlds.*parameters .* out of range"
+    with pytest.raises(InputError, match=words) as caught:
+        compare("tests/Hopeless-v0", {}, worlds=3, jobs=1, price=price)
+    assert "\n" not in str(caught.value)
 
 
 def test_kernels_are_compiled_before_other_processes_start(monkeypatch):

@@ -31,6 +31,17 @@ def test_the_interval_of_a_mean_covers_it_as_often_as_promised():
     assert 0.90 <= covered / trials <= 0.98
 
 
+@pytest.mark.slow
+def test_the_interval_over_worlds_covers_the_mean_of_log_normal_costs_as_often_as_promised():
+    data = np.random.default_rng(11)
+    trials, worlds, sigma = 400, 200, 0.5
+    true = np.exp(sigma**2 / 2)
+    ends = np.array([statistics.mean(data.lognormal(0.0, sigma, (1, worlds)), rng()).ci for _ in range(trials)])
+    covered = ((ends[:, 0] <= true) & (true <= ends[:, 1])).mean()
+    # Binomial(400, .95): three standard deviations. BCa's own error is of the order of 1/worlds, 0.5 %.
+    assert abs(covered - statistics.LEVEL) < 3 * np.sqrt(0.95 * 0.05 / trials) + 1 / worlds
+
+
 def test_the_interval_of_a_paired_ratio_covers_it_although_worlds_differ_far_more_than_policies():
     data = np.random.default_rng(2)
     trials, covered, widths = 200, 0, []

@@ -30,9 +30,12 @@ def sequences(system, mean, P, depth):
 
 
 @pytest.mark.parametrize("make", [small, small_ca])
-@pytest.mark.parametrize(("depth", "step", "left"), [(1, 0, 1), (2, 3, 2), (3, 0, 3), (3, 6, 2), (3, 7, 1), (5, 6, 2), (2, 8, 1), (3, 9, 1)])
+@pytest.mark.parametrize(
+    ("depth", "step", "left"),
+    [(1, 0, 1), (2, 3, 2), (3, 0, 3), (3, 6, 2), (3, 7, 1), (5, 6, 2), (2, 8, 1), (3, 9, 1)],
+)
 def test_fused_equals_generic_equals_enumeration(make, depth, step, left):
-    """``left`` is how many steps count: the episode has 8. Past its end any action will do, and a myopic one is given."""
+    """``left`` is how many steps count: the episode has 8, and past its end the choice is the myopic one."""
     system = make(horizon=8)
     n = len(system.weights)
     public = system.begin(oracles.worlds(system, 4)).public

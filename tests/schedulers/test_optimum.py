@@ -82,7 +82,7 @@ def test_the_bound_is_certified(kwargs):
 
 def test_a_plan_that_is_not_certified_is_not_called_the_optimum():
     system = small_ca(5, start_covariance="random")
-    with pytest.raises(InputError, match="of 6 plans are certified to .* only"):
+    with pytest.raises(InputError, match=r"of 6 plans are certified to .* only"):
         prepared(system, oracles.worlds(system, 6), nodes=1)
 
 

@@ -8,6 +8,7 @@ from scheduler_systems import Ladder, Start, small
 
 from wavegym.schedulers import Fixed, Myopic, RandomChoice, rollout
 from wavegym.schedulers.rollout import allowed
+from wavegym.systems.contract import System
 
 
 def test_costs_and_actions_are_those_of_the_loop():
@@ -30,8 +31,14 @@ def test_box_actions_keep_their_axis():
     assert rollout(system, Fixed(1), oracles.worlds(system, 2)).actions.shape == (2, 3, 2)
 
 
+class FreeLadder(Ladder):
+    """Without masks."""
+
+    mask = System.mask
+
+
 def test_an_early_end_costs_nothing_more():
-    system = Ladder()
+    system = FreeLadder()
     worlds = Start(np.array([1.0, 30.0]))
     result = rollout(system, Fixed(1), worlds)
     # level -> 1.5 level + 1 until it exceeds 40

@@ -60,6 +60,15 @@ def test_fixed_never_changes():
             ready(Fixed(index), SYSTEM)
 
 
+def test_fixed_takes_the_next_allowed_one_in_cyclic_order():
+    policy, public = ready(Fixed(7), SYSTEM), public_of(SYSTEM, 4)
+    mask = np.ones((4, 56), bool)
+    mask[1, 7:9] = False
+    mask[2, 7:] = False
+    mask[3] = np.arange(56) == 3
+    assert policy.act(public, None, mask).tolist() == [7, 9, 0, 3]
+
+
 def test_round_robin_takes_turns_and_skips():
     policy = ready(RoundRobin(), SYSTEM)
     public = public_of(SYSTEM, 3)._replace(step=np.array([0, 5, 57]))

@@ -7,8 +7,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wavegym.envs import trees
 from wavegym.schedulers.tuning import best_fixed
+from wavegym.systems import trees
 from wavegym.systems.contract import State, System
 from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
 

@@ -9,6 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from wavegym.errors import InputError
+from wavegym.schedulers.rollout import allowed
 from wavegym.systems.contract import System
 from wavegym.waveforms import ParameterBox
 
@@ -22,27 +23,27 @@ class ActionReader(Protocol):
     def space(self) -> spaces.Space[Any]:
         """The Gymnasium space of one environment's action."""
 
-    def read(self, actions: Any, num_envs: int, ignored: Array | None) -> Array:
+    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
         """The actions as an array (env, ...). Rows in ``ignored`` (bool, env) may hold anything.
 
         Raises:
-            InputError: wrong shape or type, index out of range, NaN or infinity.
+            InputError: wrong shape or type, index out of range or masked in the state ``public``, NaN or infinity.
         """
 
     def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
-        """What info says of the actions taken, each (env, ...)."""
+        """What info says of the actions taken, each a fresh array (env, ...)."""
 
 
 class IndexReader:
     """Index of a finite action set."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, system: System, count: int) -> None:
         self.space = spaces.Discrete(count)
-        self.count = count
+        self.system, self.count = system, count
 
-    def read(self, actions: Any, num_envs: int, ignored: Array | None) -> Array:
+    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
         """See ``ActionReader``."""
-        array = np.asarray(actions)
+        array, num_envs = np.asarray(actions), len(public.step)
         if array.dtype.kind not in "iu":
             raise InputError(f"action has the type {array.dtype}, expected integers in [0, {self.count - 1}]")
         if array.shape != (num_envs,):
@@ -56,11 +57,14 @@ class IndexReader:
             wrong = array[(array < 0) | (array >= self.count)][0]
             nearest = min(max(int(wrong), 0), self.count - 1)
             raise InputError(f"action is {wrong}, expected an index in [0, {self.count - 1}] (nearest: {nearest})")
+        mask = allowed(self.system, public)
+        if mask is not None:
+            _check_mask(array, mask, ignored)
         return array
 
     def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
         """The index chosen."""
-        return {"waveform": chosen}
+        return {"waveform": chosen.copy()}  # a system or a film may keep ``chosen``
 
 
 class BoxReader:
@@ -70,9 +74,9 @@ class BoxReader:
         self.dimension = len(box.parameters)
         self.space = spaces.Box(-1.0, 1.0, (self.dimension,), np.float32)
 
-    def read(self, actions: Any, num_envs: int, ignored: Array | None) -> Array:
-        """See ``ActionReader``."""
-        array = np.asarray(actions)
+    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
+        """See ``ActionReader``; masks are for finite action sets."""
+        array, num_envs = np.asarray(actions), len(public.step)
         if array.dtype.kind not in "fiu":
             raise InputError(f"action has the type {array.dtype}, expected numbers in [-1, 1]")
         if array.shape != (num_envs, self.dimension):
@@ -93,4 +97,16 @@ class BoxReader:
 def action_reader(system: System) -> ActionReader:
     """The reader that fits the system's action set."""
     actions = system.actions
-    return BoxReader(actions) if isinstance(actions, ParameterBox) else IndexReader(len(actions.labels))
+    return BoxReader(actions) if isinstance(actions, ParameterBox) else IndexReader(system, len(actions.labels))
+
+
+def _check_mask(chosen: Array, mask: Array, ignored: Array | None) -> None:
+    """InputError where an action (env,) is forbidden by ``mask`` (env, actions) and not in a row to be ignored."""
+    forbidden = ~mask[np.arange(len(chosen)), chosen]
+    if ignored is not None:
+        forbidden &= ~ignored
+    if forbidden.any():
+        i = int(forbidden.argmax())
+        action, open_ones = int(chosen[i]), np.flatnonzero(mask[i])
+        nearest = int(open_ones[np.abs(open_ones - action).argmin()]) if open_ones.size else "none"
+        raise InputError(f"action is {action}, which environment {i} does not allow now (nearest allowed: {nearest})")

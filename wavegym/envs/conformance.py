@@ -4,7 +4,8 @@
     >>> check_vector_env("wavegym/KershawEvansPosition-v0")
 
 Known defects of native vector environments that it finds: terminal observations lost at an autoreset, truncations lost,
-a step lost by the others while one environment is reset, a reset mask popped from the caller's options, buffers reused.
+a step lost by the others while one environment is reset, a reset mask popped from the caller's options, buffers reused,
+returned arrays that are the environment's own state.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def check_vector_env(env: str | Callable[..., VectorEnv], *, seed: int = 0, max_
 
     Whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments, integer and list
     seeds, partial resets that bring the environments out of step, episodes cut off by ``max_episode_steps``, and an
-    unpickled copy that takes over in mid-episode.
+    unpickled copy that takes over in mid-episode. What is returned must be the caller's own: it is written over.
 
     Args:
         env: an id, whose singles come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)`` that makes
@@ -61,6 +62,14 @@ def check_vector_env(env: str | Callable[..., VectorEnv], *, seed: int = 0, max_
                     _play(pair, np.random.default_rng(seed), CUT_OFF_STEPS if limit else max_steps)
                 finally:
                     pair.close()
+    for mode in MODES:
+        pair = Lockstep(makers, SIZES[-1], mode, limits[0], seed, scribble=True)
+        try:
+            _play(pair, np.random.default_rng(seed), min(CUT_OFF_STEPS, max_steps))
+        except ConformanceError as defect:  # the same run went well above
+            raise ConformanceError(f"state exposed, as writing into returned arrays changes it: {defect}") from defect
+        finally:
+            pair.close()
 
 
 def _by_id(id: str) -> tuple[Makers, list[dict[str, int]]]:

@@ -11,10 +11,10 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from wavegym.envs import trees
 from wavegym.envs.observations import ObservationScaler
 from wavegym.envs.rewards import Reward, Transition
 from wavegym.errors import InputError
+from wavegym.systems import trees
 from wavegym.systems.contract import State, System
 
 Array = NDArray[Any]
@@ -34,6 +34,7 @@ class Episodes:
         self.system, self.num_envs, self.reward = system, num_envs, reward
         self.scaler = ObservationScaler(system.elements)
         self.generators: list[np.random.Generator | None] = [None] * num_envs
+        self.seeds: list[int | None] = [None] * num_envs  # -1 where a generator was given instead
         self.world: Any = None
         self._state: State | None = None
         self._memory: Any = None
@@ -47,13 +48,13 @@ class Episodes:
 
     def seed(self, row: int, seed: int) -> None:
         """Give one environment a new generator."""
-        self.generators[row] = seeding.np_random(seed)[0]
+        self.generators[row], self.seeds[row] = seeding.np_random(seed)
 
     def begin(self, rows: Array) -> None:
         """Draw new worlds for the environments in ``rows`` (bool, env), and put their first states in place."""
         if self._state is None and not rows.all():
             raise InputError("options['reset_mask'] leaves out environments that never began, expected reset() first")
-        world = trees.stack([self.system.draw_world(self._generator(i)) for i in np.flatnonzero(rows).tolist()])
+        world = trees.stack([self.system.draw_world(self.generator(i)) for i in np.flatnonzero(rows).tolist()])
         state, memory = self.system.begin(world), self.reward.begin(self.system, world)
         if rows.all():
             self.world, self._state, self._memory = world, state, memory
@@ -62,14 +63,20 @@ class Episodes:
             trees.overwrite(self._memory, rows, memory)
             self._state = trees.scattered(self.state, rows, state)
 
-    def _generator(self, row: int) -> np.random.Generator:
+    def generator(self, row: int) -> np.random.Generator:
+        """The generator of one environment's worlds, seeded by chance where no seed was given."""
         generator = self.generators[row]
         if generator is None:
-            generator = self.generators[row] = seeding.np_random()[0]
+            generator, self.seeds[row] = seeding.np_random()
+            self.generators[row] = generator
         return generator
 
     def look(self) -> tuple[Array, Facts]:
-        """Observations (env, elements) and what info says of the states."""
+        """Observations (env, elements) and what info says of the states.
+
+        Costs and metrics reach info uncopied, so a system returns fresh arrays, no views of its state
+        (``check_vector_env`` finds those that do not).
+        """
         system, state = self.system, self.state
         observation, saturated = self.scaler(system.observe(state.public))
         facts = {"cost": system.cost(state.public), "saturated": saturated, **system.metrics(state)}

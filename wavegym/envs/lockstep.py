@@ -39,10 +39,15 @@ class Makers:
 
 
 class Lockstep:
-    """Native environment and oracle, given the same seeds, masks and actions; raises at the first difference."""
+    """Native environment and oracle, given the same seeds, masks and actions; raises at the first difference.
 
-    def __init__(self, makers: Makers, num_envs: int, mode: str, limit: dict[str, int], seed: int) -> None:
-        self.mode, self.steps = AutoresetMode(mode), 0
+    With ``scribble``, every array that the native environment returns is written over as soon as it is compared.
+    """
+
+    def __init__(
+        self, makers: Makers, num_envs: int, mode: str, limit: dict[str, int], seed: int, scribble: bool = False
+    ) -> None:
+        self.mode, self.steps, self._scribble = AutoresetMode(mode), 0, scribble
         self.where = f"{makers.name}, num_envs={num_envs}, autoreset_mode={mode!r}" + "".join(
             f", {key}={value}" for key, value in limit.items()
         )
@@ -202,8 +207,10 @@ class Lockstep:
             wrong = difference(kept, snapshot)
             if wrong:
                 self.fail(f"buffers reused: what {earlier} returned was overwritten later (return value{wrong})")
-        self._held.append((deed, returned, copy.deepcopy(returned)))
         self._rows = copy.deepcopy(rows)
+        if self._scribble:
+            _write_over(returned)
+        self._held.append((deed, returned, copy.deepcopy(returned)))
 
     def _sample(self) -> Any:
         """Random actions, allowed by ``action_masks()`` where the environment has them."""
@@ -217,3 +224,16 @@ class Lockstep:
         parts = np.split(draws, np.cumsum(sizes)[:-1], axis=1)
         chosen = np.stack([part.argmax(axis=1) for part in parts], axis=1).astype(self.native.action_space.dtype)
         return chosen[:, 0] + space.start if isinstance(space, spaces.Discrete) else chosen
+
+
+def _write_over(returned: Any) -> None:
+    """Put something else into every array of numbers or flags in what an environment returned."""
+    if isinstance(returned, dict):
+        _write_over(list(returned.values()))
+    elif isinstance(returned, (tuple, list)):
+        for part in returned:
+            _write_over(part)
+    elif isinstance(returned, np.ndarray) and returned.dtype == object:
+        _write_over(returned.ravel().tolist())
+    elif isinstance(returned, np.ndarray) and returned.flags.writeable and returned.dtype.kind in "biufc":
+        returned[...] = ~returned if returned.dtype.kind == "b" else 77

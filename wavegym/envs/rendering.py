@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.envs import trees
 from wavegym.envs.scenes import Moment, make_scene
+from wavegym.systems import trees
 from wavegym.systems.contract import State, System
 
 Array = NDArray[Any]

@@ -61,6 +61,13 @@ class LogCost(Cost):
 class TrueError(Cost):
     """Minus the squared true position error in m^2: what the cost estimates; looks at what is hidden."""
 
+    def begin(self, system: System, world: Any) -> None:
+        """Nothing to remember. Raises an InputError where the system has no such metric."""
+        metrics = system.metrics(system.begin(world))
+        if "position_error" not in metrics:
+            wanted = f"a system with the metric 'position_error', which {type(system).__name__} lacks"
+            raise InputError(f"reward is 'error', expected {wanted} (nearest: 'trace')")
+
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         error = transition.system.metrics(transition.following)["position_error"]
@@ -70,15 +77,15 @@ class TrueError(Cost):
 class ReferenceCosts(NamedTuple):
     """The reference policy's own trajectory on each world."""
 
-    cost: Array  # (env, H)
-    mean: Array  # (env,)
+    cost: Array  # (env, H), held at the last one after an early end
+    mean: Array  # (env,) over the steps played
 
 
 class Relative:
     """How much better than a reference policy on the same world and draws, step by step.
 
     The reference is the policy's own trajectory, not the one-step regret from the same state: that would make the
-    myopic choice optimal by construction.
+    myopic choice optimal by construction. Where the reference's episode ends before one's own, its last cost stands.
 
     Args:
         reference: the policy to compare with; the one-step scheduler by default.
@@ -94,8 +101,9 @@ class Relative:
 
     def begin(self, system: System, world: Any) -> ReferenceCosts:
         """Run the reference on these worlds."""
-        cost = rollout(system, self.reference, world).cost
-        return ReferenceCosts(cost, np.add.reduce(cost, axis=1) / cost.shape[1])
+        played = rollout(system, self.reference, world)
+        step = np.minimum(np.arange(played.cost.shape[1]), played.steps[:, None] - 1)
+        return ReferenceCosts(np.take_along_axis(played.cost, step, axis=1), played.mean_cost)
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""

@@ -21,8 +21,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from wavegym.envs import trees
 from wavegym.errors import InputError
+from wavegym.systems import trees
 
 Array = NDArray[Any]
 Indices = None | int | Iterable[int]

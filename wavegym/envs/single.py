@@ -29,6 +29,9 @@ class WaveformEnv(gym.Env):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
+        for name in ("num_envs", "autoreset_mode"):
+            if name in parameters:
+                raise InputError(f"{name} is a setting of vector environments, expected gym.make_vec(id, {name}=...)")
         self.batch = WaveformVectorEnv(system, 1, reward=reward, render_mode=render_mode, **parameters)
         self.metadata = dict(WaveformVectorEnv.metadata)  # its own: Gymnasium 1.2's SyncVectorEnv writes into it
         self.system, self.render_mode = self.batch.system, self.batch.render_mode
@@ -37,8 +40,25 @@ class WaveformEnv(gym.Env):
 
     @property
     def public(self) -> Any:
-        """The public state with a leading axis of one, as policies take it."""
+        """A copy of the public state with a leading axis of one, as policies take it."""
         return self.batch.public
+
+    # Gymnasium's np_random and np_random_seed read and write these two, and its checker looks at them directly.
+    @property
+    def _np_random(self) -> np.random.Generator | None:
+        return self.batch.episodes.generators[0]
+
+    @_np_random.setter
+    def _np_random(self, generator: np.random.Generator | None) -> None:
+        self.batch.episodes.generators[0] = generator
+
+    @property
+    def _np_random_seed(self) -> int | None:
+        return self.batch.episodes.seeds[0]
+
+    @_np_random_seed.setter
+    def _np_random_seed(self, seed: int | None) -> None:
+        self.batch.episodes.seeds[0] = seed
 
     def action_masks(self) -> Array:
         """Which actions are allowed now, (actions,) bool."""
@@ -47,7 +67,6 @@ class WaveformEnv(gym.Env):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin a new episode; ``seed=None`` goes on with the environment's generator."""
         observation, info = self.batch.reset(seed=[seed], options=options)
-        self._np_random, self._np_random_seed = self.batch.episodes.generators[0], -1 if seed is None else seed
         self._over = False
         return observation[0], _first({key: value for key, value in info.items() if key[0] != "_"})
 
@@ -55,7 +74,8 @@ class WaveformEnv(gym.Env):
         """Transmit a waveform, move, measure, track.
 
         Raises:
-            InputError: an action out of range or not finite, a step past the episode's end; nothing has changed.
+            InputError: an action out of range, masked or not finite, a step past the episode's end; nothing has changed
+                then.
         """
         if self._over:
             raise InputError("the episode has ended, expected reset() before step()")

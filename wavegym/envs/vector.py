@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,9 @@ from wavegym.envs.build import build_system
 from wavegym.envs.episodes import Episodes, Facts
 from wavegym.envs.info import add_facts, final_facts
 from wavegym.envs.rewards import Reward, make_reward
-from wavegym.errors import InputError, choice
+from wavegym.envs.seeds import Seed, seed_list
+from wavegym.errors import InputError, choice, whole
+from wavegym.systems import trees
 from wavegym.systems.contract import System
 
 Array = NDArray[Any]
@@ -47,16 +48,15 @@ class WaveformVectorEnv(VectorEnv):
         *,
         reward: str | Reward = "trace",
         render_mode: str | None = None,
-        autoreset_mode: str | AutoresetMode = "NextStep",
+        autoreset_mode: str = "NextStep",
         max_episode_steps: int | None = None,
         **parameters: Any,
     ) -> None:
         self.system = build_system(system, parameters)
-        self.num_envs = _at_least_one("num_envs", num_envs)
+        self.num_envs = whole("num_envs", num_envs, 1)
         self.render_mode = None if render_mode is None else choice("render_mode", render_mode, ["rgb_array"])
-        self.max_episode_steps = max_episode_steps and _at_least_one("max_episode_steps", max_episode_steps)
-        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
-        self.autoreset_mode = AutoresetMode(choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
+        self.max_episode_steps = _limit(max_episode_steps)
+        self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.episodes = Episodes(self.system, self.num_envs, make_reward(reward))
         self._reader = action_reader(self.system)
@@ -72,8 +72,19 @@ class WaveformVectorEnv(VectorEnv):
 
     @property
     def public(self) -> Any:
-        """The public state, for schedulers; axis 0 = environment. The hidden part stays out of reach."""
-        return self.episodes.state.public
+        """A copy of the public state, for schedulers; axis 0 = environment. The hidden part stays out of reach."""
+        return trees.copied(self.episodes.state.public)
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """Each environment's generator of worlds, as SyncVectorEnv has them."""
+        return tuple(self.episodes.generator(i) for i in range(self.num_envs))
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
+        """What each environment was seeded with last, as SyncVectorEnv has them."""
+        assert len(self.np_random) == self.num_envs  # an environment without a generator gets one and its seed
+        return tuple(self.episodes.seeds)
 
     @property
     def world(self) -> Any:
@@ -82,19 +93,20 @@ class WaveformVectorEnv(VectorEnv):
 
     def action_masks(self) -> Array:
         """Which actions are allowed now, (env, actions) bool."""
-        return self.system.mask(self.public)
+        return self.system.mask(self.episodes.state.public)
 
-    def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
+    def reset(self, *, seed: Seed = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin new episodes, in the environments of ``options["reset_mask"]`` only where that is given.
 
         Args:
             seed: None (go on with each environment's generator), s (environment i is seeded with s + i) or a list.
             options: {"reset_mask": bool array (env,)}; read, never changed.
+
+        Raises:
+            InputError: a seed that is no integer >= 0, a wrong mask or option; no generator has changed then.
         """
         rows = self._rows_to_reset(options)
-        for i, s in enumerate(self._seeds(seed)):
+        for i, s in enumerate(seed_list(seed, self.num_envs)):
             if s is not None and rows[i]:
                 self.episodes.seed(i, s)
         self.episodes.begin(rows)
@@ -111,8 +123,8 @@ class WaveformVectorEnv(VectorEnv):
         """One step of every environment; see Gymnasium's three autoreset modes.
 
         Raises:
-            InputError: an action out of range or not finite, or (autoreset disabled) a step past an episode's end;
-                nothing has changed then.
+            InputError: an action out of range, masked or not finite, or (autoreset disabled) a step past an episode's
+                end; nothing has changed then.
         """
         restarting = self._restarting()
         observation, reward, terminated, truncated, facts, deeds = self.transmit(actions, restarting)
@@ -138,18 +150,26 @@ class WaveformVectorEnv(VectorEnv):
         Returns:
             Observations, rewards, terminated, truncated, facts of the new states, facts of the actions and rewards.
         """
-        chosen = self._reader.read(actions, self.num_envs, restarting)
+        chosen = self._reader.read(actions, self.episodes.state.public, restarting)
         if restarting is not None:
             self.episodes.begin(restarting)
         observation, facts, reward, deeds = self.episodes.step(chosen, restarting)
         deeds.update(self._reader.facts(self.system, actions, chosen))
         if self._film:
             self._film.add(self.episodes.state, chosen, facts["cost"], restarting)
-        return observation, reward, *endings(self.system, self.public, self.max_episode_steps), facts, deeds
+        public = self.episodes.state.public
+        return observation, reward, *endings(self.system, public, self.max_episode_steps), facts, deeds
 
     def render(self) -> tuple[Array, ...] | None:
-        """A frame (height, width, 3) uint8 of each environment, or None without a render mode."""
-        return self._film.frames() if self._film else None
+        """A frame (height, width, 3) uint8 of each environment, or None without a render mode.
+
+        Raises:
+            InputError: there was no reset yet.
+        """
+        if self._film is None:
+            return None
+        assert self.episodes.state  # or an InputError
+        return self._film.frames()
 
     def _restarting(self) -> Array | None:
         """Environments whose coming step is a reset; None where there is none."""
@@ -167,16 +187,6 @@ class WaveformVectorEnv(VectorEnv):
             self._film.begin(self.episodes.state, self._ended)
         self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
         return self.episodes.look()
-
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """One seed or None for each environment."""
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, (int, np.integer)):
-            return [int(seed) + i for i in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise InputError(f"seed has {len(seed)} entries, expected {self.num_envs}: one for each environment")
-        return list(seed)
 
     def _rows_to_reset(self, options: dict[str, Any] | None) -> Array:
         """The environments that a reset is meant for, (env,) bool."""
@@ -200,7 +210,13 @@ def endings(system: System, public: Any, max_episode_steps: int | None) -> tuple
     return (over, late) if system.terminates else (np.zeros(len(over), np.bool_), over | late)
 
 
-def _at_least_one(name: str, value: int) -> int:
-    if not isinstance(value, (int, np.integer)) or value < 1:
-        raise InputError(f"{name} is {value!r}, expected an integer >= 1")
-    return int(value)
+def _mode(mode: str) -> AutoresetMode:
+    if isinstance(mode, AutoresetMode):
+        raise InputError(
+            f"autoreset_mode is {mode}, expected the string {mode.value!r}: specifications are kept as JSON"
+        )
+    return AutoresetMode(choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
+
+
+def _limit(max_episode_steps: int | None) -> int | None:
+    return None if max_episode_steps is None else whole("max_episode_steps", max_episode_steps, 1)

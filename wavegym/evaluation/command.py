@@ -1,24 +1,32 @@
-"""Command lines that answer every mistake with one line and exit status 2."""
+"""Command lines that answer every mistake with one line and exit status 2.
+
+What nobody foresaw takes one line too, with exit status 1; the environment variable WAVEGYM_DEBUG=1 shows where it
+came from.
+"""
 
 from __future__ import annotations
 
 import argparse
 import ast
+import os
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from wavegym.errors import InputError, nearest
 
 FAILED = 2
+UNFORESEEN = 1
 INTERRUPTED = 130  # as shells have it
+DEBUG = "WAVEGYM_DEBUG"
 
 
 class Parser(argparse.ArgumentParser):
     """argparse whose complaints are InputErrors, and which names the nearest option."""
 
     def __init__(self, **arguments: Any) -> None:
-        super().__init__(allow_abbrev=False, **arguments)
+        super().__init__(allow_abbrev=False, epilog=f"{DEBUG}=1 shows the traceback of an error.", **arguments)
 
     def error(self, message: str) -> NoReturn:
         """A bad argument."""
@@ -56,14 +64,27 @@ def _literal(text: str) -> Any:
 
 
 def guarded(main: Callable[[], None]) -> int:
-    """Run ``main``; what the user can mend is told in one line on stderr. Returns the exit status."""
+    """Run ``main``; whatever goes wrong is told in one line on stderr. Returns the exit status.
+
+    Errors other than InputError and OSError are named by their type. With WAVEGYM_DEBUG=1 in the environment the
+    traceback comes before the line.
+    """
     try:
         main()
     except (InputError, OSError) as error:
         text = f"{error.strerror}: {error.filename}" if isinstance(error, OSError) and error.filename else str(error)
-        print(f"error: {' '.join(text.split()) or type(error).__name__}", file=sys.stderr)
-        return FAILED
+        return _told(text or type(error).__name__, FAILED)
+    except Exception as error:  # overflow, memory, a worker that was killed, another package's complaint
+        return _told(f"{type(error).__name__}: {error}", UNFORESEEN)
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         return INTERRUPTED
     return 0
+
+
+def _told(text: str, status: int) -> int:
+    """Print the error being handled; its exit status."""
+    if os.environ.get(DEBUG) == "1":
+        traceback.print_exc()
+    print(f"error: {' '.join(text.split())}", file=sys.stderr)
+    return status

@@ -11,7 +11,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from wavegym.errors import InputError
+from wavegym.errors import InputError, whole
 from wavegym.evaluation.play import Played, merged, play
 from wavegym.evaluation.task import Task, make_task
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
@@ -74,11 +74,12 @@ def compare(
         **settings: parameters of the system other than the registered ones.
 
     Raises:
-        InputError: an unknown id, setting or scheduler (nearest named), or a number out of range.
+        InputError: an unknown id, setting or scheduler (nearest named), a number out of range, or
+            parameters with which a policy's costs are not finite.
     """
-    for name, value, valid in (("worlds", worlds, worlds >= 1), ("jobs", jobs, jobs >= 1 or jobs == -1)):
-        if not valid:
-            raise InputError(f"{name} is {value}, expected an integer >= 1{' or -1' * (name == 'jobs')} (nearest: 1)")
+    whole("worlds", worlds, 1)
+    if jobs != -1:
+        whole("jobs", jobs, 1)
     seeds = world_seeds(root, "test", worlds)
     task = make_task(env_id, settings)
     members = _members(task, policies if BASELINE in policies else {BASELINE: None, **policies}, root)
@@ -92,7 +93,21 @@ def compare(
         parts = iter(_Visible(bar, jobs)(delayed(_play_warm)(task, policy, chunk) for _, policy, chunk in work))
     chunks = range(0, worlds, CHUNK)
     played = {name: [merged([next(parts) for _ in chunks]) for _ in those] for name, those in members.items()}
-    return Comparison(task, root, seeds, played)
+    comparison = Comparison(task, root, seeds, played)
+    _check_finite(comparison)
+    return comparison
+
+
+def _check_finite(comparison: Comparison) -> None:
+    """Raise an InputError for the first policy with a cost that no mean can be taken of."""
+    for name in comparison.played:
+        cost = comparison.cost(name)
+        broken = int((~np.isfinite(cost)).any(axis=0).sum())
+        if broken:
+            raise InputError(
+                f"policy {name!r} has a cost that is not finite in {broken} of {cost.shape[1]} worlds, "
+                f"expected finite costs: parameters of {comparison.task.env_id} are probably out of range"
+            )
 
 
 def _members(task: Task, policies: Mapping[str, Factory | None], root: int) -> dict[str, Sequence[Policy]]:

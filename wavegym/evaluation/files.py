@@ -3,38 +3,55 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+
+from wavegym.errors import InputError
 
 
 def write_whole(folder: Path, contents: Mapping[str, bytes]) -> None:
     """Write all files or, on any error, none: earlier ones then stay as they were.
 
     Every file is first written in full and flushed to the disk beside its destination; only when all are there do they
-    take their names, in the order given.
+    take their names, in the order given. A kill or a power cut between two of these renames leaves the first files new
+    and the others as they were, each of them whole: the one that vouches for the others belongs last. A kill before
+    leaves hidden ``.part`` files.
 
     Raises:
+        InputError: a folder stands where a file is to be written.
         OSError: the folder cannot be made or written, or the disk is full; names the file.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    for name in contents:
+        if (folder / name).is_dir():
+            raise InputError(f"{folder / name} is a folder, expected a file or nothing in its place")
     staged = {folder / name: folder / f".{name}.{os.getpid()}.part" for name in contents}
     try:
         for (path, part), content in zip(staged.items(), contents.values(), strict=True):
-            _write(part, content, path)
+            with _blamed_on(path):
+                _write(part, content)
         for path, part in staged.items():
-            os.replace(part, path)
+            with _blamed_on(path):
+                os.replace(part, path)
     finally:
         for part in staged.values():
             part.unlink(missing_ok=True)
     _flush_names(folder)
 
 
-def _write(part: Path, content: bytes, path: Path) -> None:
+def _write(part: Path, content: bytes) -> None:
+    with part.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def _blamed_on(path: Path) -> Iterator[None]:
+    """An OSError names the destination, not the hidden file beside it."""
     try:
-        with part.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+        yield
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
 

@@ -5,11 +5,11 @@ a matrix (member, world), of one row for a scheduler. Worlds differ far more tha
 in pairs: a resample of worlds is the same for all. Where there are several members they are resampled too (the two axes
 independently; Owen 2007, "The pigeonhole bootstrap"): the claim is about the learner, not about these networks. Taking
 the members for fixed would leave out the spread between training runs; taking (member, world) episodes for independent
-would leave out that members share worlds. Both make intervals too narrow. A spread between training runs that is seen
-through three to five of them only is still underrated: nominal 95 % then covers some 82 % (ten: 90 %).
+would leave out that members share worlds. Both make intervals too narrow. With
+few training seeds they still are: with three seeds the interval over seeds is too narrow; read it together with the
+spread of the seeds.
 
-Intervals are bias-corrected and accelerated (BCa): costs have a heavy right tail, where percentiles lie too low
-(20 log-normal costs, sigma 1, nominal 95 %: percentile covers 86 %, BCa 88 %; the two agree from some 200 worlds on).
+Intervals are bias-corrected and accelerated (BCa): costs have a heavy right tail, where percentiles lie too low.
 
 What cannot be estimated is None, never NaN: an interval from a single world, a ratio to a cost of 0, a geometric mean
 where a cost is not positive, a score where random and myopic cost the same. Identical values have an

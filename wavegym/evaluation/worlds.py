@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
-from wavegym.envs import trees
-from wavegym.errors import InputError, choice
+from wavegym.errors import choice, whole
+from wavegym.systems import trees
 from wavegym.systems.contract import System
 
 SPLITS = ("train", "tune", "test")
@@ -41,8 +41,8 @@ def world_seeds(root: int, split: str, count: int) -> list[int]:
         InputError: an unknown split, a negative root or count.
     """
     key = word(choice("split", split, SPLITS))
-    _whole("seed", root)
-    return [_seed(np.random.SeedSequence([root, key, i])) for i in range(_whole("worlds", count))]
+    whole("seed", root, 0)
+    return [_seed(np.random.SeedSequence([root, key, i])) for i in range(whole("worlds", count, 0))]
 
 
 def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
@@ -51,8 +51,8 @@ def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
     Raises:
         InputError: a negative argument.
     """
-    parent = np.random.SeedSequence([_whole("root", root), word("train"), _whole("seed", seed)])
-    return [_seed(child) for child in parent.spawn(_whole("num_envs", num_envs))]
+    parent = np.random.SeedSequence([whole("root", root, 0), word("train"), whole("seed", seed, 0)])
+    return [_seed(child) for child in parent.spawn(whole("num_envs", num_envs, 0))]
 
 
 def draw_worlds(system: System, seeds: Sequence[int]) -> Any:
@@ -62,9 +62,3 @@ def draw_worlds(system: System, seeds: Sequence[int]) -> Any:
 
 def _seed(sequence: np.random.SeedSequence) -> int:
     return int.from_bytes(sequence.generate_state(WORDS).astype("<u4").tobytes(), "little")
-
-
-def _whole(name: str, value: int) -> int:
-    if not isinstance(value, (int, np.integer)) or value < 0:
-        raise InputError(f"{name} is {value!r}, expected an integer >= 0 (nearest: 0)")
-    return int(value)

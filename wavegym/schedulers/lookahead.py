@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.errors import InputError
+from wavegym.systems import trees
 from wavegym.systems.contract import System
 
 Array = NDArray[Any]
@@ -48,15 +49,16 @@ class Lookahead:
         count, branches = len(public.step), len(self._candidates)
         chunk = max(1, NODES // branches**2)
         if count > chunk and depth > 1:
-            parts = [slice(start, start + chunk) for start in range(0, count, chunk)]
+            parts = [np.arange(start, min(start + chunk, count)) for start in range(0, count, chunk)]
             masks = [None if mask is None else mask[part] for part in parts]
-            return np.concatenate([self._values(_rows(public, p), depth, m) for p, m in zip(parts, masks, strict=True)])
+            work = zip(parts, masks, strict=True)
+            return np.concatenate([self._values(trees.take(public, part), depth, m) for part, m in work])
         imagined = self._system.imagine(public, self._candidates[None])
         values = self._system.cost(imagined)
         if mask is not None:
             values = np.where(mask, values, np.inf)
         if depth > 1:
-            leaves = type(imagined)(*(a.reshape(count * branches, *a.shape[2:]) for a in imagined))
+            leaves = trees.tree_map(lambda a: a.reshape(count * branches, *a.shape[2:]), imagined)
             over = self._system.ended(leaves)
             if not over.all():
                 below = self._values(leaves, depth - 1, self._masks(leaves)).min(axis=1)
@@ -66,7 +68,3 @@ class Lookahead:
     def _masks(self, public: Any) -> Array | None:
         mask = self._system.mask(public)
         return None if mask.all() else mask
-
-
-def _rows(public: Any, rows: slice) -> Any:
-    return type(public)(*(a[rows] for a in public))

@@ -27,7 +27,7 @@ class RandomChoice:
 
 
 class Fixed:
-    """Always the same candidate.
+    """Always the same candidate; where that is not allowed, the next one in cyclic order that is, as ``RoundRobin``.
 
     Args:
         index: which of ``system.candidates()``.
@@ -43,11 +43,11 @@ class Fixed:
             last = len(candidates) - 1
             nearest = min(max(self.index, 0), last)
             raise InputError(f"fixed:{self.index} is not a waveform, expected 0 to {last} (nearest: {nearest})")
-        self._action = candidates[self.index]
+        self._candidates = candidates
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``. A mask is the system's business here: it answers an action that cannot be had."""
-        return np.repeat(self._action[None], len(public.step), axis=0)
+        """See ``Policy``."""
+        return self._candidates[_first_allowed(np.full(len(public.step), self.index), len(self._candidates), mask)]
 
 
 class RoundRobin:
@@ -59,9 +59,13 @@ class RoundRobin:
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        count = len(self._candidates)
-        order = (public.step[:, None] + np.arange(count)) % count
-        if mask is None:
-            return self._candidates[order[:, 0]]
-        allowed = np.take_along_axis(mask, order, axis=1)
-        return self._candidates[np.take_along_axis(order, allowed.argmax(1)[:, None], axis=1)[:, 0]]
+        return self._candidates[_first_allowed(public.step, len(self._candidates), mask)]
+
+
+def _first_allowed(start: Array, count: int, mask: Array | None) -> Array:
+    """The first index at or after ``start`` (env,), in cyclic order of ``count``, that ``mask`` allows."""
+    if mask is None:
+        return start % count
+    order = (start[:, None] + np.arange(count)) % count
+    allowed = np.take_along_axis(mask, order, axis=1)
+    return np.take_along_axis(order, allowed.argmax(1)[:, None], axis=1)[:, 0]
