@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from small_systems import Burner
 
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.envs.comparison import difference
+from wavegym.envs.bitwise import difference
 from wavegym.errors import InputError
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 

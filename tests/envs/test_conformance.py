@@ -9,7 +9,7 @@ from small_systems import Burner, Leaky, LeakyMetric
 
 import wavegym
 from wavegym.envs import WaveformEnv, WaveformVectorEnv, check_vector_env
-from wavegym.envs.comparison import difference
+from wavegym.envs.bitwise import difference
 from wavegym.envs.conformance import ConformanceError
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 

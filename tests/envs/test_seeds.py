@@ -6,7 +6,7 @@ import pytest
 from gymnasium.vector import SyncVectorEnv
 
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.envs.comparison import difference
+from wavegym.envs.bitwise import difference
 from wavegym.envs.seeds import seed_list
 from wavegym.errors import InputError
 from wavegym.systems.kershaw_evans import KershawEvansPosition

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import wavegym
-from wavegym.envs.comparison import difference
+from wavegym.envs.bitwise import difference
 
 POSITION = "wavegym/KershawEvansPosition-v0"
 MODES = ["NextStep", "SameStep", "Disabled"]

@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import iterate
 from numpy.typing import NDArray
 
-from wavegym.envs.comparison import difference
+from wavegym.envs.bitwise import difference
 
 Array = NDArray[Any]
 

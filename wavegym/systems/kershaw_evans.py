@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import InputError, non_negative, ordered, positive
+from wavegym.errors import InputError, non_negative, ordered, positive, within
 from wavegym.sensors import range_law_snr
 from wavegym.systems import kershaw_evans_kernels as kernels
 from wavegym.systems.contract import Element, State, System
@@ -103,7 +103,7 @@ class KershawEvans(System):
         for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "farthest_range"):
             positive(name, getattr(self, name))
         non_negative("q", self.q)
-        positive("horizon", self.horizon, "steps")
+        within("horizon", self.horizon, 1, 100_000, "steps")
         positive("lower bound of start_range", self.start_range[0], "m")
         n = 3 if self.model == "ca" else 2
         for name in ("weights", "prior_variance"):
