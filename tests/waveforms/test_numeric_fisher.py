@@ -140,3 +140,21 @@ def test_wrong_energy_is_an_error(factor, energy):
 def test_not_a_number_is_an_error():
     with pytest.raises(InputError, match="expected finite values"):
         numeric_fisher_information(Scaled(float("nan")))
+
+
+class Rectangle(Waveform):
+    """The first thing one tries; its delay information is infinite."""
+
+    label = "rectangle"
+    support = (-5e-5, 5e-5)
+
+    def envelope(self, t):
+        return np.where(np.abs(t) <= 5e-5, 1e-4**-0.5, 0.0)
+
+    def phase(self, t):
+        return np.zeros_like(t)
+
+
+def test_an_envelope_with_jumps_is_refused():
+    with pytest.raises(InputError, match="envelope of rectangle jumps by 1 of its peak"):
+        Rectangle().fisher_information()

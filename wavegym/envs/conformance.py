@@ -22,7 +22,9 @@ from gymnasium.vector.utils import concatenate, create_empty_array, iterate
 from gymnasium.wrappers import TimeLimit
 from numpy.typing import NDArray
 
+from wavegym.envs.foresight import foresight_defect
 from wavegym.envs.lockstep import ConformanceError, Lockstep, Makers
+from wavegym.systems.contract import System
 
 __all__ = ["ConformanceError", "check_vector_env"]
 
@@ -41,7 +43,8 @@ def check_vector_env(env: str | Callable[..., VectorEnv], *, seed: int = 0, max_
 
     Whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments, integer and list
     seeds, partial resets that bring the environments out of step, episodes cut off by ``max_episode_steps``, and an
-    unpickled copy that takes over in mid-episode. What is returned must be the caller's own: it is written over.
+    unpickled copy that takes over in mid-episode. What is returned must be finite, and the caller's own: it is written
+    over. Of a wavegym system, ``imagine``, ``cost`` and ``mask`` are tried too.
 
     Args:
         env: an id, whose singles come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)`` that makes
@@ -54,6 +57,7 @@ def check_vector_env(env: str | Callable[..., VectorEnv], *, seed: int = 0, max_
         ConformanceError: on the first defect, which its one line names.
     """
     makers, limits = _by_id(env) if isinstance(env, str) else _by_factory(env)
+    _check_system(makers)
     for limit in limits:
         for mode in MODES:
             for num_envs in SIZES:
@@ -70,6 +74,25 @@ def check_vector_env(env: str | Callable[..., VectorEnv], *, seed: int = 0, max_
             raise ConformanceError(f"state exposed, as writing into returned arrays changes it: {defect}") from defect
         finally:
             pair.close()
+
+
+def _check_system(makers: Makers) -> None:
+    """Where the environment is wavegym's, its system's promises to planners too."""
+    try:
+        native = makers.native(num_envs=1, autoreset_mode=MODES[0])
+    except Exception:  # what is wrong here, the comparison below puts into words
+        return
+    system = getattr(native.unwrapped, "system", None)
+    native.close()
+    if not isinstance(system, System):
+        return
+    try:
+        defect = foresight_defect(system)
+    except Exception as error:
+        text = " ".join(str(error).split())
+        raise ConformanceError(f"{makers.name}: the system raised {type(error).__name__}: {text}") from error
+    if defect:
+        raise ConformanceError(f"{makers.name}: {defect}")
 
 
 def _by_id(id: str) -> tuple[Makers, list[dict[str, int]]]:

@@ -105,6 +105,8 @@ class Lockstep:
             self.fail(f"terminal observation lost: environment {wrong[0]} ended, but this is not its last observation")
         for name, mine, theirs in zip(STEP_NAMES, got, want, strict=True):
             self._same(name, mine, theirs)
+        if not np.isfinite(got[1]).all():
+            self.fail(f"rewards are {got[1].tolist()}, expected finite numbers")
         self._remember(f"step {self.steps}", got, rows)
 
     def continue_with_pickled_copy(self) -> None:

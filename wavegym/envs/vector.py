@@ -29,7 +29,9 @@ class WaveformVectorEnv(VectorEnv):
     Args:
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
         num_envs: how many.
-        reward: "trace" (-trace(Lambda P)), "log-trace", "relative", "error", or a Reward of your own.
+        reward: "trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "relative" (gain over the one-step
+            scheduler's own episode on the same world, divided by that episode's mean cost), "error" (minus the squared
+            true position error), or a Reward of your own.
         render_mode: None or "rgb_array".
         autoreset_mode: "NextStep", "SameStep" or "Disabled".
         max_episode_steps: truncate here, before the system's own end.

@@ -63,8 +63,8 @@ class KershawEvans(System):
         carrier_hz: fc. reference_range: r0 in metres, where eta = 1. nearest_range: the SNR grows no further below it.
         model: "cv" or "ca". q: process noise density (m^2/s^3; "ca": m^2/s^5). weights: diagonal of Lambda.
         durations, sweeps: the library, every duration k (s) with every sweep (Hz, negative = down) at the chirp rate
-        g = pi |sweep| / (2 k). action: "library" (index) or "box" (log duration; chirp rate as a fraction of the
-        largest one allowed at that duration). targets: "random" (drawn from the model), "scripted" (drawn start, then
+        g = pi |sweep| / (2 k). action: "library" (index) or "box" (log duration, and the signed sweep that sets
+        the chirp rate). targets: "random" (drawn from the model), "scripted" (drawn start, then
         ``script``: pairs of seconds and m/s^2) or "recorded" (windows of the recording ``tracks``, a CSV file, seen
         from ``radar``: latitude and longitude in degrees and altitude in metres, or x, y, z in metres where the file
         gives metres; by default the middle of the recording, or its origin). farthest_range: recorded windows beyond it

@@ -20,7 +20,7 @@ class Waveform(ABC):
     A subclass says ``label``, ``support``, ``envelope`` and ``phase``, and gets ``signal``, the Fisher information,
     the measurement covariance and the ambiguity function by quadrature to rounding error. It may override
     ``fisher_factors`` or ``ambiguity_row`` with a closed form, and must override ``pieces`` if its envelope or phase
-    has kinks or jumps.
+    has kinks. An envelope with jumps has infinite delay information and is refused: taper its edges.
     """
 
     @property

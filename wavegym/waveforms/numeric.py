@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _ENERGY_TOLERANCE = 1e-9
+_INSET = 1e-9  # of a piece's length
+_JUMP = 1e-5  # of the peak: far above what a taper reaches within the inset, far below a jump that matters
 _CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements made at a time: some 30 MB
 
 
@@ -38,9 +40,11 @@ def numeric_fisher_factors(waveform: Waveform) -> FisherFactors:
     squaring, so that a long chirp keeps its last digits.
 
     Raises:
-        InputError: if the waveform is not smooth between the ends of its ``pieces``, or its energy is not 1.
+        InputError: if the waveform is not smooth between the ends of its ``pieces``, its energy is not 1, or its
+            envelope jumps: the delay information is infinite then.
     """
     samples = sample(waveform)
+    _check_no_jump(waveform)
     envelope = samples.values[0]
     envelope_rate, frequency = samples.derivative()
     density = envelope * envelope * samples.weights
@@ -55,6 +59,23 @@ def numeric_fisher_factors(waveform: Waveform) -> FisherFactors:
     left = frequency - slope * time
     residual = (envelope_rate * envelope_rate * samples.weights).sum() / energy + (left * left * density).sum()
     return FisherFactors(residual, slope, spread)
+
+
+def _check_no_jump(waveform: Waveform) -> None:
+    """The envelope is continuous from piece to piece, and zero where there is none."""
+    low, high = np.array(waveform.pieces, dtype=np.float64).T
+    inset = _INSET * (high - low)  # an envelope may count its very ends as inside or outside
+    rise, fall = waveform.envelope(low + inset), waveform.envelope(high - inset)
+    joined = low[1:] == high[:-1]
+    before = np.concatenate([[0.0], np.where(joined, fall[:-1], 0.0)])
+    after = np.concatenate([np.where(joined, rise[1:], 0.0), [0.0]])
+    jump = max(np.abs(rise - before).max(), np.abs(fall - after).max())
+    peak = np.abs(waveform.envelope(np.linspace(*waveform.support, 257))).max()
+    if jump > _JUMP * peak:
+        raise InputError(
+            f"envelope of {waveform.label} jumps by {jump / peak:.2g} of its peak, expected it continuous: "
+            "delay information is infinite at a jump (taper the edges)"
+        )
 
 
 def sample(waveform: Waveform) -> Expansion:
