@@ -22,7 +22,8 @@ def parser() -> Parser:
     options = Parser(prog="train.py", description=__doc__.partition("\n")[0])
     options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
     options.add_argument("--algo", required=True, metavar="ALGO", help="ppo or dqn")
-    options.add_argument("--steps", type=int, metavar="N", help="environment steps (default: agents/settings.toml)")
+    steps = "environment steps, rounded up to whole rollouts of all environments (default: agents/settings.toml)"
+    options.add_argument("--steps", type=int, metavar="N", help=steps)
     options.add_argument("--seed", type=int, default=0, metavar="S", help="number of the run (default: %(default)s)")
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
     several: Any = {"nargs": "+", "action": "extend", "default": [], "metavar": "KEY=VALUE"}

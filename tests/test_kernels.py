@@ -138,7 +138,8 @@ def test_importing_wavegym_stays_light():
 
 
 def _python(code, cwd=None):
-    path = {"PYTHONPATH": f"{PACKAGE.parent}", "PATH": "", "NUMBA_NUM_THREADS": "1"}
+    # No .pyc: Python would take a file of the same size, rewritten within the same second, for the old one.
+    path = {"PYTHONPATH": f"{PACKAGE.parent}", "PATH": "", "NUMBA_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=cwd, env=path, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
