@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest docs results benchmarks clean
+.PHONY: demo test lint test-oldest docs results reproduce benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -49,6 +49,14 @@ docs: $(READY)
 # Train what is missing and rebuild every table under results/; STUDIES="position" for one of them.
 results: $(READY)
 	$(BIN)/python -m agents.study $(STUDIES)
+
+# Rebuild the papers' figures: data under results/, pictures under docs/images/.
+reproduce: $(READY)
+	$(BIN)/python -m wavegym.reproduce agile_clutter --tracker both --out $(OUT)/agile_clutter
+	mkdir -p results/agile_clutter
+	cp $(addprefix $(OUT)/agile_clutter/,summary.json figure2.csv figure3.csv) results/agile_clutter/
+	cp $(OUT)/agile_clutter/figure2.png docs/images/agile_clutter_figure2.png
+	cp $(OUT)/agile_clutter/figure3.png docs/images/agile_clutter_figure3.png
 
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run

@@ -42,7 +42,8 @@ def build_model(plan: Plan) -> BaseAlgorithm:
     if plan.algo == "dqn":
         own["train_freq"] = 1
         if not isinstance(env.action_space, spaces.Discrete):
-            raise InputError(f"dqn cannot choose from {env.action_space}, expected a finite library (or --algo ppo)")
+            wanted = "a finite library, the joint one where there are several sensors (or --algo ppo)"
+            raise InputError(f"dqn cannot choose from {env.action_space}, expected {wanted}")
     model = MODELS[plan.algo](
         "MlpPolicy",
         env,

@@ -28,7 +28,7 @@ from agents.records import difference, read_run
 from wavegym.errors import InputError, choice
 from wavegym.schedulers import Policy
 from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox
+from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 
 Array = NDArray[Any]
 
@@ -76,18 +76,24 @@ class LearnedPolicy:
 
 def signature(system: System) -> dict[str, Any]:
     """What a network's inputs and outputs mean: the observation's elements and scaling, a hash of the actions."""
-    actions = system.actions
-    names = repr(actions.parameters) if isinstance(actions, ParameterBox) else repr(tuple(actions.labels))
-    count = len(actions.parameters) if isinstance(actions, ParameterBox) else len(actions.labels)
+    form, count, names = _meaning(system.actions)
     return {
         "observation": [e.name for e in system.elements],
         "scaling": [[float(e.centre), float(e.scale)] for e in system.elements],
-        "actions": {
-            "form": "box" if isinstance(actions, ParameterBox) else "library",
-            "count": count,
-            "sha256": hashlib.sha256(names.encode()).hexdigest(),
-        },
+        "actions": {"form": form, "count": count, "sha256": hashlib.sha256(repr(names).encode()).hexdigest()},
     }
+
+
+def _meaning(actions: Any) -> tuple[str, int, Any]:
+    """The form of an action set, how many outputs or waveforms it has, and the names that give them their meaning."""
+    if isinstance(actions, ParameterBox):
+        return "box", len(actions.parameters), actions.parameters
+    if isinstance(actions, JointLibrary):
+        return "joint", len(actions), actions.labels
+    names = tuple(actions.labels)
+    if isinstance(actions, PerSensor):
+        return f"library for each of {actions.sensors} sensors", len(names), (actions.sensors, names)
+    return "library", len(names), names
 
 
 def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]:

@@ -9,6 +9,7 @@ import gymnasium as gym
 SYSTEMS = {
     "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans:KershawEvans",
     "wavegym/KershawEvansPosition-v0": "wavegym.systems.kershaw_evans:KershawEvansPosition",
+    "wavegym/AgileClutter-v0": "wavegym.systems.agile_clutter:AgileClutter",
 }
 
 

@@ -77,7 +77,7 @@ def test_the_single_environment_refuses_as_the_vector_one_does():
         assert env.step(right)[-1]["waveform"] == 3
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.floats(-1e6, 1e6), min_size=4, max_size=4))
 def test_finite_points_outside_the_box_are_clipped_and_flagged(values):
     points = np.array(values).reshape(2, 2)

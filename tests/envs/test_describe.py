@@ -67,11 +67,13 @@ def test_what_the_table_says_is_what_the_agent_sees(id):
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_the_action_tables_are_both_forms_of_the_action_space(id):
+def test_the_action_tables_are_the_forms_of_the_action_space(id):
     page = chapter(describe(id), "Actions")
     labels = gym.make(id).unwrapped.system.actions.labels
     assert rows(page, "index") == [[str(i), label] for i, label in enumerate(labels)]
-    assert f"`Discrete({gym.make(id).action_space.n})`" in page
+    space = gym.make(id).action_space
+    several = isinstance(space, gym.spaces.MultiDiscrete)
+    assert (f"`MultiDiscrete({space.nvec.tolist()})`" if several else f"`Discrete({space.n})`") in page
     box = gym.make(id, action="box")
     parameters = box.unwrapped.system.actions.parameters
     table = rows(page, "parameter")

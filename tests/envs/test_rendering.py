@@ -12,7 +12,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.envs.line_of_sight_scene import ellipse, transmitted
+from wavegym.envs.drawings import ellipse
+from wavegym.envs.line_of_sight_scene import transmitted
 from wavegym.envs.rendering import Film, headline
 from wavegym.envs.scenes import ObservationScene, make_scene
 from wavegym.envs.timelines import Timelines, draw_choices, draw_foreseen

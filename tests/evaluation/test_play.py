@@ -22,14 +22,14 @@ def test_only_the_first_episode_of_each_world_counts():
     past = np.arange(9) >= WORLDS.length[:, None]
     np.testing.assert_array_equal(played.cost, np.where(past, np.nan, 2.0 * WORLDS.level[:, None]))
     np.testing.assert_allclose(played.episode_cost(), 2.0 * WORLDS.level, rtol=1e-15)
-    np.testing.assert_array_equal(played.chosen, WORLDS.length[:, None] * [0, 1, 0])
+    np.testing.assert_array_equal(played.chosen[:, 0], WORLDS.length[:, None] * [0, 1, 0])
 
 
 def test_a_policy_chooses_for_each_world_by_its_own_step():
     played = play(UNEVEN, RoundRobin(), SEEDS)
     turns = np.arange(9)
     want = [np.bincount(turns[:length] % 3, minlength=3) for length in WORLDS.length]
-    np.testing.assert_array_equal(played.chosen, want)
+    np.testing.assert_array_equal(played.chosen[:, 0], want)
 
 
 def test_metrics_are_means_over_steps_and_targets_and_losses_those_of_the_end():
@@ -60,7 +60,7 @@ def test_through_the_shell_as_without_it(policy):
     played = play(task, policy, SEEDS)
     np.testing.assert_array_equal(played.cost, direct.cost)
     count = len(task.system.candidates())
-    np.testing.assert_array_equal(played.chosen, [np.bincount(row, minlength=count) for row in direct.actions])
+    np.testing.assert_array_equal(played.chosen[:, 0], [np.bincount(row, minlength=count) for row in direct.actions])
 
 
 def test_rmse_and_nees_are_those_of_single_episodes():
@@ -77,7 +77,7 @@ def test_rmse_and_nees_are_those_of_single_episodes():
 
 def test_a_box_of_parameters_has_no_counts():
     played = play(make_task("KershawEvans-v0", {"horizon": 3, "action": "box"}), Myopic(), SEEDS[:2])
-    assert played.chosen.shape == (2, 0)
+    assert played.chosen.shape == (2, 0, 0)
     assert np.isfinite(played.cost).all()
 
 

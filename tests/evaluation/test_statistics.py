@@ -69,7 +69,7 @@ def test_constant_ratio_is_exact():
         assert estimate.ci == pytest.approx((-15.0, -15.0), abs=1e-12)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(values=matrices, factor=positive)
 def test_what_the_estimates_are(values, factor):
     baseline = np.flip(values, axis=1) * factor

@@ -13,7 +13,7 @@ from wavegym.evaluation import draw_worlds, make_task, training_seeds, world_see
 roots = st.integers(0, 2**40)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(root=roots, seed=st.integers(0, 1000))
 def test_the_splits_never_share_a_seed(root, seed):
     families = [world_seeds(root, split, 60) for split in ("train", "tune", "test")]
@@ -22,7 +22,7 @@ def test_the_splits_never_share_a_seed(root, seed):
     assert len(set(everything)) == len(everything) == 3 * 60 + 2 * 64
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(root=roots, count=st.integers(0, 30))
 def test_a_world_does_not_depend_on_how_many_there_are(root, count):
     assert world_seeds(root, "test", count) == world_seeds(root, "test", 40)[:count]

@@ -45,7 +45,7 @@ def beliefs(system, seed, count=1):
 
 @pytest.mark.parametrize("objective", ["trace", "gate"])
 @pytest.mark.parametrize("name", SYSTEMS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_no_point_of_a_fine_grid_is_better(name, objective, seed):
     system = SYSTEMS[name]

@@ -24,6 +24,7 @@ WORLDS = World(*(np.stack([a, a]) for a in SYSTEM.draw_world(np.random.default_r
         ("fixed:7", Fixed),
         ("best-fixed", Fixed),
         ("myopic", Myopic),
+        ("myopic:exhaustive", Myopic),
         ("myopic:determinant", Myopic),
         ("myopic:gate", Myopic),
         ("lookahead:3", Lookahead),
@@ -40,6 +41,8 @@ def test_numbers_and_objectives_arrive():
     assert make_policy("lookahead:3", SYSTEM, WORLDS).depth == 3
     for name, objective in [("myopic", "trace"), ("myopic:determinant", "determinant"), ("myopic:gate", "gate")]:
         assert make_policy(name, SYSTEM, WORLDS).objective is OBJECTIVES[objective]
+    assert make_policy("myopic", SYSTEM, WORLDS).fused
+    assert not make_policy("myopic:exhaustive", SYSTEM, WORLDS).fused
 
 
 @pytest.mark.parametrize(
@@ -83,7 +86,10 @@ def test_objectives_that_a_system_cannot_have_are_refused(name):
         make_policy(name, Belief(), WORLDS)
 
 
-@pytest.mark.parametrize("name", [*(f for f in FORMS if f[-2] != ":"), "fixed:3", "lookahead:1", "lookahead:3"])
+PLAIN = [name for name in FORMS if name[-2] != ":" and name != "myopic:progressive"]  # that one needs another system
+
+
+@pytest.mark.parametrize("name", [*PLAIN, "fixed:3", "lookahead:1", "lookahead:3"])
 def test_every_scheduler_gets_through_gymnasiums_loop(name):
     """In the default autoreset mode a policy is also asked at the step that only resets, when its episode is over."""
     action = "box" if name == "myopic:closed-form" else "library"

@@ -86,7 +86,7 @@ def test_generator_draws_the_noise():
     np.testing.assert_array_equal(drawn, random_path(model, [2e4, 200.0], noise))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.sampled_from([(), (1,), (3,), (2, 4)]), st.integers(0, 2**32 - 1), st.booleans())
 def test_batch_is_bitwise_its_elements(lead, seed, shared_start):
     model = constant_velocity(0.7, 2.0, axes=("x", "y"))

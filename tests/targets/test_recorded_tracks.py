@@ -53,7 +53,7 @@ def test_late_reports_are_found_and_only_they(late):
     assert np.flatnonzero(~mask).tolist() == late
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.floats(0.0, 9.0), min_size=3, max_size=40), st.floats(4.0, 12.0))
 def test_what_is_left_could_be_flown(delays, limit):
     times = 10.0 * np.arange(len(delays))
@@ -67,7 +67,7 @@ def test_what_is_left_could_be_flown(delays, limit):
     assert mask.sum() >= 2
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(0.2, 20.0), st.floats(50.0, 300.0), st.floats(0.5, 7.9), st.integers(0, 2**32 - 1))
 def test_a_turn_within_the_limit_is_kept(dt, speed, acceleration, seed):
     times = dt * np.arange(30)
@@ -90,7 +90,7 @@ def test_a_jump_for_good_becomes_a_gap():
         )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(0.5, 60.0), min_size=1, max_size=25),
     st.floats(0.3, 7.0),
@@ -110,7 +110,7 @@ def test_no_sample_lies_in_a_gap(steps, dt, max_gap):
         np.testing.assert_allclose(piece.velocities, [(200.0, 30.0, -5.0)] * len(piece.times), rtol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.floats(0.5, 60.0), min_size=1, max_size=25), st.floats(0.3, 7.0), st.floats(1.0, 50.0))
 def test_pieces_partition_the_reports(steps, dt, max_gap):
     track = straight(np.cumsum([0.0, *steps]))

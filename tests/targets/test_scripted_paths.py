@@ -65,7 +65,7 @@ segments_2d = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(segments_2d)
 def test_closed_forms_equal_integration(segments):
     path = ScriptedPath((5.0, -3.0), (4.0, 30.0), segments)
@@ -76,7 +76,7 @@ def test_closed_forms_equal_integration(segments):
     np.testing.assert_allclose(sampled.velocities, velocities, rtol=1e-8, atol=1e-7)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(segments_2d)
 def test_acceleration_is_the_derivative_of_velocity(segments):
     path = ScriptedPath((5.0, -3.0), (4.0, 30.0), segments)

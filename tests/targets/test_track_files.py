@@ -85,7 +85,7 @@ def test_a_radar_may_be_the_origin(written):
     assert flat.origin == (52.301858, -0.713170, 0.0)
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.permutations([*CLIMB, *STALE]), st.lists(st.sampled_from([*CLIMB, *STALE]), max_size=5))
 def test_neither_order_nor_duplicates_matter(written, rows, again):
     same(read_tracks(written(HEADER, *rows, *again)), read_tracks(written(HEADER, *CLIMB, *STALE)))

@@ -81,7 +81,7 @@ def test_leading_axes_broadcast():
     assert predict(x, P, F, Q)[0].shape == (n,)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(n=st.integers(1, 5), m=st.integers(1, 3), seed=st.integers(0, 2**32 - 1))
 def test_a_measurement_never_makes_the_covariance_larger(n, m, seed):
     _, P, *_, H, R = problem(n, m, seed=seed)

@@ -33,7 +33,6 @@ def grid(chirp, points=23):
     return delays, np.concatenate([near, widest * np.linspace(-3, 3, points)])
 
 
-@settings(deadline=None)
 @given(chirps(largest_product=1e3))
 def test_equals_the_gaussian_closed_form(chirp):
     delays, dopplers = grid(chirp)
@@ -41,7 +40,6 @@ def test_equals_the_gaussian_closed_form(chirp):
     assert np.abs(ambiguity(chirp, delays, dopplers) - exact).max() <= 1e-12
 
 
-@settings(deadline=None)
 @given(chirps())
 def test_magnitude_equals_the_gaussian_closed_form_at_any_time_bandwidth_product(chirp):
     """|chi| = exp(-tau^2/(4 k^2) - k^2 (2 g tau - w)^2/4): the ridge w = 2 g tau rises for an up-chirp."""
@@ -55,7 +53,7 @@ def test_magnitude_equals_the_gaussian_closed_form_at_any_time_bandwidth_product
         assert np.abs(np.abs(ambiguity(chirp, tau, nu + off)[0]) - exact).max() <= 1e-11
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(trains(largest_product=30))
 def test_laws_of_every_ambiguity_function(train):
     J = train.fisher_information()

@@ -28,7 +28,6 @@ def test_chirp_numeric_equals_closed_form(chirp):
     assert_same_factors(numeric_fisher_factors(chirp), chirp.fisher_factors(), rtol=1e-9)
 
 
-@settings(deadline=None)
 @given(trains())
 def test_train_numeric_equals_closed_form(train):
     closed, numeric = train.fisher_information(), numeric_fisher_information(train)
@@ -72,7 +71,7 @@ def test_information_is_minus_the_hessian_of_the_ambiguity_magnitude(waveform):
     np.testing.assert_allclose(minus_hessian_of_magnitude(waveform), J, rtol=1e-6, atol=1e-7)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(chirps())
 def test_information_is_minus_the_hessian_for_any_chirp(chirp):
     J = normalised(chirp.fisher_information(), chirp)

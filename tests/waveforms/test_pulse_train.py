@@ -9,7 +9,6 @@ from wavegym.waveforms import GaussianChirp, PulseTrain, ambiguity
 PULSE = GaussianChirp(duration=1e-6, chirp_rate=2e12, direction="down")
 
 
-@settings(deadline=None)
 @given(trains())
 def test_doppler_moment_grows_by_the_dwell(train):
     pulse_J, J = train.pulse.fisher_information(), train.fisher_information()
@@ -34,7 +33,7 @@ def test_signal_is_the_sum_of_the_pulses():
     np.testing.assert_allclose(train.signal(t), expected, atol=1e-12 * abs(expected).max())
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(trains(largest_product=10))
 def test_energy_is_one(train):
     low, high = train.support

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wavegym.errors import InputError
 from wavegym.schedulers.rollout import allowed
 from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox
+from wavegym.waveforms import ParameterBox, PerSensor
 
 Array = NDArray[Any]
 
@@ -67,6 +67,37 @@ class IndexReader:
         return {"waveform": chosen.copy()}  # a system or a film may keep ``chosen``
 
 
+class PerSensorReader:
+    """One index for each sensor, (env, sensor). Knows no masks."""
+
+    def __init__(self, actions: PerSensor) -> None:
+        self.count, self.sensors = len(actions), actions.sensors
+        self.space = spaces.MultiDiscrete([self.count] * self.sensors)
+
+    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
+        """See ``ActionReader``."""
+        array, num_envs = np.asarray(actions), len(public.step)
+        if array.dtype.kind not in "iu":
+            raise InputError(f"action has the type {array.dtype}, expected integers in [0, {self.count - 1}]")
+        if array.shape != (num_envs, self.sensors):
+            wanted = f"({num_envs}, {self.sensors}): one index for each sensor"
+            raise InputError(f"actions have the shape {array.shape}, expected {wanted}")
+        if ignored is not None:
+            array = np.where(ignored[:, None], 0, array)
+        array = np.array(array, np.int64, order="C")
+        bits = array.view(np.uint64)  # see IndexReader
+        if (max(bits.tolist()[0]) if num_envs == 1 else np.maximum.reduce(bits, axis=None)) >= self.count:
+            row, sensor = np.argwhere(bits >= self.count)[0]
+            wrong, last = int(array[row, sensor]), self.count - 1
+            wanted = f"an index in [0, {last}] (nearest: {min(max(wrong, 0), last)})"
+            raise InputError(f"action of sensor {sensor + 1} is {wrong}, expected {wanted}")
+        return array
+
+    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+        """The indices chosen, (env, sensor)."""
+        return {"waveform": chosen.copy()}
+
+
 class BoxReader:
     """Point of [-1, 1]^d; finite values outside are clipped and flagged, as agents with unclipped Gaussians expect."""
 
@@ -95,8 +126,17 @@ class BoxReader:
 
 
 def action_reader(system: System) -> ActionReader:
-    """The reader that fits the system's action set."""
+    """The reader that fits the system's action set.
+
+    Raises:
+        InputError: the system masks the actions of a PerSensor.
+    """
     actions = system.actions
+    if isinstance(actions, PerSensor):
+        if type(system).mask is not System.mask:
+            wanted = "none with a PerSensor: what couples sensors goes into the joint form, a JointLibrary"
+            raise InputError(f"{type(system).__name__} has a mask of its own, expected {wanted}")
+        return PerSensorReader(actions)
     return BoxReader(actions) if isinstance(actions, ParameterBox) else IndexReader(system, len(actions.labels))
 
 

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import suppress
 from typing import Any
 
 import gymnasium as gym
@@ -19,13 +20,14 @@ from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.errors import choice
 from wavegym.registration import list_envs
 from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox
+from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 
 INFO = {
     "cost": "trace(Lambda P) of the belief after the step",
     "saturated": "number of observation elements held at their bound",
     "waveform": "index of the waveform transmitted",
 }
+INFO_PER_SENSOR = {"waveform": "indices of the waveforms transmitted, one for each sensor"}
 INFO_BOX = {
     "parameters": "box actions: their physical values",
     "action_clipped": "box actions: whether one lay outside [-1, 1] and was clipped",
@@ -35,7 +37,7 @@ INFO_AT_TIMES = {
     "final_obs": 'with `autoreset_mode="SameStep"`: last observation of an episode that ended in this step',
     "final_info": 'with `autoreset_mode="SameStep"`: last info of that episode',
 }
-FORMS = ("library", "box")  # values of a system's parameter ``action``
+FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system has those it accepts
 SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps")
 
 
@@ -85,8 +87,12 @@ def _forms(system: System) -> dict[str, System]:
     current = getattr(system, "action", None)
     if current not in FORMS or not dataclasses.is_dataclass(system):
         return {"": system}
-    others = [form for form in FORMS if form != current]
-    return {current: system, **{form: dataclasses.replace(system, action=form) for form in others}}
+    forms = {current: system}
+    for form in FORMS:
+        if form != current:
+            with suppress(ValueError):  # not one of this system's; pydantic's errors and ours are ValueErrors
+                forms[form] = dataclasses.replace(system, action=form)
+    return forms
 
 
 def _actions(form: str, system: System) -> str:
@@ -98,7 +104,25 @@ def _actions(form: str, system: System) -> str:
         space = f"`Box(-1, 1, ({len(rows)},))`, each element spread over its parameter's range."
         return f"{prefix}{space}\n\n" + table(("parameter", "unit", "at -1", "at +1", "scale"), rows)
     labelled = list(enumerate(actions.labels))
-    return f"{prefix}`Discrete({len(labelled)})`.\n\n" + table(("index", "waveform"), labelled)
+    head = ("index", "waveform")
+    if isinstance(actions, PerSensor):
+        sizes = [len(actions)] * actions.sensors
+        space = f"`MultiDiscrete({sizes})`, one index per sensor, the same waveforms at each."
+    elif isinstance(actions, JointLibrary):
+        space = f"`Discrete({len(labelled)})`, {_combinations(actions)}"
+        head = ("index", "waveforms")
+    else:
+        space = f"`Discrete({len(labelled)})`."
+    return f"{prefix}{space}\n\n" + table(head, labelled)
+
+
+def _combinations(actions: JointLibrary) -> str:
+    """Which sub-library a joint form is made of."""
+    count, listed = len(actions.library), ", ".join(actions.library.labels)
+    return (
+        f"every combination of {count} waveforms at {actions.sensors} sensors, the first sensor's changing slowest. "
+        f"The {count}: {listed}."
+    )
 
 
 def _observations(system: System) -> str:
@@ -125,7 +149,8 @@ def _info(env: Any, system: System) -> str:
     env.action_space.seed(0)
     info = env.step(env.action_space.sample())[-1]
     boxed = any(isinstance(form.actions, ParameterBox) for form in _forms(system).values())
-    known = {**INFO, **(INFO_BOX if boxed else {}), **INFO_AT_TIMES}
+    indices = INFO_PER_SENSOR if isinstance(system.actions, PerSensor) else {}
+    known = {**INFO, **indices, **(INFO_BOX if boxed else {}), **INFO_AT_TIMES}
     figures = " ".join((type(system).metrics.__doc__ or "").split())
     rows = [(f"`{key}`", _kind(value), known.pop(key, "key figure, see below")) for key, value in info.items()]
     rows += [(f"`{key}`", "", meaning) for key, meaning in known.items()]

@@ -13,16 +13,23 @@ from wavegym.systems.contract import System
 Array = NDArray[Any]
 
 WORLDS = 3
+FEW = 1000  # candidates tried, spread evenly over all
+NEARLY = 1e-6  # relative: two ways to the same cost may round differently
 
 
 def foresight_defect(system: System, seed: int = 0) -> str | None:
-    """What is wrong with ``imagine``, ``cost`` or ``mask``, in words; None where nothing is.
+    """What is wrong with ``imagine``, ``cost``, ``mask``, ``metrics``, ``constants`` or ``best_action``, in words.
 
-    A system without ``imagine`` (NotImplementedError) cannot be planned for, which is no defect.
+    None where nothing is. A system without ``imagine`` (NotImplementedError) cannot be planned for, which is no defect.
     """
     generators = [np.random.default_rng([seed, i]) for i in range(WORLDS)]
-    public = system.begin(trees.stack([system.draw_world(rng) for rng in generators])).public
-    before, candidates = trees.copied(public), system.candidates()
+    state = system.begin(trees.stack([system.draw_world(rng) for rng in generators]))
+    for name, figure in system.metrics(state).items():
+        if not np.isfinite(figure).all():
+            return f"metrics()[{name!r}] is not finite, expected 0 where a target is absent, and 'present' to tell"
+    public = state.public
+    before, everything = trees.copied(public), system.candidates()
+    candidates = everything[:: -(-len(everything) // FEW)]
     count = len(candidates)
     forms = {
         "(env,)": (candidates[np.arange(WORLDS) % count], (WORLDS,)),
@@ -37,9 +44,13 @@ def foresight_defect(system: System, seed: int = 0) -> str | None:
         defect = _imagined_defect(system, public, imagined, shape)
         if defect:
             return f"imagine() with actions {form}: {defect}"
+    else:
+        defect = _best_action_defect(system, public, candidates)
+        if defect:
+            return defect
     if not _same(before, public):
         return "imagine() changed the public state that it was given"
-    return _mask_defect(system, public, count)
+    return _constants_defect(system, everything) or _mask_defect(system, public, len(everything))
 
 
 def _imagined_defect(system: System, public: Any, imagined: Any, shape: tuple[int, ...]) -> str | None:
@@ -53,6 +64,36 @@ def _imagined_defect(system: System, public: Any, imagined: Any, shape: tuple[in
     if cost.shape != shape:
         return f"cost() returned shape {cost.shape}, expected {shape}"
     return None if np.isfinite(cost).all() else "cost() is not finite"
+
+
+def _best_action_defect(system: Any, public: Any, candidates: Array) -> str | None:
+    """``best_action`` claims the least cost of all."""
+    if not hasattr(system, "best_action"):
+        return None
+    try:
+        best = np.asarray(system.best_action(public))
+    except NotImplementedError:
+        return None
+    shape = (WORLDS, *candidates.shape[1:])
+    if best.shape != shape:
+        return f"best_action() returned shape {best.shape}, expected {shape}"
+    cost = system.cost(system.imagine(public, best))
+    others = system.cost(system.imagine(public, candidates[None])).min(axis=1)
+    if (cost > others + NEARLY * np.abs(others)).any():
+        return f"best_action() costs {cost.tolist()}, but candidates cost {others.tolist()}"
+    return None
+
+
+def _constants_defect(system: System, candidates: Array) -> str | None:
+    if type(system).constants is System.constants:
+        return None
+    constants = system.constants()
+    if constants.ndim != candidates.ndim or constants.shape[1:] != candidates.shape[1:] or not len(constants):
+        wanted = ("n >= 1", *candidates.shape[1:])
+        return f"constants() returned shape {constants.shape}, expected ({', '.join(map(str, wanted))})"
+    if candidates.dtype.kind in "iu" and not np.isin(constants, candidates).all():
+        return "constants() has an index that candidates() lacks"
+    return None
 
 
 def _mask_defect(system: System, public: Any, count: int) -> str | None:

@@ -7,24 +7,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavegym.envs.drawings import CROSS, KILO, SIGMAS, TRUTH, draw_pulse, ellipse, fill
+from wavegym.envs.moment import Moment
 from wavegym.envs.panels import caption, few_ticks, legend, steps_along, wipe
-from wavegym.envs.scenes import Moment
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import MEASURED, KershawEvans
 from wavegym.trackers import predict_covariance
-from wavegym.waveforms import GaussianChirp, ParameterBox, Waveform, chirp_rate_for_sweep, plot_ambiguity
+from wavegym.waveforms import GaussianChirp, ParameterBox, Waveform, chirp_rate_for_sweep
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
 Array = NDArray[Any]
 
-KILO = 1e-3  # m -> km
-SIGMAS = 2.0
-CELLS = np.linspace(-3.0, 3.0, 25)  # of the ambiguity function, in resolution cells of its cuts
-TRUTH, PREDICTED, PULSE, UPDATED = "black", "0.5", "tab:orange", "tab:blue"
-CROSS: dict[str, Any] = {"marker": "x", "color": TRUTH, "markersize": 6, "markeredgewidth": 1.4, "linestyle": ""}
+PREDICTED, PULSE, UPDATED = "0.5", "tab:orange", "tab:blue"
 
 
 class LineOfSightScene:
@@ -68,7 +64,8 @@ class LineOfSightScene:
         self._draw_ellipses(moment)
         self._pulse.set_visible(bool(moment.actions))
         if moment.actions:
-            draw_pulse(self._pulse, transmitted(self.system, moment.actions[-1]))
+            pulse = transmitted(self.system, moment.actions[-1])
+            draw_pulse(self._pulse, pulse, f"ambiguity function |χ|: {pulse.label}")
 
     def _draw_line_of_sight(self, moment: Moment) -> None:
         """Radar, target and where it has been."""
@@ -108,7 +105,7 @@ class LineOfSightScene:
             R = system.unit_covariance(moment.actions[-1])[0] / self._snr(moment)
             axes.plot(*ellipse(predicted), "--", color=PREDICTED, linewidth=1.2)
             axes.plot(*ellipse(R), color=PULSE, linewidth=1.2)
-        axes.fill(*ellipse(updated), color=UPDATED, alpha=0.35)
+        fill(axes, ellipse(updated), color=UPDATED, alpha=0.35)
         truth = (now.hidden.truth - now.public.mean)[0, :MEASURED]
         axes.plot(truth[:1], truth[1:], **CROSS)
         reach = 1.35 * np.maximum(SIGMAS * np.sqrt(np.diag(predicted)), np.abs(truth))
@@ -120,15 +117,6 @@ class LineOfSightScene:
         return float(range_law_snr(r, self.system.reference_range, self.system.nearest_range))
 
 
-def draw_pulse(axes: Axes, pulse: Waveform) -> None:
-    """Ambiguity function of the pulse that was transmitted."""
-    information = pulse.fisher_information()
-    delays, dopplers = CELLS / np.sqrt(information[0, 0]), CELLS / np.sqrt(information[1, 1])
-    plot_ambiguity(pulse, axes, delays=delays, dopplers=dopplers)
-    axes.images[0].set_interpolation("bilinear")
-    caption(axes, f"ambiguity function |χ|: {pulse.label}", "delay τ [µs]", "Doppler ν [kHz]")
-
-
 def transmitted(system: KershawEvans, action: Array) -> Waveform:
     """The pulse that ``action``, (1,) or (1, d), stands for."""
     actions = system.actions
@@ -137,9 +125,3 @@ def transmitted(system: KershawEvans, action: Array) -> Waveform:
     duration, sweep = actions.decode(action)[0].tolist()
     rate = float(chirp_rate_for_sweep(abs(sweep), duration))
     return GaussianChirp(duration=duration, chirp_rate=rate, direction="down" if sweep < 0 else "up")
-
-
-def ellipse(covariance: Array) -> Array:
-    """Points of the 2-sigma ellipse, (2, point)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 121)
-    return SIGMAS * np.linalg.cholesky(covariance) @ np.stack([np.cos(angle), np.sin(angle)])

@@ -74,9 +74,10 @@ def _round_ticks(most: int) -> Any:
     return MaxNLocator(most, steps=[1, 2, 5, 10])
 
 
-def legend(axes: Axes, place: Any, **entries: dict[str, Any]) -> None:
+def legend(axes: Axes, place: Any, columns: int = 1, /, **entries: dict[str, Any]) -> None:
     """A lasting legend: a name and the line properties of each entry."""
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], label=name.replace("_", " "), **style) for name, style in entries.items()]
-    axes.legend(handles=handles, loc=place, fontsize=SMALL - 1, handlelength=1.2, borderpad=0.3, framealpha=0.7)
+    style = {"fontsize": SMALL - 1, "handlelength": 1.2, "columnspacing": 1.2, "borderpad": 0.3, "framealpha": 0.7}
+    axes.legend(handles=handles, loc=place, ncols=columns, **style)

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.envs.scenes import Moment, make_scene
+from wavegym.envs.moment import Moment
+from wavegym.envs.scenes import make_scene
 from wavegym.systems import trees
 from wavegym.systems.contract import State, System
 
@@ -20,6 +21,8 @@ Array = NDArray[Any]
 SIZE = (9.6, 6.4)  # inches; even numbers of pixels, as video encoders want
 DPI = 100
 SCENE_SHARE = 0.6  # of the width
+HEADLINE = 11.0  # points
+FITTING = 98  # characters of that size across the frame
 
 
 @dataclass
@@ -93,13 +96,14 @@ class Canvas:
         self._agg = FigureCanvasAgg(figure)
         sides: Any = figure.subfigures(1, 2, width_ratios=(SCENE_SHARE, 1.0 - SCENE_SHARE), wspace=0.0)
         self._parts = (make_scene(system, sides[0]), Timelines(system, sides[1]))
-        self._headline = figure.text(0.02, 0.955, "", fontsize=11, fontweight="bold", va="center")
+        self._headline = figure.text(0.02, 0.955, "", fontsize=HEADLINE, fontweight="bold", va="center")
 
     def frame(self, moment: Moment) -> Array:
         """A frame of ``moment``, (height, width, 3) uint8."""
         for part in self._parts:
             part.draw(moment)
-        self._headline.set_text(headline(moment))
+        text = headline(moment)
+        self._headline.set(text=text, fontsize=HEADLINE * min(1.0, FITTING / len(text)))
         self._agg.draw()
         return np.asarray(self._agg.buffer_rgba())[..., :3].copy()
 

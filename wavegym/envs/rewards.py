@@ -59,7 +59,10 @@ class LogCost(Cost):
 
 
 class TrueError(Cost):
-    """Minus the squared true position error in m^2: what the cost estimates; looks at what is hidden."""
+    """Minus the squared true position error in m^2: what the cost estimates; looks at what is hidden.
+
+    Of several targets it is the sum (an absent one's error is 0).
+    """
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember. Raises an InputError where the system has no such metric."""
@@ -71,7 +74,9 @@ class TrueError(Cost):
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         error = transition.system.metrics(transition.following)["position_error"]
-        return -error * error, {}
+        if error.ndim == 1:
+            return -error * error, {}
+        return -(error * error).reshape(len(error), -1).sum(axis=1), {}
 
 
 class ReferenceCosts(NamedTuple):

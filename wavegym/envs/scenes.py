@@ -10,45 +10,20 @@ A system of your own gets a picture of its observation. To draw more, register w
 from __future__ import annotations
 
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.envs.line_of_sight_scene import LineOfSightScene
+from wavegym.envs.moment import Moment, Scene
 from wavegym.envs.panels import caption, few_ticks, wipe
-from wavegym.systems.contract import State, System
+from wavegym.envs.target_scene import TargetScene
+from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.contract import System
 from wavegym.systems.kershaw_evans import KershawEvans
-from wavegym.waveforms import ParameterBox
-from wavegym.waveforms.contract import quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
-
-Array = NDArray[Any]
-
-
-class Moment(NamedTuple):
-    """One environment's episode up to now; arrays of states and actions keep a leading axis of one."""
-
-    system: System
-    states: list[State]  # at steps 0, 1, ..., now
-    actions: list[Array]  # (1, ...), one fewer than states
-    costs: Array  # (step,), one for each state
-
-    def label(self, action: Array) -> str:
-        """A short name of ``action``, (1,) or (1, d)."""
-        actions = self.system.actions
-        if isinstance(actions, ParameterBox):
-            values = zip(actions.parameters, actions.decode(action)[0], strict=True)
-            return ", ".join(f"{p.name} {quantity(float(value), p.unit)}" for p, value in values)
-        return ", ".join(actions.labels[i] for i in np.ravel(action))
-
-
-class Scene(Protocol):
-    """Draws in a figure that lasts: axes are made once and wiped for each frame (see ``panels``)."""
-
-    def draw(self, moment: Moment) -> None:
-        """Show ``moment`` and nothing of earlier ones."""
 
 
 class ObservationScene:
@@ -85,8 +60,5 @@ def make_scene(system: Any, figure: SubFigure) -> Scene:
     return ObservationScene(system, figure)
 
 
-@make_scene.register
-def _(system: KershawEvans, figure: Any) -> Scene:
-    from wavegym.envs.line_of_sight_scene import LineOfSightScene
-
-    return LineOfSightScene(system, figure)
+make_scene.register(KershawEvans, LineOfSightScene)
+make_scene.register(AgileClutter, TargetScene)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wavegym.envs.moment import Moment
 from wavegym.envs.panels import SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
-from wavegym.envs.scenes import Moment
+from wavegym.systems.choices import by_sensor, sensor_count, waveform_labels
 from wavegym.systems.contract import System
 from wavegym.waveforms import ParameterBox
 
@@ -20,6 +21,7 @@ Array = NDArray[Any]
 
 COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
 MOST_LABELS = 7
+APART = 0.2  # rows between two sensors' marks where both transmit the same waveform
 
 
 class Timelines:
@@ -42,10 +44,12 @@ class Timelines:
         if isinstance(system.actions, ParameterBox):
             caption(self._choices, "choices: share of each parameter's range", "step")
             self._choices.set_ylim(-0.05, 1.45)
-            names = {name: {"color": f"C{i}", "marker": "."} for i, name in enumerate(system.actions.names)}
-            legend(self._choices, "upper left", **names)
+            _name_lines(self._choices, list(system.actions.names))
         else:
             caption(self._choices, "choices", "step")
+            sensors = sensor_count(system.actions)
+            if sensors > 1:
+                _name_lines(self._choices, [f"sensor {i + 1}" for i in range(sensors)])
 
     def draw(self, moment: Moment) -> None:
         """Fill the panels."""
@@ -81,7 +85,8 @@ def draw_foreseen(axes: Axes, moment: Moment) -> None:
         if isinstance(moment.system.actions, ParameterBox):
             axes.axhline(cost[0], color=CHOSEN, linewidth=1)
         else:
-            axes.plot(action, cost, "o", color=CHOSEN, markersize=4)
+            same = (candidates.reshape(len(candidates), -1) == action.reshape(1, -1)).all(axis=1)
+            axes.plot(np.flatnonzero(same)[:1], cost, "o", color=CHOSEN, markersize=4)
         title += f", chosen ● {_above(float(cost[0]), float(foreseen[least]))}"
         shown = np.append(foreseen, cost)
     axes.title.set_text(title)
@@ -90,20 +95,24 @@ def draw_foreseen(axes: Axes, moment: Moment) -> None:
 
 
 def draw_choices(axes: Axes, moment: Moment) -> None:
-    """A row for every waveform used since the reset."""
+    """A row for every waveform used since the reset, a line for each of several sensors."""
     actions: Any = moment.system.actions
     if not moment.actions:
         axes.set(yticks=[], ylim=(-0.7, 0.7))
         return
-    chosen = np.concatenate(moment.actions).reshape(len(moment.actions), -1)  # (step, component)
+    chosen = by_sensor(actions, np.concatenate(moment.actions))  # (step, sensor)
+    sensors = chosen.shape[1]
+    line = "s-" if sensors > 1 else "s"
     used, rank = np.unique(chosen, return_inverse=True)
     steps = np.arange(1, len(chosen) + 1)
-    for column in rank.reshape(chosen.shape).T:
-        axes.plot(steps, column, "s", markersize=3, markeredgewidth=0)
-        axes.plot(steps[-1:], column[-1:], "o", color=CHOSEN, markersize=5)
-    axes.set_ylim(-0.7, len(used) - 0.3)
+    for sensor, column in enumerate(rank.reshape(chosen.shape).T):
+        rows = column + APART * (sensor - 0.5 * (sensors - 1))
+        axes.plot(steps, rows, line, color=f"C{sensor}", linewidth=0.7, markersize=3, markeredgewidth=0)
+        axes.plot(steps[-1:], rows[-1:], "o", color=CHOSEN, markersize=5)
+    axes.set_ylim(-0.7, len(used) - 0.3 if sensors == 1 else 1.4 * len(used))  # room for the legend
     labelled = np.arange(len(used))[:: -(-len(used) // MOST_LABELS)]
-    axes.set_yticks(labelled, [actions.labels[i] for i in used[labelled]], fontsize=SMALL - 1.5)
+    labels = waveform_labels(actions)
+    axes.set_yticks(labelled, [labels[i] for i in used[labelled]], fontsize=SMALL - 1.5)
 
 
 def draw_parameters(axes: Axes, moment: Moment) -> None:
@@ -111,6 +120,12 @@ def draw_parameters(axes: Axes, moment: Moment) -> None:
     if moment.actions:
         chosen = np.concatenate(moment.actions)  # (step, d)
         axes.plot(np.arange(1, len(chosen) + 1), 0.5 * (chosen + 1.0), ".-", linewidth=0.7, markersize=3)
+
+
+def _name_lines(axes: Axes, names: list[str]) -> None:
+    """A lasting legend of lines in the order of the colour cycle."""
+    columns = min(-(-len(names) // 2), 3)
+    legend(axes, "upper left", columns, **{name: {"color": f"C{i}", "marker": "."} for i, name in enumerate(names)})
 
 
 def _above(cost: float, least: float) -> str:

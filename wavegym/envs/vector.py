@@ -94,7 +94,7 @@ class WaveformVectorEnv(VectorEnv):
         return self.episodes.world
 
     def action_masks(self) -> Array:
-        """Which actions are allowed now, (env, actions) bool."""
+        """Which actions are allowed now, (env, actions) bool; of a MultiDiscrete, one sensor after the other."""
         return self.system.mask(self.episodes.state.public)
 
     def reset(self, *, seed: Seed = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

@@ -14,6 +14,8 @@ from wavegym.evaluation.task import Task
 from wavegym.evaluation.worlds import word
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.rollout import allowed
+from wavegym.systems.choices import by_sensor, sensor_count, waveform_labels
+from wavegym.systems.contract import System
 from wavegym.waveforms import ParameterBox
 
 Array = NDArray[Any]
@@ -24,10 +26,11 @@ class Played(NamedTuple):
 
     cost: Array  # (world, H) after each step; NaN past an episode's end
     steps: Array  # (world,) int, length of the episode
-    rmse: Array  # (world,) root mean square position error over steps and targets, m
-    nees: Array  # (world,) mean over steps and targets
+    rmse: Array  # (world,) root mean square position error over steps and the targets present, m
+    target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
+    nees: Array  # (world,) mean over steps and the targets present
     lost: Array  # (world,) tracks lost when the episode ended
-    chosen: Array  # (world, waveform) int, how often each was transmitted; (world, 0) for a box
+    chosen: Array  # (world, sensor, waveform) int, how often each was transmitted; (world, 0, 0) for a box
     seconds: Array  # (world,) spent on decisions
 
     def episode_cost(self) -> Array:
@@ -70,36 +73,80 @@ class _Account:
     """Running sums over the steps of a batch of episodes."""
 
     def __init__(self, task: Task, count: int) -> None:
-        actions = task.system.actions
-        waveforms = 0 if isinstance(actions, ParameterBox) else len(actions.labels)
+        self.actions: Any = task.system.actions
         self.running = np.ones(count, np.bool_)
         self.costs: list[Array] = []
         self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
-        self.square, self.nees, self.lost = np.zeros(count), np.zeros(count), np.zeros(count)
-        self.chosen = np.zeros((count, waveforms), np.int64)
+        self.square, self.nees, self.lost = _Sum(), _Sum(), np.zeros(count)
+        self.chosen = np.zeros((count, *_menu_size(task.system)), np.int64)
 
     def add(self, info: dict[str, Array], ended: Array) -> None:
         """One step of every environment; only those still in their first episode count."""
         on = self.running
         self.costs.append(np.where(on, info["cost"], np.nan))
         self.steps[on] += 1
-        self.square[on] += np.square(_metric(info, "position_error")[on]).mean(axis=1)
-        self.nees[on] += _metric(info, "nees")[on].mean(axis=1)
+        self.square.add(np.square(_metric(info, "position_error")), _counted(info, "position_error", on))
+        self.nees.add(_metric(info, "nees"), _counted(info, "nees", on))
         self.lost[on] = _metric(info, "lost")[on].sum(axis=1)
         if self.chosen.size:
-            self.chosen[np.flatnonzero(on), info["waveform"][on]] += 1
+            rows, sensors = np.flatnonzero(on)[:, None], np.arange(self.chosen.shape[1])
+            self.chosen[rows, sensors, by_sensor(self.actions, info["waveform"][on])] += 1
         self.running = on & ~ended
 
     def close(self) -> Played:
         """The sums as means."""
-        rmse, nees = np.sqrt(self.square / self.steps), self.nees / self.steps
-        return Played(np.stack(self.costs, axis=1), self.steps, rmse, nees, self.lost, self.chosen, self.seconds)
+        rmse, target_rmse = np.sqrt(self.square.mean()), np.sqrt(self.square.of_each())
+        costs, nees = np.stack(self.costs, axis=1), self.nees.mean()
+        return Played(costs, self.steps, rmse, target_rmse, nees, self.lost, self.chosen, self.seconds)
+
+
+class _Sum:
+    """A metric summed over steps, (world, target)."""
+
+    def __init__(self) -> None:
+        self.total: Any = 0.0
+        self.count: Any = 0
+
+    def add(self, values: Array, counted: Array) -> None:
+        """One step's values, and which of them count, (world, target) both."""
+        self.total, self.count = self.total + np.where(counted, values, 0.0), self.count + counted
+
+    def mean(self) -> Array:
+        """Over steps and targets, (world,); NaN where there was nothing."""
+        return _ratio(self.total.sum(axis=1), self.count.sum(axis=1))
+
+    def of_each(self) -> Array:
+        """Over the steps of each target, (world, target); NaN where there was nothing."""
+        return _ratio(self.total, self.count)
+
+
+def _ratio(total: Array, count: Array) -> Array:
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+
+
+def _menu_size(system: System) -> tuple[int, int]:
+    """Sensors, and waveforms to choose from at each; none for a box."""
+    actions = system.actions
+    return (0, 0) if isinstance(actions, ParameterBox) else (sensor_count(actions), len(waveform_labels(actions)))
 
 
 def _metric(info: dict[str, Array], key: str) -> Array:
     """A metric with all its targets on one axis, (world, target); NaN where there is no such metric."""
     count = len(info["cost"])
     return np.asarray(info[key], np.float64).reshape(count, -1) if key in info else np.full((count, 1), np.nan)
+
+
+def _counted(info: dict[str, Array], key: str, on: Array) -> Array:
+    """Where a metric counts, (world, target): a target that is ``present`` in a world that is ``on`` (bool, world)."""
+    if key not in info:
+        return np.zeros((len(on), 1), np.bool_)
+    shape = _metric(info, key).shape
+    if "present" not in info:
+        return np.repeat(on[:, None], shape[1], axis=1)
+    present: Array = np.asarray(info["present"], np.bool_).reshape(len(on), -1)
+    if present.shape != shape:  # a figure of all targets together
+        present = np.logical_or.reduce(present, axis=1, keepdims=True)
+    return present & on[:, None]
 
 
 def merged(parts: Sequence[Played]) -> Played:

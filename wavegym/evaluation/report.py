@@ -16,9 +16,11 @@ from wavegym.evaluation.picture import draw
 from wavegym.evaluation.play import Played
 from wavegym.evaluation.summary import summarise
 from wavegym.evaluation.table import markdown
+from wavegym.systems.choices import waveform_labels
 from wavegym.waveforms import ParameterBox
 
-COLUMNS = ("policy", "member", "world", "seed", "steps", "cost", "rmse", "nees", "lost", "favourite", "favourite_share")
+COLUMNS = ("policy", "member", "world", "seed", "steps", "cost", "rmse", "nees", "lost")
+FAVOURITE = ("favourite", "favourite_share")
 
 
 def write_report(comparison: Comparison, folder: Path | str) -> str:
@@ -49,13 +51,14 @@ def episodes(comparison: Comparison) -> str:
     """``episodes.csv``: a row per policy, member and world, with every digit; the same for any number of jobs.
 
     ``env.reset(seed=[seed])`` replays the world. ``cost`` is the mean per step; ``favourite`` the waveform transmitted
-    most often and ``favourite_share`` how often, 0 to 1. A field is empty where there is nothing to tell.
+    most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``, ``rmse_2``, ... and several
+    sensors have ``favourite_1``, ``favourite_share_1``, ... A field is empty where there is nothing to tell.
     """
     actions = comparison.task.system.actions
-    labels = () if isinstance(actions, ParameterBox) else actions.labels
+    labels = () if isinstance(actions, ParameterBox) else waveform_labels(actions)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(_columns(next(iter(comparison.played.values()))[0]))
     for name, members in comparison.played.items():
         for member, played in enumerate(members):
             for world, row in enumerate(_rows(played, labels)):
@@ -63,11 +66,21 @@ def episodes(comparison: Comparison) -> str:
     return text.getvalue()
 
 
+def _columns(played: Played) -> list[str]:
+    """The header for as many targets and sensors as were played."""
+    targets, sensors = played.target_rmse.shape[1], played.chosen.shape[1]
+    each = [f"rmse_{i + 1}" for i in range(targets)] if targets > 1 else []
+    favourites = [f"{name}_{i + 1}" for i in range(sensors) for name in FAVOURITE] if sensors > 1 else FAVOURITE
+    return [*COLUMNS, *each, *favourites]
+
+
 def _rows(played: Played, labels: tuple[str, ...]) -> list[list[Any]]:
     """One member's fields of each world, from ``steps`` on."""
     numbers = np.stack([played.episode_cost(), played.rmse, played.nees, played.lost], axis=1)
+    if played.target_rmse.shape[1] > 1:
+        numbers = np.concatenate([numbers, played.target_rmse], axis=1)
     rows = []
     for steps, values, chosen in zip(played.steps, numbers, played.chosen, strict=True):
-        favourite = [labels[chosen.argmax()], float(chosen.max() / steps)] if labels else ["", ""]
-        rows.append([steps, *["" if np.isnan(v) else float(v) for v in values], *favourite])
+        favourites = [cell for sensor in chosen for cell in (labels[sensor.argmax()], float(sensor.max() / steps))]
+        rows.append([steps, *["" if np.isnan(v) else float(v) for v in values], *(favourites or ["", ""])])
     return rows

@@ -15,6 +15,7 @@ from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.worlds import word
+from wavegym.systems.choices import waveform_labels
 
 Array = NDArray[Any]
 PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
@@ -27,9 +28,11 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
         env, settings (parameters other than the registered ones), worlds, seed, versions, and policies: for each name
         ``cost`` {mean, ci, iqm, median} of the episodes' mean cost per step; ``vs_myopic`` {percent, ci,
         geometric_percent, geometric_ci}, negative = cheaper than the one-step scheduler; ``score`` (0 = random,
-        1 = myopic); ``rmse`` {mean, median, ci} of the position in m; ``nees``, the mean; ``lost``, tracks lost per
-        episode; ``us_per_decision``, microseconds for one decision in batches of worlds, the only figure taken from a
-        clock and so the only one that another run will not repeat. Intervals are [low, high] at 95 %.
+        1 = myopic); ``rmse`` {mean, median, ci} of the position in m, and of several targets ``targets``, the mean of
+        each; ``nees``, the mean; ``lost``, tracks lost per episode; with several sensors ``choices``, for each of them
+        the share of every waveform that it transmitted, by label, the commonest first; ``us_per_decision``,
+        microseconds for one decision in batches of worlds, the only figure taken from a clock and so the only one that
+        another run will not repeat. Intervals are [low, high] at 95 %.
     """
     costs = {name: comparison.cost(name) for name in comparison.played}
     return {
@@ -37,7 +40,7 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
         "settings": {key: _plain(value) for key, value in comparison.task.settings.items()},
         "worlds": len(comparison.seeds),
         "seed": comparison.root,
-        "versions": _versions(),
+        "versions": versions(),
         "policies": {name: _policy(comparison, name, costs) for name in comparison.played},
     }
 
@@ -62,11 +65,34 @@ def _policy(comparison: Comparison, name: str, costs: dict[str, Array]) -> dict[
             **_named("geometric_percent", "geometric_ci", against.geometric),
         },
         "score": statistics.score(mean.value, floor, statistics.average(costs[BASELINE])),
-        "rmse": {**_named("mean", "ci", rmse_mean), "median": statistics.median(rmse)},
+        "rmse": {**_named("mean", "ci", rmse_mean), "median": statistics.median(rmse), **_targets(comparison, name)},
         "nees": statistics.average(_matrix(comparison, name, "nees")),
         "lost": statistics.average(_matrix(comparison, name, "lost")),
+        **_choices(comparison, name),
         "us_per_decision": 1e6 * sum(m.seconds.sum() for m in played) / sum(m.steps.sum() for m in played),
     }
+
+
+def _targets(comparison: Comparison, name: str) -> dict[str, Any]:
+    """Each target's mean root mean square error over the episodes in which it was present; {} for a single target."""
+    errors = np.concatenate([member.target_rmse for member in comparison.played[name]])  # (episode, target)
+    if errors.shape[1] == 1:
+        return {}
+    present = [column[~np.isnan(column)] for column in errors.T]
+    return {"targets": [statistics.average(column) if column.size else None for column in present]}
+
+
+def _choices(comparison: Comparison, name: str) -> dict[str, Any]:
+    """The share of each waveform by label, for every sensor; {} for a single sensor, or a box."""
+    counts = np.sum([member.chosen.sum(axis=0) for member in comparison.played[name]], axis=0)  # (sensor, waveform)
+    if len(counts) < 2:
+        return {}
+    labels = waveform_labels(comparison.task.system.actions)  # type: ignore[arg-type]  # a box has no counts
+    orders, steps = np.argsort(-counts, axis=1, kind="stable"), counts[0].sum()
+    shares = [
+        {labels[i]: float(row[i] / steps) for i in order if row[i]} for row, order in zip(counts, orders, strict=True)
+    ]
+    return {"choices": shares}
 
 
 def _matrix(comparison: Comparison, name: str, metric: str) -> Array:
@@ -78,7 +104,7 @@ def _named(value: str, ci: str, estimate: Estimate) -> dict[str, Any]:
     return {value: estimate.value, ci: None if estimate.ci is None else list(estimate.ci)}
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
     """Of Python, this package and those that the numbers rest on."""
     found = {"python": platform.python_version(), "wavegym": wavegym.__version__}
     for package in PACKAGES:

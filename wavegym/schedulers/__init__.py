@@ -5,6 +5,7 @@ from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.optimum import Optimum, Schedule, best_schedule
 from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.rollout import Rollout, rollout
 from wavegym.schedulers.simple import Fixed, RandomChoice, RoundRobin
 
@@ -15,6 +16,7 @@ __all__ = [
     "MyopicClosedForm",
     "Optimum",
     "Policy",
+    "Progressive",
     "RandomChoice",
     "Rollout",
     "RoundRobin",

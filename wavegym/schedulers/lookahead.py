@@ -47,8 +47,8 @@ class Lookahead:
     def _values(self, public: Any, depth: int, mask: Array | None) -> Array:
         """Cost of the best sequence that starts with each candidate, (env, candidate)."""
         count, branches = len(public.step), len(self._candidates)
-        chunk = max(1, NODES // branches**2)
-        if count > chunk and depth > 1:
+        chunk = max(1, NODES // branches ** min(depth, 2))
+        if count > chunk:
             parts = [np.arange(start, min(start + chunk, count)) for start in range(0, count, chunk)]
             masks = [None if mask is None else mask[part] for part in parts]
             work = zip(parts, masks, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -40,20 +41,30 @@ OBJECTIVES: dict[str, Objective] = {"trace": trace, "determinant": determinant, 
 class Myopic:
     """The candidate with the least predicted objective one step ahead; the first of equals.
 
+    A system may offer ``best_action(public)``, the choice (env, ...) of least trace found faster than by enumeration;
+    it is used when it is there and nothing is masked. Otherwise, or where it raises NotImplementedError (for a form of
+    its action set, say), every candidate is tried.
+
     Args:
         objective: "trace", "determinant" or "gate", or a function of (system, public, candidates).
+        fused: whether the system's own search may be used.
     """
 
-    def __init__(self, objective: str | Objective = "trace") -> None:
+    def __init__(self, objective: str | Objective = "trace", fused: bool = True) -> None:
         if isinstance(objective, str):
             objective = OBJECTIVES[choice("objective", objective, OBJECTIVES)]
         self.objective: Objective = objective
+        self.fused = fused
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._system, self._candidates = system, system.candidates()
+        self._system: Any = system
+        self._candidates = system.candidates()
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
+        if self.fused and mask is None and self.objective is trace and hasattr(self._system, "best_action"):
+            with suppress(NotImplementedError):
+                return self._system.best_action(public)
         values = self.objective(self._system, public, self._candidates[None])
         return self._candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]

@@ -12,6 +12,7 @@ from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.optimum import Optimum
 from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.simple import Fixed, RandomChoice, RoundRobin
 from wavegym.schedulers.tuning import best_fixed
 from wavegym.systems.contract import System
@@ -21,9 +22,10 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
     """The scheduler called ``name``.
 
     Args:
-        name: ``random``, ``round-robin``, ``fixed:K`` (the candidate K), ``best-fixed`` (found on ``tuning_worlds``),
-            ``myopic``, ``myopic:determinant``, ``myopic:gate``, ``myopic:closed-form`` (for action="box"),
-            ``lookahead:H`` (steps), or ``optimum`` (clairvoyant).
+        name: ``random``, ``round-robin``, ``fixed:K`` (the constant K), ``best-fixed`` (found on ``tuning_worlds``),
+            ``myopic``, ``myopic:exhaustive`` (without the system's own search), ``myopic:determinant``,
+            ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for action="box", with Gaussian or
+            generalised chirps), ``lookahead:H`` (steps), or ``optimum`` (clairvoyant).
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 
@@ -72,9 +74,11 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "round-robin": lambda system, worlds: RoundRobin(),
     "best-fixed": lambda system, worlds: Fixed(best_fixed(system, worlds)),
     "myopic": lambda system, worlds: Myopic(),
+    "myopic:exhaustive": lambda system, worlds: Myopic(fused=False),
     "myopic:determinant": _determinant,
     "myopic:gate": _gate,
     "myopic:closed-form": lambda system, worlds: MyopicClosedForm(),
+    "myopic:progressive": lambda system, worlds: Progressive(),
     "optimum": lambda system, worlds: Optimum(),
 }
 FORMS = (*PLAIN, "fixed:K", "lookahead:H")

@@ -12,17 +12,17 @@ from wavegym.systems.contract import System
 
 
 def best_fixed(system: System, worlds: Any) -> int:
-    """The candidate that costs least when it is all that is ever transmitted; the first of equals.
+    """The constant that costs least when it is all that is ever transmitted; the first of equals.
 
-    Each candidate is played on all worlds as one batch and one after another, so no more than one rollout is in memory.
+    Each one is played on all worlds as one batch and one after another, so no more than one rollout is in memory.
 
     Args:
         system: the closed loop.
         worlds: tapes for tuning, axis 0 = world.
 
     Returns:
-        Index into ``system.candidates()``.
+        Index into ``system.constants()``.
     """
-    count = len(system.candidates())
+    count = len(system.constants())
     means = np.array([rollout(system, Fixed(k), worlds).mean_cost.mean() for k in range(count)])
     return int(np.argmin(np.where(np.isnan(means), np.inf, means)))

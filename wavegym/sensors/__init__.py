@@ -1,10 +1,39 @@
-"""Sensors: what a waveform's echo is worth at the target's place.
+"""Sensors: what a waveform's echo is worth at the target's place, whether it is seen, and among which false returns.
 
->>> from wavegym.sensors import range_law_snr
->>> float(range_law_snr(25e3))
-16.0
+>>> import numpy as np
+>>> from wavegym.sensors import detection_probability, gate_probability, gate_volume, inside_gate
+>>> from wavegym.sensors import range_and_rate, range_law_snr, union_clutter
+>>> r, rdot = range_and_rate([2000.0, -1000.0, -100.0, 800.0], sensor=[3000.0, -16000.0])
+>>> print(f"{r:.0f} m, receding at {rdot:.0f} m/s")
+15033 m, receding at 805 m/s
+>>> snr = range_law_snr(r)
+>>> print(f"{snr:.0f}, detected with probability {detection_probability(snr, false_alarm=0.01):.2f}")
+122, detected with probability 0.93
+
+False returns fall into the tracker's validation gate, here of four standard deviations of (r, rdot):
+
+>>> S = np.diag([100.0**2, 5.0**2])
+>>> print(f"{gate_volume(S, gate=4.0):.0f} m^2/s, {gate_probability(4.0):.5f} of the target's returns")
+25133 m^2/s, 0.99966 of the target's returns
+>>> clutter = union_clutter(key=1, centre=[(r, rdot)], S=[S], gate=4.0, density=1e-4)  # 2.5 expected
+>>> bool(inside_gate(clutter - [r, rdot], S, gate=4.0).all())
+True
 """
 
+from wavegym.sensors.clutter import union_clutter
+from wavegym.sensors.detection import detection_probability, energy_detection_probability
+from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
+from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
 from wavegym.sensors.snr import range_law_snr
 
-__all__ = ["range_law_snr"]
+__all__ = [
+    "detection_probability",
+    "energy_detection_probability",
+    "gate_probability",
+    "gate_volume",
+    "inside_gate",
+    "range_and_rate",
+    "range_and_rate_jacobian",
+    "range_law_snr",
+    "union_clutter",
+]

@@ -21,7 +21,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.waveforms import ParameterBox
+from wavegym.waveforms import ParameterBox, PerSensor
 
 Array = NDArray[Any]
 
@@ -44,7 +44,7 @@ class Element(NamedTuple):
 
 
 class Choices(Protocol):
-    """A finite set of named actions; a waveform library is one."""
+    """A finite set of named actions; a waveform library is one, and a joint library."""
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -57,7 +57,8 @@ class System:
     Attributes:
         horizon: steps in an episode.
         dt: time step in seconds.
-        actions: what may be transmitted: a waveform library (action = index) or a ParameterBox (action in [-1, 1]^d).
+        actions: what may be transmitted: a Library, a JointLibrary or other finite set (action = index), a PerSensor
+            (action = one index for each sensor) or a ParameterBox (action in [-1, 1]^d).
         elements: the observation's elements, in order.
         terminates: True for a finite-horizon task (its end is a termination, the time left is observed), False for a
             monitoring task cut off after ``horizon`` steps (its end is a truncation).
@@ -68,7 +69,7 @@ class System:
     terminates: ClassVar[bool] = True
 
     @property
-    def actions(self) -> Choices | ParameterBox:
+    def actions(self) -> Choices | PerSensor | ParameterBox:
         """The action set."""
         raise NotImplementedError
 
@@ -88,7 +89,8 @@ class System:
     def advance(self, state: State, action: Array, world: Any) -> State:
         """One step: move the targets, sense with the chosen waveform, track. Returns fresh arrays.
 
-        Reads the tape at [env, public.step]; environments may stand at different steps. ``action``: (env,) or (env, d).
+        Reads the tape at [env, public.step]; environments may stand at different steps. ``action``: (env,), or
+        (env, sensor) or (env, d).
         """
         raise NotImplementedError
 
@@ -98,7 +100,8 @@ class System:
         Args:
             public: the public state, axis 0 = environment.
             actions: (env,), or (env, candidate) in which case every array of the result gains the axis ``candidate``;
-                axis 0 may be 1 where all environments share their candidates. A box adds its axis d at the end.
+                axis 0 may be 1 where all environments share their candidates. A box adds its axis d at the end, a
+                PerSensor its axis sensor.
             outcome: None for the expected outcome, or a given detection outcome.
         """
         raise NotImplementedError
@@ -116,15 +119,42 @@ class System:
         return public.step >= self.horizon
 
     def mask(self, public: Any) -> Array:
-        """Which actions are allowed, (env, actions) bool; finite action sets only."""
-        return np.ones((len(public.step), len(self.candidates())), dtype=np.bool_)
+        """Which actions are allowed, (env, actions) bool; finite action sets only.
+
+        A PerSensor takes no mask: limits that couple sensors cannot be told sensor by sensor, so they go into the
+        joint form. What agents are shown for it is all True, (env, sensors * waveforms), sensor by sensor.
+        """
+        if isinstance(self.actions, PerSensor):
+            count = self.actions.sensors * len(self.actions)
+        else:
+            count = len(self.candidates())
+        return np.ones((len(public.step), count), dtype=np.bool_)
 
     def metrics(self, state: State) -> dict[str, Array]:
-        """Key figures of the state, each (env, ...); may look at what is hidden, and is never observed."""
+        """Key figures of the state, each (env, ...); may look at what is hidden, and is never observed.
+
+        Evaluation knows ``position_error`` (m), ``nees``, and ``lost``: tracks lost, of which those at the episode's
+        end count. Those of several targets are (env, target). Where targets come and go, ``present``, (env, target)
+        bool, says which are there; the other figures of one that is not are 0, as Gymnasium's checker of environments
+        takes no NaN for equal.
+        """
         return {}
 
     def candidates(self) -> Array:
-        """The actions that enumerating schedulers try: all indices (A,); a system with a box offers points, (A, d)."""
-        if isinstance(self.actions, ParameterBox):
+        """The actions that enumerating schedulers try.
+
+        All indices (A,), or all combinations (A^sensors, sensors) of a PerSensor; a system with a box offers points,
+        (A, d).
+        """
+        actions = self.actions
+        if isinstance(actions, ParameterBox):
             raise NotImplementedError
-        return np.arange(len(self.actions.labels))
+        return actions.combinations() if isinstance(actions, PerSensor) else np.arange(len(actions.labels))
+
+    def constants(self) -> Array:
+        """The actions that schedules without a belief (fixed:K, best-fixed, round-robin) choose among, (C, ...).
+
+        By default ``candidates()``. Fewer of them keep the search for the best one short; with a ``mask``, at least
+        one of them must always be allowed.
+        """
+        return self.candidates()

@@ -9,6 +9,8 @@
 (3, 2, 2)
 """
 
+from wavegym.trackers.association import Association, joint_association
+from wavegym.trackers.jpda import jpda_update
 from wavegym.trackers.kalman import (
     ekf_predict,
     ekf_update,
@@ -19,14 +21,25 @@ from wavegym.trackers.kalman import (
     update,
     update_covariance,
 )
+from wavegym.trackers.particle import Particles, ParticleUpdate, particle_update, systematic_resample
+from wavegym.trackers.reduction import fitted_information_reduction, information_reduction
 
 __all__ = [
+    "Association",
+    "ParticleUpdate",
+    "Particles",
     "ekf_predict",
     "ekf_update",
+    "fitted_information_reduction",
+    "information_reduction",
+    "joint_association",
+    "jpda_update",
     "nees",
+    "particle_update",
     "predict",
     "predict_covariance",
     "require_positive_definite",
+    "systematic_resample",
     "update",
     "update_covariance",
 ]

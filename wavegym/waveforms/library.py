@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.errors import InputError, positive
+from wavegym.waveforms.chirp_laws import parse_law
 from wavegym.waveforms.contract import Waveform
-from wavegym.waveforms.gaussian import GaussianChirp, chirp_rate_for_sweep
+from wavegym.waveforms.gaussian import DIRECTIONS, GaussianChirp, chirp_rate_for_sweep
+from wavegym.waveforms.trapezoid import TrapezoidChirp
 
 Array = NDArray[np.float64]
 
@@ -90,5 +92,36 @@ def gaussian_chirp_library(durations: Iterable[float], sweeps: Iterable[float]) 
             )
             for k in rows
             for sweep in columns
+        )
+    )
+
+
+def trapezoid_chirp_library(
+    kinds: Iterable[str],
+    durations: Iterable[float],
+    sweeps: Iterable[float],
+    directions: Iterable[str] = DIRECTIONS,
+) -> Library:
+    """All trapezoid chirps of some laws, durations, sweeps and directions; the last varies fastest.
+
+    Args:
+        kinds: laws such as ``"lfm"``, ``"pfm"``, ``"pfm:2.5"``, ``"hfm:0.3"``: a kind, and its shape if not the usual.
+        durations: lam, s.
+        sweeps: D, Hz.
+        directions: ``"up"``, ``"down"`` or both.
+
+    Raises:
+        InputError: if a value is one that ``TrapezoidChirp`` refuses, a waveform is repeated (an unmodulated one, of
+            sweep 0, is the same in every kind and direction), or there are none.
+    """
+    laws = [parse_law(kind) for kind in kinds]
+    lengths, widths, ways = [float(k) for k in durations], [float(sweep) for sweep in sweeps], list(directions)
+    return Library(
+        tuple(
+            TrapezoidChirp(kind=kind, shape=shape, duration=duration, sweep=sweep, direction=direction)
+            for kind, shape in laws
+            for duration in lengths
+            for sweep in widths
+            for direction in ways
         )
     )

@@ -1,0 +1,186 @@
+"""Clutter in the union of gates: Poisson in number, uniform in place, the same for whoever asks with the same key."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from wavegym.errors import InputError
+from wavegym.sensors import gate_volume, union_clutter
+from wavegym.sensors.clutter_kernels import add_clutter
+
+CENTRE = np.array([[100.0, -5.0], [115.0, 0.0], [180.0, 40.0]])  # the first two gates overlap, the third is apart
+S = np.array([[[16.0, -3.0], [-3.0, 4.0]], [[25.0, 8.0], [8.0, 9.0]], [[9.0, 0.0], [0.0, 1.0]]])
+GATE = 3.0
+CHANCE = 1e-4  # keys are fixed: a test that holds once holds always
+KEYS = range(4000)
+POINTS = 400_000
+
+
+def in_gates(z, centre=CENTRE, covariance=S, gate=GATE):
+    """(points, gates): whether each gate holds each point, by solving for the quadratic form."""
+    quadratic = [
+        np.einsum("pi,pi->p", v, v @ np.linalg.inv(P)) for v, P in zip(z - centre[:, None], covariance, strict=True)
+    ]
+    return np.stack(quadratic, axis=1) <= gate**2
+
+
+@pytest.fixture(scope="module")
+def union():
+    """Its area and many points uniform in it, by drawing from the bounding box and rejecting."""
+    reach = GATE * np.sqrt(np.diagonal(S, axis1=1, axis2=2))
+    low, high = (CENTRE - reach).min(axis=0), (CENTRE + reach).max(axis=0)
+    z = np.random.default_rng(0).uniform(low, high, (10 * POINTS, 2))
+    z = z[in_gates(z).any(axis=1)]
+    return len(z) / (10 * POINTS) * np.prod(high - low), z
+
+
+@pytest.fixture(scope="module")
+def scans():
+    return [union_clutter(key, CENTRE, S, GATE, density=0.05) for key in KEYS]
+
+
+def append(key, *, covariance=S, present=(True, True, True), gate=GATE, density=0.05, z=None, count=0):
+    """The kernel itself: z up to its count."""
+    start = np.empty((0, 2)) if z is None else z.copy()
+    L = np.linalg.cholesky(covariance)
+    z, count = add_clutter(np.uint64(key), CENTRE.copy(), L, np.array(present), gate, density, start, count)
+    return z[:count]
+
+
+def test_numbers_are_poisson_with_the_mean_of_the_union(scans, union):
+    counts = np.array([len(z) for z in scans])
+    mean = 0.05 * union[0]
+    assert 0.05 * gate_volume(S, GATE).sum() > 1.1 * mean  # the overlap counts once, and is large enough to be seen
+    score = (counts.sum() - len(counts) * mean) / np.sqrt(len(counts) * mean)
+    assert abs(score) < stats.norm.isf(CHANCE)
+    dispersion = ((counts - counts.mean()) ** 2).sum() / counts.mean()
+    assert CHANCE < stats.chi2.cdf(dispersion, len(counts) - 1) < 1 - CHANCE
+    edges = np.unique(stats.poisson.ppf(np.linspace(0.05, 0.95, 15), mean))
+    below = stats.poisson.cdf(edges, mean)
+    shares = np.diff(below, prepend=0.0, append=1.0)
+    bins = np.bincount(np.searchsorted(edges, counts), minlength=len(shares))
+    assert stats.chisquare(bins, shares * len(counts)).pvalue > CHANCE
+
+
+def test_places_are_uniform_in_the_union(scans, union):
+    observed, reference = np.concatenate(scans), union[1]
+    cells = []
+    for axis in (0, 1):
+        cells.append(np.unique(np.quantile(reference[:, axis], np.linspace(0, 1, 16))))
+        cells[-1][[0, -1]] = -np.inf, np.inf
+    tables = np.stack([np.histogram2d(*z.T, bins=cells)[0].ravel() for z in (observed, reference)])
+    tables = tables[:, tables[1] >= 200]  # cells that lie in the union, if only in part
+    assert tables.shape[1] > 60
+    assert stats.chi2_contingency(tables).pvalue > CHANCE
+    share = [in_gates(z)[:, :2].all(axis=1).mean() for z in (observed, reference)]  # the overlap alone
+    assert share[0] == pytest.approx(share[1], abs=5 * np.sqrt(share[1] / len(observed)))
+
+
+def test_nothing_lies_outside_the_union(scans):
+    assert in_gates(np.concatenate(scans), gate=GATE * (1 + 1e-9)).any(axis=1).all()
+
+
+def test_scans_of_neighbouring_keys_are_uncorrelated(scans):
+    counts = [len(z) for z in scans]
+    assert stats.pearsonr(counts[1:], counts[:-1]).pvalue > CHANCE
+    first = np.array([z[0] for z in scans])
+    assert stats.pearsonr(first[1:, 0], first[:-1, 0]).pvalue > CHANCE
+
+
+def test_a_points_place_says_nothing_about_how_many_follow():
+    """The last point of a scan is as uniform in its gate as any: arrival, radius and angle share no random number."""
+    ends = [z[-1] for key in KEYS if len(z := append(key, present=[True, False, False]))]
+    whitened = np.linalg.solve(np.linalg.cholesky(S[0]), (ends - CENTRE[0]).T)
+    assert stats.kstest((whitened**2).sum(axis=0) / GATE**2, "uniform").pvalue > CHANCE
+    assert stats.kstest(np.arctan2(whitened[1], whitened[0]) / (2 * np.pi) + 0.5, "uniform").pvalue > CHANCE
+
+
+def test_the_key_decides():
+    assert np.array_equal(union_clutter(7, CENTRE, S, GATE, 0.05), union_clutter(7, CENTRE, S, GATE, 0.05))
+    assert not np.array_equal(union_clutter(7, CENTRE, S, GATE, 0.05), union_clutter(8, CENTRE, S, GATE, 0.05))
+    assert np.array_equal(union_clutter(2**64 - 1, CENTRE, S, GATE, 0.05), append(2**64 - 1))
+
+
+@pytest.mark.parametrize("key", range(5))
+def test_more_of_anything_keeps_the_points_there_were(key):
+    first = [True, False, False]
+    few = append(key, present=first)
+    denser = append(key, present=first, density=0.15)
+    assert len(denser) > len(few)
+    assert np.array_equal(denser[: len(few)], few)
+    wider = append(key, present=first, covariance=4 * S)  # whitened coordinates stay
+    assert len(wider) > len(few)
+    np.testing.assert_allclose(wider[: len(few)] - CENTRE[0], 2 * (few - CENTRE[0]), rtol=0, atol=1e-12)
+    larger = append(key, present=first, gate=2 * GATE)
+    assert np.array_equal(larger, wider)
+
+
+@pytest.mark.parametrize("key", range(5))
+def test_each_gate_has_its_own_points_less_what_earlier_present_gates_cover(key):
+    alone = [append(key, present=np.arange(3) == t) for t in range(3)]
+    expected = [z[~in_gates(z)[:, :t].any(axis=1)] for t, z in enumerate(alone)]
+    assert np.array_equal(append(key), np.concatenate(expected))
+    assert np.array_equal(append(key, present=[False, True, True]), np.concatenate([alone[1], expected[2]]))
+
+
+def test_appends_to_what_is_there_and_grows():
+    """From any capacity and count the same points, behind the rows that were there."""
+    held = np.arange(8.0).reshape(4, 2)
+    many = append(3, density=50.0)
+    assert len(many) > 5000
+    for capacity in (4, 5, 64, len(many) + 4, 20_000):
+        z = np.full((capacity, 2), np.nan)
+        z[:4] = held
+        grown = append(3, density=50.0, z=z, count=4)
+        assert np.array_equal(grown[:4], held)
+        assert np.array_equal(grown[4:], many)
+
+
+def test_a_large_mean_is_met():
+    density = 5000 / gate_volume(S[0], GATE)
+    counts = [len(union_clutter(key, CENTRE[:1], S[:1], GATE, density)) for key in range(50)]
+    assert np.mean(counts) == pytest.approx(5000, abs=5 * np.sqrt(5000 / 50))
+
+
+def test_no_clutter():
+    assert union_clutter(1, CENTRE, S, GATE, 0.0).shape == (0, 2)
+    assert union_clutter(1, np.empty((0, 2)), np.empty((0, 2, 2)), GATE, 1.0).shape == (0, 2)
+    assert append(1, present=[False] * 3).shape == (0, 2)
+
+
+def test_a_gate_without_a_finite_volume_gets_none_and_spares_the_others():
+    others = append(1, present=[False, True, True])
+    for entry in (np.nan, np.inf):
+        L = np.linalg.cholesky(S)
+        L[0, 0, :] = L[0, 1, :] = entry
+        z, count = add_clutter(np.uint64(1), CENTRE.copy(), L, np.ones(3, bool), GATE, 0.05, np.empty((0, 2)), 0)
+        assert np.array_equal(z[:count], others)
+
+
+GOOD = {"key": 1, "centre": CENTRE, "S": S, "gate": GATE, "density": 0.05}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"key": -1}, r"key is -1, expected an integer in \[0, 2\^64\)"),
+        ({"key": 2**64}, "key is 18446744073709551616, expected an integer"),
+        ({"key": 0.5}, "key is 0.5, expected an integer"),
+        ({"gate": 0.0}, "gate is 0.0, expected a finite number > 0"),
+        ({"gate": np.nan}, "gate is nan, expected"),
+        ({"density": -1e-4}, "density is -0.0001, expected a finite number >= 0"),
+        ({"density": np.inf}, "density is inf, expected"),
+        ({"density": 1e9}, r"expected number of clutter points .* \(nearest: 1e\+07\)"),
+        ({"S": -S}, "expected a symmetric positive definite matrix"),
+        ({"S": S[:2]}, r"centre and S have shapes \(3, 2\) and \(2, 2, 2\), expected \(gates, 2\)"),
+        ({"S": S[0]}, r"centre and S have shapes \(3, 2\) and \(2, 2\), expected \(gates, 2\)"),
+        ({"centre": CENTRE.T}, r"centre has shape \(2, 3\), expected \(\.\.\., 2\)"),
+        ({"centre": np.full((3, 2), np.nan)}, r"centre is \[nan, nan\], expected finite numbers"),
+    ],
+)
+def test_bad_input(change, message):
+    with pytest.raises(InputError, match=message) as error:
+        union_clutter(**(GOOD | change))
+    assert "\n" not in str(error.value)

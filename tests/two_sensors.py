@@ -1,0 +1,185 @@
+"""Two sensors, two targets and all three forms of actions for several sensors, in plain NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic.dataclasses import dataclass as checked_dataclass
+
+from wavegym.systems.contract import Element, State, System
+from wavegym.waveforms import (
+    SPEED_OF_LIGHT,
+    JointLibrary,
+    Parameter,
+    ParameterBox,
+    PerSensor,
+    gaussian_chirp_library,
+)
+
+SITES = np.array([0.0, 20e3])  # of the sensors, m
+SENSORS = TARGETS = 2
+DRIFT = 30.0  # standard deviation of a target's move in a step, m
+
+
+class World(NamedTuple):
+    start: Any  # (target,)
+    moves: Any  # (H, target)
+    noise: Any  # (H, sensor, target)
+    prior: Any  # (target,)
+
+
+class Hidden(NamedTuple):
+    position: Any  # (env, target)
+
+
+class Public(NamedTuple):
+    step: Any  # (env,)
+    mean: Any  # (env, target)
+    variance: Any  # (env, target)
+
+
+@dataclass(frozen=True)
+class TwoSensors(System):
+    """Two targets on a line drift between two ranging sensors, each of which chooses its pulse length.
+
+    Description
+        A pulse of length k measures a distance d with variance (c k / 2)^2 + (d / 1 km)^2 10^-4 / k: short pulses for
+        what is near, long ones for what is far. The second target is there from step ``appears`` on.
+
+    Arguments
+        horizon: steps in an episode. dt: s. durations: pulse lengths k, s; the joint form has the first ``few``.
+        appears: see above. action: "library", "joint" or "box".
+    """
+
+    horizon: int = 6
+    dt: float = 1.0
+    durations: tuple[float, ...] = (1e-7, 1e-6, 3e-7)
+    few: int = 2
+    appears: int = 2
+    action: str = "library"
+
+    @cached_property
+    def library(self):
+        return gaussian_chirp_library(self.durations, [0.0])
+
+    @cached_property
+    def actions(self):
+        if self.action == "joint":
+            return JointLibrary(gaussian_chirp_library(self.durations[: self.few], [0.0]), SENSORS)
+        if self.action == "box":
+            low, high = min(self.durations), max(self.durations)
+            return ParameterBox(tuple(Parameter(f"duration_{s + 1}", "s", low, high) for s in range(SENSORS)))
+        return PerSensor(self.library, SENSORS)
+
+    def candidates(self):
+        if self.action == "box":
+            return self.actions.encode(np.array(self.durations)[PerSensor(self.library, SENSORS).combinations()])
+        return super().candidates()
+
+    def constants(self):
+        """The same pulse from both sensors."""
+        if self.action == "library":
+            return np.repeat(np.arange(len(self.durations))[:, None], SENSORS, axis=1)
+        if self.action == "joint":
+            return np.flatnonzero(np.ptp(self.actions.indices, axis=1) == 0)
+        return super().constants()
+
+    def pulses(self, actions):
+        """Pulse lengths (..., sensor)."""
+        if self.action == "box":
+            return self.actions.decode(actions)
+        return np.array(self.durations)[self.actions.indices[actions] if self.action == "joint" else actions]
+
+    def draw_world(self, rng):
+        shapes = ((self.horizon, TARGETS), (self.horizon, SENSORS, TARGETS), (TARGETS,))
+        return World(rng.uniform(2e3, 18e3, TARGETS), *(rng.standard_normal(shape) for shape in shapes))
+
+    def begin(self, world):
+        count = len(world.start)
+        public = Public(np.zeros(count, np.int64), world.start + 300 * world.prior, np.full((count, TARGETS), 9e4))
+        return State(Hidden(world.start.copy()), public)
+
+    def advance(self, state, action, world):
+        rows, step = np.arange(len(action)), state.public.step
+        position = state.hidden.position + DRIFT * world.moves[rows, step]
+        R = variances(self.pulses(action), position)
+        z = position[:, None] + np.sqrt(R) * world.noise[rows, step]
+        mean, P = state.public.mean, state.public.variance + DRIFT * DRIFT
+        for s in range(SENSORS):
+            gain = P / (P + R[:, s])
+            mean, P = mean + gain * (z[:, s] - mean), P - gain * P
+        return State(Hidden(position), Public(step + 1, mean, P))
+
+    def imagine(self, public, actions, outcome=None):
+        pulses = self.pulses(actions)
+        step, mean, P = public
+        if pulses.ndim == 3:
+            step, mean, P = step[:, None], mean[:, None], P[:, None]
+        P = 1.0 / (1.0 / (P + DRIFT * DRIFT) + (1.0 / variances(pulses, mean)).sum(axis=-2))
+        return Public(np.broadcast_to(step + 1, P.shape[:-1]), np.broadcast_to(mean, P.shape), P)
+
+    def cost(self, public):
+        return public.variance.sum(axis=-1)
+
+    @cached_property
+    def elements(self):
+        means = [Element(f"mean_{t}", "m", 1e4, 1e4, "estimate") for t in range(TARGETS)]
+        logs = [Element(f"log_variance_{t}", "1", 8.0, 3.0, "uncertainty") for t in range(TARGETS)]
+        return (*means, *logs, Element("step", "1", 0.0, 10.0, "steps made"))
+
+    def observe(self, public):
+        return np.concatenate([public.mean, np.log(public.variance), public.step[:, None]], axis=1)
+
+    def metrics(self, state):
+        """``position_error`` (m), ``nees`` (expected: 1) and ``lost`` of each target that is ``present``."""
+        present = state.public.step[:, None] >= np.array([0, self.appears])
+        error = np.where(present, np.abs(state.public.mean - state.hidden.position), 0.0)
+        nees = error * error / state.public.variance
+        near = (nees < 1.0).sum(axis=1)
+        return {"position_error": error, "nees": nees, "present": present, "lost": nees > 4.0, "near": near}
+
+
+def variances(pulses, positions):
+    """(..., sensor, target) of pulses (..., sensor) at targets (..., target)."""
+    k = pulses[..., :, None]
+    km = np.abs(positions[..., None, :] - SITES[:, None]) / 1e3
+    length = 0.5 * SPEED_OF_LIGHT * k
+    return length * length + km * km * 1e-4 / k
+
+
+@dataclass(frozen=True)
+class Quick(TwoSensors):
+    """With its own search: the sensors' information is tabulated once and added up in pairs."""
+
+    def best_action(self, public):
+        if self.action != "library":
+            raise NotImplementedError
+        k = np.array(self.durations)
+        count = len(k)
+        both = np.broadcast_to(k[None, :, None], (len(public.step), count, SENSORS))
+        info = 1.0 / variances(both, public.mean[:, None])  # (env, waveform, sensor, target)
+        prior = 1.0 / (public.variance + DRIFT * DRIFT)
+        total = prior[:, None, None] + info[:, :, None, 0] + info[:, None, :, 1]
+        best = (1.0 / total).sum(axis=-1).reshape(len(prior), -1).argmin(axis=1)
+        return np.stack([best // count, best % count], axis=1)
+
+
+@dataclass(frozen=True)
+class Coupled(TwoSensors):
+    """Only one of the sensors may send the second pulse at a time, and not in the first step."""
+
+    action: str = "joint"
+
+    def mask(self, public):
+        used = (self.actions.indices == 1).sum(axis=1)
+        return (used == 0) | ((public.step > 0)[:, None] & (used < 2))
+
+
+@checked_dataclass(frozen=True)
+class Strict(TwoSensors):
+    """Has no joint form."""
+
+    action: Literal["library", "box"] = "library"

@@ -1,0 +1,79 @@
+"""The paper's search: a progressively finer rectangular grid over the whole chirp space, sensor by sensor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import InputError, whole
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+
+class Progressive:
+    """The chirps with the least predicted trace one step ahead (Sira et al., section 5).
+
+    For every sensor in turn, and every phase law and direction: a grid over log duration and log sweep, then ever finer
+    ones around each group's best point, reaching to that point's neighbours. For systems with a menu of chirps and
+    ``action="box"``.
+
+    Args:
+        points: grid points an axis, at least 3.
+        levels: how many grids, at least 1.
+
+    Raises:
+        InputError: fewer.
+    """
+
+    def __init__(self, points: int = 5, levels: int = 3) -> None:
+        self.points, self.levels = whole("points", points, 3), whole("levels", levels, 1)
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``. Raises an InputError for a system without a menu of chirps, or in another action form."""
+        if not (hasattr(system, "sensor_costs") and getattr(system, "action", "") == "box"):
+            what = f"{type(system).__name__} with action={getattr(system, 'action', None)!r}"
+            raise InputError(
+                f"policy 'myopic:progressive' is not for {what}, expected a menu of chirps and action='box'"
+            )
+        self._system: Any = system
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        system = self._system
+        ahead, chosen = system.ahead(public), []
+        for i in range(system.menu.sensors):
+            chirp, C = self._search(ahead, i)
+            chosen.append(chirp)
+            if i + 1 < system.menu.sensors:
+                ahead = system.after_sensor(ahead, i, C)
+        law, duration, sweep = (np.stack(parts, axis=1) for parts in zip(*chosen, strict=True))
+        return system.menu.encode_chirps(law, duration, sweep)
+
+    def _search(self, ahead: Any, sensor: int) -> tuple[tuple[Array, Array, Array], Array]:
+        """The best chirp for one sensor, (env,) each of law, duration and signed sweep, and its C (env, 2, 2)."""
+        menu, count = self._system.menu, len(ahead.mean)
+        law = np.repeat(np.arange(len(menu.laws)), 2)  # (group,)
+        sign = np.tile([1.0, -1.0], len(menu.laws))
+        low = np.log([min(menu.durations), min(menu.sweeps)])
+        width = np.log([max(menu.durations), max(menu.sweeps)]) - low
+        centre = np.full((count, len(law), 2), 0.5)  # of each group's grid, in shares of the width
+        axis = np.linspace(-0.5, 0.5, self.points)
+        offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)  # (point, 2)
+        reach = 1.0
+        rows = np.arange(count)
+        for _ in range(self.levels):
+            share = np.clip(centre[:, :, None] + reach * offsets, 0.0, 1.0)  # (env, group, point, 2)
+            chirp = np.exp(low + width * share)
+            sweeps = chirp[..., 1] * sign[:, None]
+            laws = np.broadcast_to(law[:, None], sweeps.shape)
+            C = menu.chirp_covariance(laws, chirp[..., 0], sweeps)
+            cost = self._system.sensor_costs(ahead, sensor, C.reshape(count, -1, 2, 2)).reshape(sweeps.shape)
+            best = cost.argmin(axis=2)
+            centre = np.take_along_axis(share, best[:, :, None, None], axis=2)[:, :, 0]
+            reach *= 2.0 / (self.points - 1)
+        group = np.take_along_axis(cost, best[:, :, None], axis=2)[..., 0].argmin(axis=1)
+        point = best[rows, group]
+        return (law[group], chirp[rows, group, point, 0], sweeps[rows, group, point]), C[rows, group, point]

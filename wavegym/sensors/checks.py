@@ -1,0 +1,32 @@
+"""Checks of array arguments: whole arrays through the one-value checks of ``wavegym.errors``, and shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def every(check: Callable[[str, float], object], name: str, values: ArrayLike) -> Array:
+    """``values`` as an array whose elements all pass ``check(name, value)``, a check for an interval.
+
+    Only the extremes are looked at: where they lie in an interval all do, and one NaN makes both of them NaN.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    if array.size:
+        check(name, float(array.min()))
+        check(name, float(array.max()))
+    return array
+
+
+def shaped(name: str, values: ArrayLike, *core: int) -> Array:
+    """``values`` as an array (..., *core); otherwise InputError."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim < len(core) or array.shape[array.ndim - len(core) :] != core:
+        raise InputError(f"{name} has shape {array.shape}, expected (..., {', '.join(map(str, core))})")
+    return array

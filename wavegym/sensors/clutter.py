@@ -1,0 +1,52 @@
+"""Clutter: Poisson false returns, as many as a tracker's validation gates let in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavegym.errors import InputError, non_negative, positive, within
+from wavegym.sensors import clutter_kernels as kernels
+from wavegym.sensors.checks import Array, shaped
+from wavegym.sensors.gates import cholesky, gate_volume
+
+MOST_POINTS = 1e7
+"""Most clutter points to be expected in one call."""
+
+
+def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, density: float) -> Array:
+    """Clutter points of one scan: Poisson in number, uniform in the union of the gates (overlaps count once).
+
+    A point depends on the key and its gate alone, not on what was drawn before: with the same key a higher density, or
+    a larger S, keeps all points of one gate (in coordinates whitened by S) and adds some.
+
+    Args:
+        key: an integer in [0, 2^64), one per world, step and sensor.
+        centre: the gates' centres, the predicted measurements, (gates, 2).
+        S: innovation covariances, (gates, 2, 2).
+        gate: size of all gates in standard deviations, > 0.
+        density: expected points per unit of gate volume (m^2/s for range and range-rate), >= 0.
+
+    Returns:
+        The points, (points, 2).
+
+    Raises:
+        InputError: a key outside its range, a centre that is not finite, an S that is not symmetric positive definite,
+            a gate or density outside its range, shapes that do not fit, more than 1e7 points to be expected.
+    """
+    if not hasattr(key, "__index__") or not 0 <= int(key) < 2**64:
+        raise InputError(f"key is {key!r}, expected an integer in [0, 2^64)")
+    points, L = np.array(shaped("centre", centre, 2), order="C"), cholesky(S)
+    if points.ndim != 2 or L.shape != (len(points), 2, 2):
+        raise InputError(
+            f"centre and S have shapes {points.shape} and {L.shape}, expected (gates, 2) and (gates, 2, 2)"
+        )
+    if not np.isfinite(points).all():
+        raise InputError(f"centre is {points[~np.isfinite(points).all(axis=1)][0].tolist()}, expected finite numbers")
+    expected = non_negative("density", density) * float(gate_volume(S, positive("gate", gate)).sum())
+    within("expected number of clutter points (density x gate volumes)", expected, 0.0, MOST_POINTS)
+    present = np.ones(len(points), dtype=np.bool_)
+    z, count = kernels.add_clutter(
+        np.uint64(key), points, L, present, float(gate), float(density), np.empty((64, 2)), 0
+    )
+    return z[:count].copy()

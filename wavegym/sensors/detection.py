@@ -1,0 +1,45 @@
+"""Detection of a target whose echo fluctuates from scan to scan (Rayleigh amplitude, Swerling 1).
+
+A test of the matched filter's output against a threshold set by the false-alarm probability Pf detects with
+Pd = Pf^(1 / (1 + E/N0)), E the mean energy of the echo (Van Trees, *Detection, Estimation, and Modulation Theory*,
+part III, section 2.1). The project's SNR is eta = 2E/N0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavegym.errors import InputError, positive
+from wavegym.sensors import detection_kernels as kernels
+from wavegym.sensors.checks import Array, every
+
+
+def detection_probability(snr: ArrayLike, false_alarm: ArrayLike) -> Array:
+    """Pd = Pf^(1 / (1 + eta / 2)) for eta = 2E/N0, the SNR of this project.
+
+    Args:
+        snr: mean eta, > 0 (a ratio, not dB), any shape.
+        false_alarm: Pf in (0, 1), any shape that broadcasts.
+
+    Returns:
+        Pd in (Pf, 1), in the shape they broadcast to.
+
+    Raises:
+        InputError: an SNR that is not a finite number > 0, a Pf outside (0, 1), shapes that do not broadcast.
+    """
+    return energy_detection_probability(every(positive, "snr", snr) / 2, false_alarm)
+
+
+def energy_detection_probability(energy_ratio: ArrayLike, false_alarm: ArrayLike) -> Array:
+    """Pd = Pf^(1 / (1 + E/N0)) for the energy ratio E/N0 itself; otherwise as ``detection_probability``.
+
+    The form that Sira et al. print. They call E/N0 by the same eta that divides their measurement covariance.
+    """
+    ratio = every(positive, "energy_ratio", energy_ratio)
+    return kernels.probability(ratio, np.log(every(_open_unit, "false_alarm", false_alarm)))
+
+
+def _open_unit(name: str, value: float) -> None:
+    if not 0.0 < value < 1.0:
+        raise InputError(f"{name} is {value!r}, expected a probability above 0 and below 1")

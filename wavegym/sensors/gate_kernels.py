@@ -1,0 +1,46 @@
+"""Validation gates in compiled form; ``gates.py`` is their public face.
+
+Gate t is the ellipse {z : |L_t^-1 (z - centre_t)| <= gate} with L_t (2, 2) the lower Cholesky factor of the innovation
+covariance: centre (t, 2), L (t, 2, 2).
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.kernels import batched, kernel
+
+
+@kernel
+def squared_distance(t, z0, z1, centre, L):
+    """|L_t^-1 (z - centre_t)|^2, the squared Mahalanobis distance of z = (z0, z1); NaN where L_t is."""
+    w0 = (z0 - centre[t, 0]) / L[t, 0, 0]
+    w1 = (z1 - centre[t, 1] - L[t, 1, 0] * w0) / L[t, 1, 1]
+    return w0 * w0 + w1 * w1
+
+
+@kernel
+def in_gate(t, z0, z1, centre, L, gate):
+    """Whether (z0, z1) lies in gate t; never in one whose L_t is NaN."""
+    return squared_distance(t, z0, z1, centre, L) <= gate * gate
+
+
+@kernel
+def gate_volume_one(t, L, gate):
+    """Area of gate t, in the product of the measurement's units."""
+    return np.pi * gate * gate * L[t, 0, 0] * L[t, 1, 1]
+
+
+@batched("(),(m,m)->()")
+def volume(gate, L, area, mm):
+    """gate_volume_one, element by element."""
+    for e in range(area.shape[0]):
+        area[e] = gate_volume_one(e, L, gate[e])
+
+
+@batched("(m),(m),(m,m)->()")
+def distance(z, centre, L, squared, mm):
+    """squared_distance, element by element."""
+    for e in range(squared.shape[0]):
+        squared[e] = squared_distance(e, z[e, 0], z[e, 1], centre, L)

@@ -1,0 +1,55 @@
+"""Validation gates: the ellipses in which a tracker looks for a target's return.
+
+A gate of size g holds the measurements z with (z - centre)' S^-1 (z - centre) <= g^2, S the innovation covariance of a
+measurement with two components (Bar-Shalom, Li, Kirubarajan 2001, section 5.4.2, there with gamma = g^2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError, positive
+from wavegym.sensors import gate_kernels as kernels
+from wavegym.sensors.checks import Array, every, shaped
+
+
+def gate_probability(gate: ArrayLike) -> Array:
+    """Pg = 1 - exp(-g^2 / 2), the probability that a detected target's return lies in its gate of size g > 0."""
+    g = every(positive, "gate", gate)
+    return -np.expm1(-0.5 * g * g)
+
+
+def gate_volume(S: ArrayLike, gate: ArrayLike) -> Array:
+    """Area pi g^2 sqrt(det S) of the gate, in the product of the measurement's units: m^2/s for range and range-rate.
+
+    Args:
+        S: innovation covariance, (..., 2, 2).
+        gate: g > 0, (...); leading axes broadcast.
+
+    Raises:
+        InputError: an S that is not symmetric positive definite, g not finite and > 0, shapes that do not fit.
+    """
+    return kernels.volume(every(positive, "gate", gate), cholesky(S))
+
+
+def inside_gate(innovation: ArrayLike, S: ArrayLike, gate: ArrayLike) -> NDArray[np.bool_]:
+    """Whether an innovation z - centre, (..., 2), lies in the gate: (...). Other arguments and errors as above."""
+    g = every(positive, "gate", gate)
+    squared = kernels.distance(shaped("innovation", innovation, 2), np.zeros(2), cholesky(S))
+    return np.asarray(squared <= g * g)
+
+
+def cholesky(S: ArrayLike) -> Array:
+    """Lower triangular L with L L' = S, (..., 2, 2); InputError for the first S that is no covariance."""
+    S = shaped("S", S, 2, 2)
+    L = np.zeros(S.shape)
+    with np.errstate(all="ignore"):
+        L[..., 0, 0] = np.sqrt(S[..., 0, 0])
+        L[..., 1, 0] = S[..., 1, 0] / L[..., 0, 0]
+        L[..., 1, 1] = np.sqrt(S[..., 1, 1] - L[..., 1, 0] * L[..., 1, 0])
+        symmetric = abs(S[..., 0, 1] - S[..., 1, 0]) <= 1e-9 * np.sqrt(S[..., 0, 0] * S[..., 1, 1])
+    valid = symmetric & (L[..., 0, 0] > 0) & (L[..., 1, 1] > 0) & np.isfinite(S).all(axis=(-2, -1))
+    if not valid.all():
+        raise InputError(f"S is {S[~valid][0].tolist()}, expected a symmetric positive definite matrix")
+    return L

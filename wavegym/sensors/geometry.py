@@ -1,0 +1,30 @@
+"""What a monostatic sensor measures of a moving target in the plane: range and range-rate."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from wavegym.sensors import geometry_kernels as kernels
+from wavegym.sensors.checks import Array, shaped
+
+
+def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
+    """h(x) = (r, rdot): r = |p - s| and rdot = v'(p - s) / r, positive when the target recedes.
+
+    Args:
+        state: x = (x, y, xdot, ydot) in m and m/s, (..., 4).
+        sensor: position s = (x, y) in m, (..., 2); leading axes broadcast with those of ``state``.
+
+    Returns:
+        (r in m, rdot in m/s), (..., 2). r is held at 1e-9 m below it, so that at the sensor itself, where no direction
+        is defined, rdot is 0.
+
+    Raises:
+        InputError: shapes that do not fit.
+    """
+    return kernels.measure(shaped("state", state, 4), shaped("sensor", sensor, 2))
+
+
+def range_and_rate_jacobian(state: ArrayLike, sensor: ArrayLike) -> Array:
+    """H = dh/dx of ``range_and_rate``, (..., 2, 4): rows r, rdot; columns x, y, xdot, ydot. Arguments as there."""
+    return kernels.jacobian(shaped("state", state, 4), shaped("sensor", sensor, 2))

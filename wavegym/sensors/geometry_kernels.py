@@ -1,0 +1,37 @@
+"""Range and range-rate in compiled form; ``geometry.py`` is their public face."""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.kernels import batched, kernel
+
+NEAREST = 1e-9
+"""r is held at this many metres below it, so that at the sensor itself rdot is 0 instead of 0 / 0; |rdot| <= speed."""
+
+
+@kernel
+def range_and_rate(px, py, vx, vy, sx, sy):
+    """(r, rdot) of a target at (px, py) with velocity (vx, vy) seen from (sx, sy); receding is positive."""
+    dx, dy = px - sx, py - sy
+    r = max(np.sqrt(dx * dx + dy * dy), NEAREST)
+    return r, (dx * vx + dy * vy) / r
+
+
+@batched("(n),(m)->(m)")
+def measure(x, sensor, z, nn, mm):
+    """z = (r, rdot) of x = (x, y, xdot, ydot)."""
+    for e in range(x.shape[0]):
+        z[e, 0], z[e, 1] = range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], sensor[e, 0], sensor[e, 1])
+
+
+@batched("(n),(m)->(m,n)")
+def jacobian(x, sensor, H, nn, mm):
+    """H = d(r, rdot) / d(x, y, xdot, ydot); u is the unit vector from sensor to target."""
+    for e in range(x.shape[0]):
+        r, rdot = range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], sensor[e, 0], sensor[e, 1])
+        for i in range(2):
+            u = (x[e, i] - sensor[e, i]) / r
+            H[e, 0, i], H[e, 0, i + 2] = u, 0.0
+            H[e, 1, i], H[e, 1, i + 2] = (x[e, i + 2] - rdot * u) / r, u

@@ -1,0 +1,300 @@
+"""The closed loop of Sira et al.: agile chirps, several targets, clutter.
+
+Carrier, library and gate are not published; the values here are proposals (docs/errata.md).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+
+from wavegym.errors import InputError, non_negative, positive, within
+from wavegym.sensors import gate_probability
+from wavegym.systems import agile_clutter_foresight_kernels as foresight
+from wavegym.systems import agile_clutter_kernels as kernels
+from wavegym.systems.chirp_menu import ChirpMenu
+from wavegym.systems.contract import Element, State, System
+from wavegym.systems.several_targets import Ahead, Hidden, Particles, Public, World, first_gate_volume, target_elements
+from wavegym.targets import MotionModel, constant_velocity, random_path
+from wavegym.trackers.association_kernels import CLUSTER_LIMIT
+from wavegym.trackers.reduction import reduction_table
+from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
+
+Array = NDArray[Any]
+
+NN = (0, 0, 0, 0)  # the state [x y xdot ydot], as kernels take its size
+MOST_CLUTTER = 1e6  # points in one gate
+LOST_AFTER = 5  # returns outside its gates that a target may have before its track counts as lost (the paper's rule)
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class AgileClutter(System):
+    """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
+
+    Description
+        Each target's state is [x y xdot ydot] (m, m/s), x_k = F x_{k-1} + w_k, white acceleration of density q (eqs. 1
+        and 2). Sensor i measures range and range-rate of every target with covariance N = C / eta (section 3.2), where
+        C is the inverse Fisher information of its chirp at unit SNR and eta = (r0 / r)^4. A target is detected with
+        probability Pd = Pf^(1 / (1 + eta)); clutter is Poisson, uniform in the union of the validation gates, so a
+        pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
+        at the predicted one. Sensor by sensor, an unscented filter with joint probabilistic data association updates
+        all targets. ``tracker="particle"``: a Rao-Blackwellised particle filter instead, which samples joint
+        associations from their exact posterior and so keeps a posterior of several modes, which JPDA merges into one.
+        Long, wide chirps measure best; phase functions differ in how range and range-rate errors hang together, and
+        which one is best depends on what is known of the target.
+
+    Rewards
+        -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
+
+    Starting state
+        True targets start at ``starts``; the first estimate is drawn around the start with covariance P0 =
+        diag(prior_variance). Target s is handed to the tracker at step ``births[s]`` and first measured a step later.
+
+    Episode end
+        Terminates after ``horizon`` steps, when the last target is gone; the time left is observed.
+
+    Arguments
+        q: process noise density (m^2/s^3). carrier_hz: fc. reference_range: r0 in metres, where eta = 1. nearest_range:
+        the SNR grows no further below it. sensors: positions (x, y) in metres. starts: [x y xdot ydot] of each target.
+        births: step at which each target becomes known. lifetime: steps that each target is tracked for.
+        prior_variance: diagonal of P0. false_alarm: Pf. clutter_density: false returns per m (m/s). gate: radius in
+        standard deviations. weights: diagonal of Lambda. laws: phase functions, "lfm", "pfm:KAPPA", "hfm:SHAPE",
+        "efm:SHAPE". durations (s) and sweeps (Hz): every law with every one of them, up and down, is in the library.
+        action: "library" (a waveform per sensor), "joint" (one index for all sensors; every law up and down, longest
+        and widest) or "box" (law where there are several, log duration and signed sweep of every sensor). tracker:
+        "jpda" or "particle". particles: how many.
+
+    References
+        S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
+        targets in clutter".
+    """
+
+    horizon: int = 32
+    dt: float = 0.25
+    q: float = 1.0
+    carrier_hz: float = 10.4e9
+    reference_range: float = 50e3
+    nearest_range: float = 100.0
+    sensors: tuple[tuple[float, float], ...] = ((3e3, -16e3), (3e3, 20.4e3))
+    starts: tuple[tuple[float, float, float, float], ...] = ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0))
+    births: tuple[int, ...] = (0, 7)
+    lifetime: int = 25
+    prior_variance: tuple[float, float, float, float] = (4e3, 4e3, 100.0, 100.0)
+    false_alarm: float = 0.01
+    clutter_density: float = 1e-4
+    gate: float = 4.0
+    weights: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    laws: tuple[str, ...] = ("lfm", "pfm:3", "hfm:0.5", "efm:0.5")
+    durations: tuple[float, ...] = (10e-6, 30e-6, 100e-6)
+    sweeps: tuple[float, ...] = (1e6, 4e6, 15e6)
+    action: Literal["library", "joint", "box"] = "library"
+    tracker: Literal["jpda", "particle"] = "jpda"
+    particles: int = 200
+
+    def __post_init__(self) -> None:
+        """Check what single types cannot say."""
+        for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "gate"):
+            positive(name, getattr(self, name))
+        for name in ("q", "clutter_density"):
+            non_negative(name, getattr(self, name))
+        for name in ("prior_variance", "weights"):
+            for value in getattr(self, name):
+                (positive if name == "prior_variance" else non_negative)(name, value)
+        positive("sum of weights", sum(self.weights))
+        positive("least of sweeps", min(self.sweeps), "Hz")
+        if not 0.0 < self.false_alarm < 1.0:
+            raise InputError(f"false_alarm is {self.false_alarm!r}, expected a probability between 0 and 1, exclusive")
+        within("number of sensors", len(self.sensors), 1, 16)
+        within("number of targets (exact joint association)", len(self.starts), 1, CLUSTER_LIMIT)
+        if len(self.births) != len(self.starts):
+            raise InputError(f"births is {self.births}, expected {len(self.starts)} steps, one for each of starts")
+        within("lifetime", self.lifetime, 1, 100_000, "steps")
+        within("least of births", min(self.births), 0, math.inf)
+        within("horizon", self.horizon, 1, max(self.births) + self.lifetime, "steps")
+        within("particles", self.particles, 2, 1_000_000)
+        self._check_clutter()
+
+    def _check_clutter(self) -> None:
+        """InputError where a gate would hold more clutter than is good for memory."""
+        C, snr = self.menu.option_covariances, (self.reference_range, self.nearest_range)
+        volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
+        if self.clutter_density * volume > MOST_CLUTTER:
+            wanted = (
+                f"at most {MOST_CLUTTER / volume:.3g}: a gate would hold {self.clutter_density * volume:.3g} points"
+            )
+            raise InputError(f"clutter_density is {self.clutter_density!r}, expected {wanted}")
+
+    @cached_property
+    def motion(self) -> MotionModel:
+        """The targets' motion model, shared by the world and the tracker."""
+        return constant_velocity(self.dt, self.q, ("x", "y"), order="derivative")
+
+    @cached_property
+    def menu(self) -> ChirpMenu:
+        """What may be transmitted."""
+        return ChirpMenu(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
+
+    @property
+    def actions(self) -> PerSensor | JointLibrary | ParameterBox:
+        """What an action means."""
+        return self.menu.actions
+
+    def candidates(self) -> Array:
+        """Every combination of the sensors' waveforms."""
+        return self.menu.candidates
+
+    def constants(self) -> Array:
+        """One law, duration and sweep at all sensors, each sensor up or down."""
+        return self.menu.constants
+
+    @cached_property
+    def _targets(self) -> tuple[Array, int]:
+        return np.array(self.births, np.int64), self.lifetime
+
+    @cached_property
+    def _model(self) -> tuple[Array, Array]:
+        return self.motion.F[None].copy(), self.motion.Q[None].copy()
+
+    @cached_property
+    def _radar(self) -> tuple[Any, ...]:
+        law = (self.reference_range, self.nearest_range, math.log(self.false_alarm))
+        return (np.array(self.sensors), *law, self.clutter_density, self.gate, float(gate_probability(self.gate)))
+
+    @cached_property
+    def _weights(self) -> Array:
+        return np.array(self.weights)
+
+    def draw_world(self, rng: np.random.Generator) -> World:
+        """All draws of one episode."""
+        S, H, sensors = len(self.starts), self.horizon, len(self.sensors)
+        return World(
+            rng.standard_normal((S, 4)),
+            rng.standard_normal((S, self.lifetime, 4)),
+            rng.random((H, sensors, S)),
+            rng.standard_normal((H, sensors, S, 2)),
+            np.asarray(rng.integers(2**64, dtype=np.uint64)),
+        )
+
+    def begin(self, world: World) -> State:
+        """The true paths, and the first estimates drawn around their starts."""
+        count, S = world.start.shape[:2]
+        path = random_path(self.motion, np.array(self.starts), world.process)
+        mean = path[:, :, 0] + np.sqrt(self.prior_variance) * world.start
+        covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
+        particles = None
+        if self.tracker == "particle":
+            particles = Particles(*(np.repeat(a[:, None], self.particles, axis=1) for a in (mean, covariance)))
+        hidden = Hidden(path[:, :, 0].copy(), path, np.zeros((count, S), np.int64), np.zeros((count, 4)))
+        return State(hidden, Public(np.zeros(count, np.int64), mean, covariance, particles))
+
+    def advance(self, state: State, action: Array, world: World) -> State:
+        """One step: predict, transmit, detect, associate, update, sensor after sensor."""
+        hidden, (step, mean, covariance, particles) = state
+        C = self.menu.unit_covariance(action)
+        x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
+        outside, scan = hidden.outside.copy(), np.zeros(hidden.scan.shape)
+        X, V = particles or (np.empty((len(step), 0, *shape[1:])) for shape in (mean.shape, covariance.shape))
+        X_out, V_out = np.empty(X.shape), np.empty(V.shape)
+        kernels.advance(
+            step, mean, covariance, X, V, hidden.path, world.detection, world.error, world.key, C, self._targets,
+            *self._model, self._radar, x, P, X_out, V_out, truth, outside, scan, NN
+        )  # fmt: skip
+        fresh = Public(step + 1, x, P, None if particles is None else Particles(X_out, V_out))
+        return State(Hidden(truth, hidden.path, outside, scan), fresh)
+
+    def imagine(self, public: Public, actions: Array, outcome: Array | None = None) -> Public:
+        """The belief after one pulse of every sensor: predicted means, covariances of eqs. (13) and (14).
+
+        ``outcome``: whether each sensor detects each target, bool (env, sensor, target) or (env, candidate, ...).
+        """
+        several = actions.ndim == (2 if self.action == "joint" else 3)
+        C = self.menu.unit_covariance(actions if several else actions[:, None])
+        shape = (len(public.step), C.shape[1])
+        C = np.array(np.broadcast_to(C, shape + C.shape[2:])).reshape(-1, *C.shape[2:])
+        seen = np.full((*shape, len(self.sensors), len(self.starts)), -1)
+        if outcome is not None:
+            seen[...] = outcome if several else outcome[:, None]
+        step, mean, covariance = (np.repeat(a, shape[1], axis=0) for a in public[:3])
+        x, P = np.empty(mean.shape), np.empty(covariance.shape)
+        foresight.imagine(
+            step, mean, covariance, C, seen.reshape(-1, *seen.shape[2:]), self._targets, *self._model, self._radar,
+            reduction_table(), x, P, NN
+        )  # fmt: skip
+        lead: tuple[int, ...] = shape if several else shape[:1]
+        return Public((step + 1).reshape(lead), x.reshape(*lead, -1, 4), P.reshape(*lead, -1, 4, 4), None)
+
+    def ahead(self, public: Public) -> Ahead:
+        """The belief that the next pulse meets."""
+        x, P = np.empty(public.mean.shape), np.empty(public.covariance.shape)
+        present = np.empty(x.shape[:2], np.bool_)
+        foresight.predict(*public[:3], self._targets, *self._model, x, P, present, NN)
+        return Ahead(x, P, present)
+
+    def sensor_costs(self, ahead: Ahead, sensor: int, C: Array) -> Array:
+        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
+        cost = np.empty((len(ahead.mean), C.shape[1]))
+        foresight.sensor_costs(sensor, *ahead, C, self._weights, self._radar, reduction_table(), cost, NN)
+        return cost
+
+    def after_sensor(self, ahead: Ahead, sensor: int, C: Array) -> Ahead:
+        """The belief that the next sensor's pulse meets, after this sensor's with C (env, 2, 2) at unit SNR."""
+        P = np.empty(ahead.covariance.shape)
+        foresight.after_sensor(sensor, *ahead, C, self._radar, reduction_table(), P, NN)
+        return ahead._replace(covariance=P)
+
+    def best_action(self, public: Public) -> Array:
+        """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1)."""
+        ahead, C, choices = self.ahead(public), self.menu.option_covariances, []
+        for i in range(len(self.sensors)):
+            choices.append(self.sensor_costs(ahead, i, C[None]).argmin(axis=1))
+            if i + 1 < len(self.sensors):
+                ahead = self.after_sensor(ahead, i, C[choices[-1]])
+        return self.menu.encode(np.stack(choices, axis=1))
+
+    def cost(self, public: Public) -> Array:
+        """trace(Lambda P) summed over the targets present."""
+        P = public.covariance
+        cost = np.empty(public.step.size)
+        step, P = np.ascontiguousarray(public.step).reshape(-1), P.reshape(-1, *P.shape[-3:])
+        foresight.weighted_trace(step, P, self._targets, self._weights, cost)
+        return cost.reshape(public.step.shape)
+
+    @cached_property
+    def elements(self) -> tuple[Element, ...]:
+        """The observation: time left, and of every target what the next pulse meets, by itself and at each sensor."""
+        return target_elements(len(self.starts), len(self.sensors))
+
+    def observe(self, public: Public) -> Array:
+        """See ``elements``."""
+        out = np.empty((len(public.step), len(self.elements)))
+        foresight.observe(*public[:3], self.horizon, self._targets, *self._model, self._radar, out, NN)
+        return out
+
+    def metrics(self, state: State) -> dict[str, Array]:
+        """Of each target, 0 unless ``present``: ``position_error`` (m), ``squared_error`` (m^2, weighted with Lambda)
+        and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen outside its gates so far. Of
+        the step: ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"`` also ``ess`` and
+        ``ancestors``, effective sample size and distinct ancestors as shares of the particles.
+        """
+        hidden, public = state
+        present = np.empty(hidden.outside.shape, np.bool_)
+        squared, position, nees = np.empty((3, *present.shape))
+        foresight.measure(*public[:3], hidden.truth, self._targets, self._weights, present, squared, position, nees)
+        figures = {
+            "present": present,
+            "position_error": position,
+            "squared_error": squared,
+            "nees": nees,
+            "lost": hidden.outside > LOST_AFTER,
+            "detections": hidden.scan[:, 0].copy(),
+            "clutter": hidden.scan[:, 1].copy(),
+        }
+        if self.tracker == "particle":
+            figures["ess"], figures["ancestors"] = (hidden.scan[:, i] / self.particles for i in (2, 3))
+        return figures

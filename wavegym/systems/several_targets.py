@@ -1,0 +1,97 @@
+"""Several targets seen by several sensors: tape, truth, belief, and what an agent is shown of them."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.systems.contract import Element
+
+Array = NDArray[Any]
+
+
+class World(NamedTuple):
+    """One episode's tape."""
+
+    start: Array  # (target, 4) normal: error of the first estimate
+    process: Array  # (target, lifetime, 4) normal: manoeuvres
+    detection: Array  # (H, sensor, target) uniform: detected where below Pd
+    error: Array  # (H, sensor, target, 2) normal: measurement error
+    key: Array  # () uint64: of the counter-based draws, clutter and particles
+
+
+class Hidden(NamedTuple):
+    """What no scheduler sees."""
+
+    truth: Array  # (env, target, 4)
+    path: Array  # (env, target, lifetime + 1, 4) from each target's birth
+    outside: Array  # (env, target) int: returns that fell outside their own target's gate so far
+    scan: Array  # (env, 4) of the last step: detections, clutter points, effective sample size, distinct ancestors
+
+
+class Particles(NamedTuple):
+    """Histories of associations, equally weighted: a Gaussian for each target."""
+
+    mean: Array  # (env, particle, target, 4)
+    covariance: Array  # (env, particle, target, 4, 4)
+
+
+class Public(NamedTuple):
+    """The belief. A slot whose target is still to come holds what will be known of it when it does."""
+
+    step: Array  # (env,) int
+    mean: Array  # (env, target, 4)
+    covariance: Array  # (env, target, 4, 4)
+    particles: Particles | None  # None with tracker="jpda" and in foresight
+
+
+class Ahead(NamedTuple):
+    """The belief that the next pulse meets, for scheduling sensor by sensor."""
+
+    mean: Array  # (env, target, 4)
+    covariance: Array  # (env, target, 4, 4) after the sensors that were scheduled already
+    present: Array  # (env, target) bool
+
+
+def target_elements(targets: int, sensors: int) -> tuple[Element, ...]:
+    """Observation elements: time left, and of every target what the next pulse meets, by itself and at each sensor."""
+    listed = [Element("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
+    for t in range(1, targets + 1):
+        of = f"of target {t} as the next pulse meets it; 0 where it meets none"
+        listed += [
+            Element(f"present_{t}", "1", 0.5, 0.5, f"whether the next pulse meets target {t}"),
+            Element(f"log10_sigma_position_{t}", "log10(m)", 1.0, 1.0, f"RMS position uncertainty {of}"),
+            Element(f"log10_sigma_velocity_{t}", "log10(m/s)", 0.5, 0.5, f"RMS velocity uncertainty {of}"),
+        ]
+        for i in range(1, sensors + 1):
+            at, where = f"{t}_{i}", f"{of}, at sensor {i}"
+            listed += [
+                Element(f"snr_{at}", "dB", 19.0, 3.0, f"eta {where}"),
+                Element(f"log10_sigma_r_{at}", "log10(m)", 0.5, 0.5, f"standard deviation of range {where}"),
+                Element(f"log10_sigma_rdot_{at}", "log10(m/s)", 0.5, 0.5, f"the same of range-rate {where}"),
+                Element(f"correlation_{at}", "1", 0.0, 0.5, f"correlation of range and range-rate {where}"),
+            ]
+    return tuple(listed)
+
+
+def first_gate_volume(
+    starts: ArrayLike, variance: ArrayLike, sensors: ArrayLike, C: Array, law: tuple[float, float], gate: float
+) -> float:
+    """The largest gate, m (m/s), that any target meets at any sensor before its first measurement.
+
+    Args:
+        starts: [x y xdot ydot] of each target, (target, 4).
+        variance: diagonal of P0, (4,).
+        sensors: positions, (sensor, 2).
+        C: measurement covariances at unit SNR of what may be transmitted, (option, 2, 2).
+        law: reference and nearest range of the SNR, m.
+        gate: radius in standard deviations.
+    """
+    places = np.asarray(sensors)[:, None]
+    H = range_and_rate_jacobian(starts, places)  # (sensor, target, 2, 4)
+    eta = range_law_snr(range_and_rate(starts, places)[..., 0], *law)
+    S = (H * np.asarray(variance) @ np.swapaxes(H, -1, -2))[:, :, None] + C / eta[..., None, None, None]
+    return float(gate_volume(S, gate).max())

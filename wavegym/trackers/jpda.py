@@ -1,0 +1,105 @@
+"""The joint probabilistic data association update, for any number of environments at once.
+
+References: Bar-Shalom & Fortmann, *Tracking and Data Association* (1988), chapter 9.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym import sensors
+from wavegym.errors import InputError, positive
+from wavegym.trackers import jpda_kernels
+from wavegym.trackers.association_kernels import CLUSTER_LIMIT
+
+Array = NDArray[np.float64]
+
+
+def jpda_update(
+    mean: ArrayLike,
+    covariance: ArrayLike,
+    measurements: ArrayLike,
+    predicted: ArrayLike,
+    S: ArrayLike,
+    cross_covariance: ArrayLike,
+    pd: ArrayLike,
+    clutter_density: ArrayLike,
+    gate: float = 4.0,
+    gate_probability: float | None = None,
+) -> tuple[Array, Array]:
+    """Update all targets with one scan of two-dimensional measurements of unknown origin.
+
+    The filter decides what the predicted measurement is made of: an EKF has h(x), H P H' + R and P H', an unscented
+    filter the transform's moments.
+
+    Args:
+        mean: predicted x, (..., target, n).
+        covariance: predicted P, (..., target, n, n).
+        measurements: z, (..., measurement, 2).
+        predicted: predicted measurements, (..., target, 2).
+        S: innovation covariances, (..., target, 2, 2).
+        cross_covariance: cov(x, z), (..., target, n, 2).
+        pd: detection probabilities, (..., target), each in (0, 1).
+        clutter_density: false returns per unit of measurement space, (...), > 0.
+        gate: a target is associated only with measurements within this many standard deviations of its prediction.
+        gate_probability: that its own return is; 1 - exp(-gate^2 / 2) if None.
+
+    Returns:
+        Updated mean (..., target, n) and covariance (..., target, n, n).
+
+    Raises:
+        InputError: shapes that disagree, pd or gate_probability out of range, a clutter density or gate not > 0, an S
+            that is not positive definite, or more targets than the exact association takes in one cluster.
+    """
+    share, detection, density = _checked(gate, gate_probability, pd, clutter_density)
+    x, P, *rest = _aligned(mean, covariance, measurements, predicted, S, cross_covariance, detection, density)
+    lead, targets, n = x.shape[:-2], *x.shape[-2:]
+    count = math.prod(lead)
+    flat = [array.reshape(count, *array.shape[len(lead) :]) for array in (x, P, *rest)]
+    jpda_kernels.jpda_update(*flat, gate, share, (0,) * n)
+    if np.isnan(P).any():
+        if not np.linalg.eigvalsh(np.asarray(S)).min() > 0.0:
+            raise InputError(f"S is {np.asarray(S).tolist()}, expected positive definite innovation covariances")
+        raise InputError(
+            f"{targets} targets share measurements in one cluster, expected at most CLUSTER_LIMIT = {CLUSTER_LIMIT}"
+        )
+    return x, P
+
+
+def _checked(
+    gate: float, gate_probability: float | None, pd: ArrayLike, clutter_density: ArrayLike
+) -> tuple[float, Array, Array]:
+    """The gate probability, and pd and clutter_density as arrays."""
+    positive("gate", gate)
+    share = sensors.gate_probability(gate) if gate_probability is None else gate_probability
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"gate_probability is {share!r}, expected a probability in (0, 1]")
+    detection, density = np.asarray(pd, np.float64), np.asarray(clutter_density, np.float64)
+    if not ((detection > 0.0) & (detection < 1.0)).all():
+        raise InputError(f"pd is {detection.tolist()}, expected probabilities between 0 and 1, exclusive")
+    if not ((density > 0.0) & np.isfinite(density)).all():
+        raise InputError(f"clutter_density is {density.tolist()}, expected finite numbers > 0")
+    return float(share), detection, density
+
+
+def _aligned(*given: ArrayLike) -> list[Array]:
+    """The arguments of ``jpda_update`` as fresh arrays whose leading axes are broadcast."""
+    arrays = [np.asarray(a, np.float64) for a in given]
+    T, n = arrays[0].shape[-2:] if arrays[0].ndim > 1 else (0, 0)
+    M = arrays[2].shape[-2] if arrays[2].ndim > 1 else 0
+    cores = [(T, n), (T, n, n), (M, 2), (T, 2), (T, 2, 2), (T, n, 2), (T,), ()]
+    shapes = [a.shape for a in arrays]
+    try:
+        fits = [s[len(s) - len(core) :] == core for s, core in zip(shapes, cores, strict=True)]
+        lead = np.broadcast_shapes(*(s[: len(s) - len(core)] for s, core in zip(shapes, cores, strict=True)))
+    except ValueError:
+        fits = [False]
+    if not all(fits):
+        wanted = (
+            "(..., t, n), (..., t, n, n), (..., m, 2), (..., t, 2), (..., t, 2, 2), (..., t, n, 2), (..., t), (...)"
+        )
+        raise InputError(f"argument shapes are {', '.join(map(str, shapes))}, expected {wanted}")
+    return [np.array(np.broadcast_to(a, lead + core)) for a, core in zip(arrays, cores, strict=True)]

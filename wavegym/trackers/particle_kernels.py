@@ -1,0 +1,240 @@
+"""Rao-Blackwellised particle filter over joint associations in compiled form (Särkkä, Vehtari & Lampinen 2007).
+
+What is sampled is which return is whose; given that, every target is a Gaussian and is updated exactly (but for the
+linearisation). A particle therefore is one history of associations with a mean and a covariance for each target, and a
+posterior of many modes, which clutter makes of a target just found, costs a few particles for each mode. Arrays are
+those of one environment: X (particle, target, n), V (particle, target, n, n).
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.counter_kernels import stream, uniform
+from wavegym.kernels import kernel
+from wavegym.sensors.gate_kernels import in_gate, squared_distance
+from wavegym.sensors.geometry_kernels import range_and_rate
+from wavegym.trackers.association_kernels import associate_one, row_sum
+from wavegym.trackers.jpda_kernels import factor_one
+from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+
+FARTHEST = 60.0
+"""Squared distance beyond which a return is not a target's: its weight would be below 1e-13 of the peak's."""
+
+
+@kernel
+def predict_particles(X, V, present, F, Q, X_out, V_out, nn):
+    """F X and F V F' + Q of the present targets; the others are copied."""
+    n, slots = len(nn), len(present)
+    x, P, x_out, P_out = X.reshape(-1, n), V.reshape(-1, n, n), X_out.reshape(-1, n), V_out.reshape(-1, n, n)
+    T = np.empty((n, n))
+    for e in range(len(x)):
+        if present[e % slots]:
+            predict_mean_one(e, x, F, 0, x_out, nn)
+            predict_covariance_one(e, P, F, Q, 0, T, P_out, nn)
+        else:
+            copy_one(e, x, P, x_out, P_out, nn)
+
+
+@kernel
+def copy_one(e, x, P, x_out, P_out, nn):
+    """Mean x[e] and covariance P[e]."""
+    fetch_one(e, x, P, e, x_out, P_out, nn)
+
+
+@kernel
+def fetch_one(source, x, P, e, x_out, P_out, nn):
+    """x_out[e] = x[source], P_out[e] = P[source]."""
+    for a in range(len(nn)):
+        x_out[e, a] = x[source, a]
+        for b in range(len(nn)):
+            P_out[e, a, b] = P[source, a, b]
+
+
+@kernel
+def update_particles(
+    key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gate_probability, density, nn
+):  # fmt: skip
+    """``update_gated_particles`` where every particle's returns are received with this gate probability."""
+    T = len(present)
+    gates = np.zeros((T, 2)), np.ones((T, 2, 2)), np.inf, gate_probability
+    update_gated_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gates, density, nn)
+
+
+@kernel
+def update_gated_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gates, density, nn):
+    """One sensor's scan z[: count] for every particle: draw its association, update, count its evidence.
+
+    log_weight (particle,) gains the log of the sum over all feasible associations: the joint likelihood, exactly.
+    pd (t,), noise (t, 2, 2). ``gates`` = (centre (t, 2), L (t, 2, 2), gate, gate probability): only returns in one of
+    them were received. A particle that expects its target's return outside of all learns nothing from its absence:
+    1 - Pd for it would kill the lesser modes of a posterior because nobody looked there.
+    """
+    n, slots, here = len(nn), len(present), np.flatnonzero(present)
+    x, P, T = X.reshape(-1, n), V.reshape(-1, n, n), len(here)
+    W, beta, owner = np.empty((T, count + 1)), np.empty((T, count + 1)), np.empty(T, np.int64)
+    centre, S, L, G = np.empty((T, 2)), np.empty((T, 2, 2)), np.empty((T, 2, 2)), np.empty((T, n, 2))
+    U = np.empty((n, 2))
+    for j in range(len(X)):
+        for row in range(T):
+            t = here[row]
+            linearise(row, j * slots + t, x, P, t, noise, sx, sy, centre, S, G, nn)
+            factor_one(row, S, L)
+            seen = pd[t] * received(centre[row, 0], centre[row, 1], present, gates)
+            weigh_row(row, z, count, centre, L, pd[t], seen, density, W)
+        log_weight[j] += draw_association(stream(key, j), W, T, count, beta, owner)
+        for row in range(T):
+            if owner[row] > 0:
+                m = owner[row] - 1
+                correct_one(j * slots + here[row], x, P, z[m, 0], z[m, 1], row, centre, L, G, U, nn)
+
+
+@kernel
+def linearise(row, e, x, P, t, noise, sx, sy, centre, S, G, nn):
+    """The extended filter's centre[row] = h(x[e]), S[row] = H P[e] H' + noise[t] and G[row] = P[e] H'."""
+    r, rdot = range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], sx, sy)
+    u0, u1 = (x[e, 0] - sx) / r, (x[e, 1] - sy) / r
+    w0, w1 = (x[e, 2] - rdot * u0) / r, (x[e, 3] - rdot * u1) / r
+    centre[row, 0], centre[row, 1] = r, rdot
+    for a in range(len(nn)):
+        G[row, a, 0] = P[e, a, 0] * u0 + P[e, a, 1] * u1
+        G[row, a, 1] = P[e, a, 0] * w0 + P[e, a, 1] * w1 + P[e, a, 2] * u0 + P[e, a, 3] * u1
+    S[row, 0, 0] = u0 * G[row, 0, 0] + u1 * G[row, 1, 0] + noise[t, 0, 0]
+    S[row, 0, 1] = S[row, 1, 0] = u0 * G[row, 0, 1] + u1 * G[row, 1, 1] + noise[t, 0, 1]
+    rate = w0 * G[row, 0, 1] + w1 * G[row, 1, 1] + u0 * G[row, 2, 1] + u1 * G[row, 3, 1]
+    S[row, 1, 1] = rate + noise[t, 1, 1]
+
+
+@kernel
+def received(z0, z1, present, gates):
+    """The gate probability if a return expected at (z0, z1) is in a present target's gate, else 0."""
+    centre, L, gate, gate_probability = gates
+    for t in range(len(present)):
+        if present[t] and in_gate(t, z0, z1, centre, L, gate):
+            return gate_probability
+    return 0.0
+
+
+@kernel
+def weigh_row(row, z, count, centre, L, pd, seen, density, W):
+    """Association weights of one target: W[row, 0] = 1 - seen, W[row, m] = Pd N(z_m; centre, L L') / density."""
+    W[row, 0] = 1.0 - seen
+    peak = pd / (2.0 * np.pi * L[row, 0, 0] * L[row, 1, 1] * density)
+    for m in range(count):
+        squared = squared_distance(row, z[m, 0], z[m, 1], centre, L)
+        W[row, m + 1] = peak * np.exp(-0.5 * squared) if squared < FARTHEST else 0.0
+
+
+@kernel
+def draw_association(key, W, T, M, beta, owner):
+    """Draw owner (T,), each target's measurement or 0, from the joint posterior of W; log evidence. W is used up.
+
+    Target after target from the last: its marginal, then the same problem without it and without what it took. The
+    first is then alone, so that its marginal is its row of W.
+    """
+    log_evidence = associate_one(W, T, M, beta)
+    for t in range(T - 1, 0, -1):
+        if t < T - 1:
+            associate_one(W, t + 1, M, beta)
+        m = owner[t] = draw_column(t, beta, M, uniform(key, t))
+        if m > 0:
+            for s in range(t):
+                W[s, m] = 0.0
+    if T > 0:
+        owner[0] = draw_column(0, W, M, uniform(key, 0) * row_sum(W, 0, M))
+    return log_evidence
+
+
+@kernel
+def draw_column(t, p, M, left):
+    """The column in whose share of p[t] (M+1) the number ``left`` in [0, sum) lies, counted from the last.
+
+    Rounding thus ends at column 0, the one that is never impossible.
+    """
+    m = M
+    while m > 0 and left >= p[t, m]:
+        left -= p[t, m]
+        m -= 1
+    return m
+
+
+@kernel
+def correct_one(e, x, P, z0, z1, row, centre, L, G, U, nn):
+    """x[e] + U w, P[e] - U U' with U = G[row] L[row]^-T and w = L[row]^-1 (z - centre[row]); the gain is U L^-1.
+
+    U (n, 2) is scratch space.
+    """
+    first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
+    w0 = (z0 - centre[row, 0]) * first
+    w1 = (z1 - centre[row, 1] - below * w0) * second
+    for a in range(len(nn)):
+        U[a, 0] = G[row, a, 0] * first
+        U[a, 1] = (G[row, a, 1] - below * U[a, 0]) * second
+        x[e, a] += U[a, 0] * w0 + U[a, 1] * w1
+        for b in range(a + 1):
+            P[e, a, b] -= U[a, 0] * U[b, 0] + U[a, 1] * U[b, 1]
+            P[e, b, a] = P[e, a, b]
+
+
+@kernel
+def normalise(log_weight, weight):
+    """weight (particle,) of sum 1; the effective sample size 1 / sum w^2. Equal ones where none is finite."""
+    top, total, squares = log_weight.max(), 0.0, 0.0
+    for j in range(len(weight)):
+        weight[j] = np.exp(log_weight[j] - top)
+        total += weight[j]
+    for j in range(len(weight)):
+        weight[j] = weight[j] / total if total > 0.0 else 1.0 / len(weight)
+        squares += weight[j] * weight[j]
+    return 1.0 / squares
+
+
+@kernel
+def mixture(weight, X, V, present, mean, covariance, nn):
+    """mean (t, n), covariance (t, n, n) of the present targets' Gaussian mixtures."""
+    n = len(nn)
+    for t in range(len(present)):
+        if not present[t]:
+            continue
+        for a in range(n):
+            mean[t, a] = 0.0
+            for b in range(n):
+                covariance[t, a, b] = 0.0
+        for j in range(len(X)):
+            for a in range(n):
+                mean[t, a] += weight[j] * X[j, t, a]
+        for j in range(len(X)):
+            for a in range(n):
+                d = X[j, t, a] - mean[t, a]
+                for b in range(a + 1):
+                    covariance[t, a, b] += weight[j] * (V[j, t, a, b] + d * (X[j, t, b] - mean[t, b]))
+        for a in range(n):
+            for b in range(a):
+                covariance[t, b, a] = covariance[t, a, b]
+
+
+@kernel
+def resample(key, weight, X, V, X_out, V_out, nn):
+    """Equally weighted particles from weighted ones, systematically; how many different ones survive."""
+    index = np.empty(len(weight), np.int64)
+    distinct = systematic(uniform(key, 0), weight, index)
+    n, slots = len(nn), X.shape[1]
+    x, P, x_out, P_out = X.reshape(-1, n), V.reshape(-1, n, n), X_out.reshape(-1, n), V_out.reshape(-1, n, n)
+    for j in range(len(weight)):
+        for t in range(slots):
+            fetch_one(index[j] * slots + t, x, P, j * slots + t, x_out, P_out, nn)
+    return distinct
+
+
+@kernel
+def systematic(u, weight, index):
+    """index (particle,): particle j comes from the one whose share of [0, 1) holds (j + u) / N; how many differ."""
+    count, reached, source, distinct = len(weight), weight[0], 0, 1
+    for j in range(count):
+        while (j + u) / count >= reached and source < count - 1:
+            source += 1
+            reached += weight[source]
+        distinct += j > 0 and source != index[j - 1]
+        index[j] = source
+    return distinct

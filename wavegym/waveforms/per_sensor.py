@@ -1,0 +1,84 @@
+"""One waveform for each of several sensors: chosen sensor by sensor, or as a joint action of a small library."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import whole
+from wavegym.waveforms.library import Library
+
+Array = NDArray[Any]
+
+SEPARATOR = " | "  # between the labels of what the sensors transmit at a time
+
+
+@dataclass(frozen=True)
+class PerSensor:
+    """The same library at every sensor; an action is one index for each, in the order of the sensors.
+
+    Args:
+        library: what any sensor may transmit.
+        sensors: how many, >= 1.
+
+    Raises:
+        InputError: if sensors is not an integer >= 1.
+    """
+
+    library: Library
+    sensors: int
+
+    def __post_init__(self) -> None:
+        whole("sensors", self.sensors, 1)
+
+    def __len__(self) -> int:
+        """Number of waveforms to choose from at each sensor."""
+        return len(self.library)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The waveforms' labels, the same for every sensor."""
+        return self.library.labels
+
+    def combinations(self) -> Array:
+        """Every joint action, the first sensor's index changing slowest: a fresh array (waveforms^sensors, sensors)."""
+        indices = np.indices((len(self),) * self.sensors).reshape(self.sensors, -1)
+        return np.ascontiguousarray(indices.T)
+
+
+@dataclass(frozen=True)
+class JointLibrary:
+    """Every combination of a library's waveforms at several sensors, as one finite set; an action is one index.
+
+    Args:
+        library: what any sensor may transmit; a few waveforms, as their number is raised to the power ``sensors``.
+        sensors: how many, >= 1.
+
+    Raises:
+        InputError: if sensors is not an integer >= 1.
+    """
+
+    library: Library
+    sensors: int
+
+    def __post_init__(self) -> None:
+        whole("sensors", self.sensors, 1)
+
+    def __len__(self) -> int:
+        """Number of joint actions."""
+        return len(self.library) ** self.sensors
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """``"a | b"`` for each joint action."""
+        return tuple(SEPARATOR.join(labels) for labels in product(self.library.labels, repeat=self.sensors))
+
+    @cached_property
+    def indices(self) -> Array:
+        """What each sensor transmits, (joint action, sensor): indices into the library, the first sensor's slowest."""
+        return PerSensor(self.library, self.sensors).combinations()

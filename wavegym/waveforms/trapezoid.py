@@ -1,0 +1,265 @@
+"""Generalised FM chirps under a trapezoid envelope: the waveforms of Sira et al., exact moments for whole grids."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError, choice, positive
+from wavegym.waveforms.chirp_laws import FREQUENCY_LAWS, resolve_shape
+from wavegym.waveforms.contract import Waveform, quantity
+from wavegym.waveforms.fisher import FisherFactors
+from wavegym.waveforms.gaussian import DIRECTIONS
+from wavegym.waveforms.legendre import resolve
+
+Array = NDArray[np.float64]
+
+_TWO_PI = 2.0 * np.pi
+_RISE = 0.05  # of the duration
+_BEND = 1e-6  # of the sweep: a law as linear as that may have rounding noise in its bend
+
+
+@dataclass(frozen=True)
+class ChirpLaw:
+    """A frequency law under a trapezoid, in units of the pulse duration and the sweep: all that Fisher needs.
+
+    With u in [0, 1] the share of the pulse gone by, f(u) the share of the sweep reached, a(u) the unit-energy
+    envelope and averages over a^2:
+
+    Attributes:
+        kind: ``"lfm"``, ``"pfm"``, ``"hfm"`` or ``"efm"``.
+        shape: kappa for ``"pfm"``, g for ``"hfm"`` and ``"efm"``, 0 for ``"lfm"``.
+        rise_fraction: share of the pulse in which the envelope rises, and in which it falls.
+        spread: variance of u.
+        slope: slope of the regression of f on u; 1 for ``"lfm"``.
+        residual: variance of f that the regression leaves; exactly 0 for ``"lfm"``.
+        bandwidth: integral of a'^2.
+    """
+
+    kind: str
+    shape: float
+    rise_fraction: float
+    spread: float
+    slope: float
+    residual: float
+    bandwidth: float
+
+    @property
+    def moments(self) -> Array:
+        """(spread, slope, residual, bandwidth), as ``trapezoid_fisher_factors`` takes them; (4,)."""
+        return np.array([self.spread, self.slope, self.residual, self.bandwidth])
+
+    @property
+    def name(self) -> str:
+        """``"LFM"``, ``"PFM3"``, ``"HFM"`` or, where the shape is not the usual one, ``"HFM0.3"``."""
+        shown = self.kind == "pfm" or self.shape != FREQUENCY_LAWS[self.kind].default
+        return self.kind.upper() + (f"{self.shape:g}" if shown else "")
+
+
+def chirp_law(kind: str, shape: float | None = None, rise_fraction: float = _RISE) -> ChirpLaw:
+    """Frequency law with its moments, by Gauss-Legendre quadrature to rounding error, once per set of arguments.
+
+    Args:
+        kind: ``"lfm"``, ``"pfm"``, ``"hfm"`` or ``"efm"`` (see ``FREQUENCY_LAWS``).
+        shape: kappa in [2, 64] for ``"pfm"`` (default 3), g in [0.01, 100] for ``"hfm"`` and ``"efm"`` (default 0.5).
+        rise_fraction: tf/lam in (0, 0.5].
+
+    Raises:
+        InputError: if the kind is unknown, or a shape or rise fraction is out of range.
+    """
+    value = resolve_shape(kind, shape)
+    if not 0 < rise_fraction <= 0.5:
+        raise InputError(
+            f"rise_fraction is {rise_fraction!r}, expected a share of the pulse in (0, 0.5] (nearest: "
+            f"{0.5 if rise_fraction > 0 else _RISE:g})"
+        )
+    return _law(kind, value, float(rise_fraction))
+
+
+@lru_cache(maxsize=4096)
+def _law(kind: str, shape: float, rise: float) -> ChirpLaw:
+    edges = np.array([0.0, rise, 1.0 - rise, 1.0] if rise < 0.5 else [0.0, 0.5, 1.0])
+    kinks = np.sqrt(np.sqrt(edges))
+    frequency = FREQUENCY_LAWS[kind].frequency
+
+    def bend(x: Array) -> Array:  # what a linear law lacks: exactly 0 for LFM
+        u = _fourth_power(x)
+        return (frequency(u, shape) - u)[None]
+
+    # In x = u^(1/4): a power law of broken kappa has no Taylor series where the pulse begins, but enough of one in x.
+    samples = resolve(bend, kinks[:-1], kinks[1:], np.array([_BEND]), f"law {kind!r} of shape {shape:g}")
+    x = samples.times
+    u = _fourth_power(x)
+    ramp = np.clip(np.minimum(u, 1.0 - u) / rise, 0.0, 1.0)
+    square = 1.0 / (1.0 - 4.0 * rise / 3.0)  # a^2 where the envelope is flat
+    density = square * (ramp * ramp) * (4.0 * x * x * x) * samples.weights
+    h, time = samples.values[0], u - 0.5
+    h = h - (h * density).sum()
+    spread = (time * time * density).sum()
+    excess = (time * h * density).sum() / spread
+    left = h - excess * time
+    return ChirpLaw(
+        kind=kind,
+        shape=shape,
+        rise_fraction=rise,
+        spread=float(spread),
+        slope=float(1.0 + excess),
+        residual=float((left * left * density).sum()),
+        bandwidth=float(2.0 * square / rise),
+    )
+
+
+def _fourth_power(x: Array) -> Array:
+    square = x * x
+    return square * square
+
+
+def trapezoid_fisher_factors(moments: ArrayLike, duration: ArrayLike, signed_sweep: ArrayLike) -> FisherFactors:
+    """Factored Fisher information of trapezoid chirps at SNR 1; inputs are not checked.
+
+    r = bandwidth/lam^2 + (2 pi D)^2 residual, b = 2 pi d D slope/lam, v = spread lam^2.
+
+    Args:
+        moments: (spread, slope, residual, bandwidth) of each chirp's law, (..., 4): ``ChirpLaw.moments``.
+        duration: lam, s, (...).
+        signed_sweep: d D, Hz, negative for a down-chirp, (...); the three broadcast.
+    """
+    m = np.asarray(moments, dtype=np.float64)
+    length = np.asarray(duration, dtype=np.float64)
+    swing = _TWO_PI * np.asarray(signed_sweep, dtype=np.float64)  # rad/s
+    square = length * length
+    return FisherFactors(
+        residual=m[..., 3] / square + (swing * swing) * m[..., 2],
+        slope=swing * m[..., 1] / length,
+        spread=m[..., 0] * square,
+    )
+
+
+def chirp_measurement_covariance(
+    moments: ArrayLike, duration: ArrayLike, signed_sweep: ArrayLike, carrier_hz: ArrayLike
+) -> Array:
+    """Measurement covariance of trapezoid chirps of any laws at SNR 1 for whole grids at once; inputs are not checked.
+
+    Args:
+        moments: (spread, slope, residual, bandwidth) of each chirp's law, (..., 4); gather rows of a stack of
+            ``ChirpLaw.moments`` to mix laws in a batch.
+        duration: lam, s, (...).
+        signed_sweep: d D, Hz, negative for a down-chirp, (...).
+        carrier_hz: fc, Hz, (...); all four broadcast.
+
+    Returns:
+        (..., 2, 2) covariances of (range in m, range-rate in m/s), each the same bit for bit whatever the batch.
+    """
+    return trapezoid_fisher_factors(moments, duration, signed_sweep).measurement_covariance(carrier_hz)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrapezoidChirp(Waveform):
+    """Chirp that sweeps D Hz by one of four laws under a trapezoid envelope of total duration lam.
+
+    The envelope rises in tf, is flat for T and falls in tf, lam = T + 2 tf; alpha^2 = 1/(T + 2 tf/3) makes the energy
+    1. The frequency is zero in the middle of the sweep, and runs from -D/2 to D/2 (up) or back by the negative law
+    (down). Source: Sira, Papandreou-Suppappola, Morrell and Cochran, Waveform-agile sensing for tracking multiple
+    targets in clutter, eq. (7) with its rising edge read as (alpha/tf)(t + T/2 + tf), and Table 1.
+
+    Args:
+        kind: ``"lfm"``, ``"pfm"`` (power), ``"hfm"`` (hyperbolic) or ``"efm"`` (exponential).
+        duration: lam, s.
+        sweep: D >= 0, Hz.
+        shape: kappa for ``"pfm"`` (default 3), g = gamma/lam for ``"hfm"`` and ``"efm"`` (default 0.5).
+        direction: ``"up"`` (frequency rises over the pulse) or ``"down"`` (its negative).
+        rise: tf, s, at most half the duration; default lam/20.
+
+    Raises:
+        InputError: if one of them is out of range or the chirp would fold.
+    """
+
+    kind: str
+    duration: float
+    sweep: float
+    shape: float | None = None
+    direction: str = "up"
+    rise: float | None = None
+    law: ChirpLaw = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        positive("duration", self.duration, "s")
+        if not 0 <= self.sweep < np.inf:
+            hint = "; for a falling frequency use direction='down'" if self.sweep < 0 else ""
+            raise InputError(f"sweep is {self.sweep!r} Hz, expected a finite number >= 0{hint}")
+        choice("direction", self.direction, DIRECTIONS)
+        object.__setattr__(self, "law", chirp_law(self.kind, self.shape, self._rise_fraction()))
+
+    def _rise_fraction(self) -> float:
+        if self.rise is None:
+            return _RISE
+        half = 0.5 * self.duration
+        if not 0 < self.rise <= half:
+            wanted = f"a time > 0 and at most half the duration (nearest: {half if self.rise > 0 else 0.1 * half:g})"
+            raise InputError(f"rise is {self.rise!r} s, expected {wanted}")
+        # To 15 digits, so that the rounding of a product with the duration does not make a law of its own.
+        return float(f"{self.rise / self.duration:.15g}")
+
+    @property
+    def signed_sweep(self) -> float:
+        """Sweep d D, Hz, negative for a down-chirp."""
+        return self.sweep if self.direction == "up" else -self.sweep
+
+    @property
+    def label(self) -> str:
+        """``"PFM3 up 100 us 15 MHz"``: law, direction, duration, sweep, and the rise if it is not lam/20."""
+        duration = quantity(self.duration, "s")
+        chirp = f"{self.law.name} {self.direction} {duration} {quantity(self.sweep, 'Hz')}"
+        rise = self.law.rise_fraction
+        edges = "" if rise == _RISE else f" rise {quantity(rise * self.duration, 's')}"
+        return (chirp if self.sweep else f"unmodulated trapezoid {duration}") + edges
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """+-lam/2, s."""
+        return (-0.5 * self.duration, 0.5 * self.duration)
+
+    @property
+    def pieces(self) -> tuple[tuple[float, float], ...]:
+        """Rising edge, flat top, falling edge, s; a triangle has no top."""
+        outer = 0.5 * self.duration
+        inner = (0.5 - self.law.rise_fraction) * self.duration
+        edges = ((-outer, -inner), (-inner, inner), (inner, outer))
+        return edges if inner > 0 else edges[::2]
+
+    def envelope(self, t: ArrayLike) -> Array:
+        """Real amplitude a(t), s^-1/2; t in s, any shape."""
+        rise = self.law.rise_fraction * self.duration
+        ramp = (0.5 * self.duration - np.abs(np.asarray(t, dtype=np.float64))) / rise
+        return np.clip(ramp, 0.0, 1.0) / np.sqrt(self.duration - 4.0 * rise / 3.0)
+
+    def phase(self, t: ArrayLike) -> Array:
+        """Phase, rad, constant outside the pulse; t in s, any shape."""
+        u = np.clip(np.asarray(t, dtype=np.float64) / self.duration + 0.5, 0.0, 1.0)
+        turns = FREQUENCY_LAWS[self.kind].phase(u, self.law.shape) - 0.5 * u
+        return _TWO_PI * self.signed_sweep * self.duration * turns
+
+    def fisher_factors(self) -> FisherFactors:
+        """From the moments of the law (see ``trapezoid_fisher_factors``)."""
+        return trapezoid_fisher_factors(self.law.moments, self.duration, self.signed_sweep)
+
+    def measurement_covariance(self, carrier_hz: float, snr: float) -> Array:
+        """Cramer-Rao covariance of (range in m, range-rate in m/s), (2, 2).
+
+        Args:
+            carrier_hz: carrier frequency, Hz, above the sweep: a lower one would fold through zero frequency.
+            snr: eta = 2E/N0, linear.
+
+        Raises:
+            InputError: if either is not a finite number > 0, or the sweep reaches the carrier.
+        """
+        covariance = super().measurement_covariance(carrier_hz, snr)
+        if not self.sweep < carrier_hz:
+            raise InputError(
+                f"sweep of {self.label} is {self.sweep!r} Hz, expected less than the carrier, {carrier_hz!r} Hz: "
+                "the chirp folds through zero frequency"
+            )
+        return covariance
