@@ -41,9 +41,9 @@ OBJECTIVES: dict[str, Objective] = {"trace": trace, "determinant": determinant, 
 class Myopic:
     """The candidate with the least predicted objective one step ahead; the first of equals.
 
-    A system may offer ``best_action(public)``, the choice (env, ...) of least trace found faster than by enumeration;
-    it is used when it is there and nothing is masked. Otherwise, or where it raises NotImplementedError (for a form of
-    its action set, say), every candidate is tried.
+    A system may offer ``best_action(public)``, the choice (env, ...) of least trace, or nearly, found faster than by
+    enumeration; it is used when it is there and nothing is masked. Otherwise, or where it raises NotImplementedError
+    (for a form of its action set, say), every candidate is tried.
 
     Args:
         objective: "trace", "determinant" or "gate", or a function of (system, public, candidates).

@@ -20,16 +20,23 @@ from wavegym.systems import agile_clutter_foresight_kernels as foresight
 from wavegym.systems import agile_clutter_kernels as kernels
 from wavegym.systems.chirp_menu import ChirpMenu
 from wavegym.systems.contract import Element, State, System
-from wavegym.systems.several_targets import Ahead, Hidden, Particles, Public, World, first_gate_volume, target_elements
+from wavegym.systems.several_targets import (
+    Ahead,
+    Hidden,
+    Particles,
+    Public,
+    World,
+    check_scenario,
+    first_gate_volume,
+    target_elements,
+)
 from wavegym.targets import MotionModel, constant_velocity, random_path
-from wavegym.trackers.association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.reduction import reduction_table
 from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 
 Array = NDArray[Any]
 
 NN = (0, 0, 0, 0)  # the state [x y xdot ydot], as kernels take its size
-MOST_CLUTTER = 1e6  # points in one gate
 LOST_AFTER = 5  # returns outside its gates that a target may have before its track counts as lost (the paper's rule)
 
 
@@ -95,40 +102,26 @@ class AgileClutter(System):
     sweeps: tuple[float, ...] = (1e6, 4e6, 15e6)
     action: Literal["library", "joint", "box"] = "library"
     tracker: Literal["jpda", "particle"] = "jpda"
-    particles: int = 200
+    particles: int = 1000
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
         for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "gate"):
             positive(name, getattr(self, name))
-        for name in ("q", "clutter_density"):
-            non_negative(name, getattr(self, name))
+        non_negative("q", self.q)
         for name in ("prior_variance", "weights"):
             for value in getattr(self, name):
                 (positive if name == "prior_variance" else non_negative)(name, value)
         positive("sum of weights", sum(self.weights))
-        positive("least of sweeps", min(self.sweeps), "Hz")
+        for sweep in self.sweeps:
+            positive("sweep", sweep, "Hz")
         if not 0.0 < self.false_alarm < 1.0:
             raise InputError(f"false_alarm is {self.false_alarm!r}, expected a probability between 0 and 1, exclusive")
-        within("number of sensors", len(self.sensors), 1, 16)
-        within("number of targets (exact joint association)", len(self.starts), 1, CLUSTER_LIMIT)
-        if len(self.births) != len(self.starts):
-            raise InputError(f"births is {self.births}, expected {len(self.starts)} steps, one for each of starts")
-        within("lifetime", self.lifetime, 1, 100_000, "steps")
-        within("least of births", min(self.births), 0, math.inf)
-        within("horizon", self.horizon, 1, max(self.births) + self.lifetime, "steps")
+        check_scenario(self.sensors, self.starts, self.births, self.lifetime, self.horizon)
         within("particles", self.particles, 2, 1_000_000)
-        self._check_clutter()
-
-    def _check_clutter(self) -> None:
-        """InputError where a gate would hold more clutter than is good for memory."""
         C, snr = self.menu.option_covariances, (self.reference_range, self.nearest_range)
         volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
-        if self.clutter_density * volume > MOST_CLUTTER:
-            wanted = (
-                f"at most {MOST_CLUTTER / volume:.3g}: a gate would hold {self.clutter_density * volume:.3g} points"
-            )
-            raise InputError(f"clutter_density is {self.clutter_density!r}, expected {wanted}")
+        within("clutter_density", self.clutter_density, 0, float(f"{kernels.MOST_CLUTTER / volume:.3g}"), "per m (m/s)")
 
     @cached_property
     def motion(self) -> MotionModel:
@@ -205,6 +198,10 @@ class AgileClutter(System):
             step, mean, covariance, X, V, hidden.path, world.detection, world.error, world.key, C, self._targets,
             *self._model, self._radar, x, P, X_out, V_out, truth, outside, scan, NN
         )  # fmt: skip
+        if np.isnan(scan).any():
+            where = int(np.flatnonzero(np.isnan(scan).any(axis=1))[0])
+            wanted = f"at most {kernels.MOST_CLUTTER:g} (smaller clutter_density, dt or q)"
+            raise InputError(f"a gate of environment {where} holds too many clutter points, expected {wanted}")
         fresh = Public(step + 1, x, P, None if particles is None else Particles(X_out, V_out))
         return State(Hidden(truth, hidden.path, outside, scan), fresh)
 
@@ -249,7 +246,11 @@ class AgileClutter(System):
         return ahead._replace(covariance=P)
 
     def best_action(self, public: Public) -> Array:
-        """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1)."""
+        """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1).
+
+        Nearly the best joint one: in one state of ten another pair is better, by 7 % of the trace at most and by
+        0.05 % on average; over whole episodes the two tie.
+        """
         ahead, C, choices = self.ahead(public), self.menu.option_covariances, []
         for i in range(len(self.sensors)):
             choices.append(self.sensor_costs(ahead, i, C[None]).argmin(axis=1))

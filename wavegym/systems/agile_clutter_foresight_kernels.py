@@ -43,7 +43,7 @@ def foresee_sensor(e, i, x, P, present, C, seen, radar, q2, A, z, S, G, K, nn):
     sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
     for t in range(len(present)):
         if present[t]:
-            foresee_measurement_one(t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+            foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
             weakness = inverse_snr(z[t, 0], reference, nearest)
             for a in range(2):
                 for b in range(2):
@@ -102,7 +102,7 @@ def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
         for t in range(count_t):
             if not present[e, t]:
                 continue
-            foresee_measurement_one(t, x[e], P[e], sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+            foresee_measurement_one(t, t, x[e], P[e], sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
             weakness = inverse_snr(z[t, 0], reference, nearest)
             pd = detection(1.0 / weakness, log_pf)
             before = g00 = g01 = g11 = 0.0
@@ -175,7 +175,7 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
                 out[e, column + 1] = 0.5 * np.log10(P[t, 0, 0] + P[t, 1, 1])
                 out[e, column + 2] = 0.5 * np.log10(P[t, 2, 2] + P[t, 3, 3])
                 for i in range(len(sensors)):
-                    foresee_measurement_one(t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+                    foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
                     c = column + 3 + 4 * i
                     out[e, c] = -10.0 * np.log10(inverse_snr(z[t, 0], reference, nearest))
                     out[e, c + 1], out[e, c + 2] = 0.5 * np.log10(S[t, 0, 0]), 0.5 * np.log10(S[t, 1, 1])
@@ -198,7 +198,7 @@ def measure(step, mean, covariance, truth, targets, weights, present, squared, p
                     d[a] = mean[e, t, a] - truth[e, t, a]
                     squared[e, t] += weights[a] * d[a] * d[a]
                 position[e, t] = np.sqrt(d[0] * d[0] + d[1] * d[1])
-                cholesky_one(t, covariance[e], A, (0, 0, 0, 0))
+                cholesky_one(t, t, covariance[e], A, (0, 0, 0, 0))
                 nees[e, t] = squared_norm(t, A, d)
 
 

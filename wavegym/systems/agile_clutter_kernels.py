@@ -15,7 +15,7 @@ from wavegym.counter_kernels import stream
 from wavegym.kernels import kernel
 from wavegym.sensors.clutter_kernels import add_clutter, room
 from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.gate_kernels import in_gate
+from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers.jpda_kernels import factor_one, update_targets
@@ -30,6 +30,8 @@ from wavegym.trackers.particle_kernels import (
 )
 from wavegym.trackers.unscented_kernels import foresee_measurement_one
 
+MOST_CLUTTER = 1e6
+"""Points in one gate; a step that would need more is not made, and its clutter count is NaN."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where there is none: every return must then be a target's, if one can explain it."""
 
@@ -74,7 +76,7 @@ def foresee_scan(e, i, x, P, present, C, radar, work, nn):
     sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
     for t in range(len(present)):
         if present[t]:
-            foresee_measurement_one(t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
+            foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
             weakness = inverse_snr(centre[t, 0], reference, nearest)
             pd[t] = detection(1.0 / weakness, log_pf)
             for a in range(2):
@@ -130,7 +132,7 @@ def advance(step, mean, covariance, X, V, path, uniform, error, key, C, targets,
 
     X (e, particle, t, n), V (e, particle, t, n, n): where there are particles they are the tracker, and mean and
     covariance are their moments; otherwise JPDA is. outside (e, t) is counted up; scan (e, 4): detections, clutter
-    points, effective sample size, distinct ancestors.
+    points (NaN for too many), effective sample size, distinct ancestors.
     """
     (birth, lifetime), sensors = targets, radar[0]
     count_t, particles, n = len(birth), X.shape[1], len(nn)
@@ -149,6 +151,9 @@ def advance(step, mean, covariance, X, V, path, uniform, error, key, C, targets,
             foresee_scan(e, i, x, P, present, C, radar, work, nn)
             z = room(z, count_t)
             returns = receive(e, i, k, present, path, birth, uniform, error, C, radar, work, z, outside, scan)
+            if not most_clutter(present, work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
+                scan[e, 1] = np.nan
+                break
             z, count = add_clutter(stream(own, i), work[0], work[2], present, radar[5], radar[4], z, returns)
             scan[e, 1] += count - returns
             track(i, own, present, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
@@ -163,6 +168,17 @@ def advance(step, mean, covariance, X, V, path, uniform, error, key, C, targets,
 
 
 @kernel
+def most_clutter(present, L, gate, density):
+    """The greatest number of clutter points expected in a present gate; NaN where a gate's volume is."""
+    most = 0.0
+    for t in range(len(present)):
+        if present[t]:
+            expected = density * gate_volume_one(t, L, gate)
+            most = expected if expected > most or np.isnan(expected) else most
+    return most
+
+
+@kernel
 def track(i, own, present, x, P, Y, U, log_weight, weight, z, count, radar, work, nn):
     """Update the belief x (t, n), P (t, n, n) with sensor i's scan z[: count]; particles Y, U if there are any."""
     centre, S, L, G, N, pd, _ = work
@@ -170,7 +186,7 @@ def track(i, own, present, x, P, Y, U, log_weight, weight, z, count, radar, work
     if len(weight):
         update_particles(
             stream(own, len(sensors) + i), present, Y, U, log_weight, z, count, pd, N,
-            sensors[i, 0], sensors[i, 1], gate_probability, density, nn
+            sensors[i, 0], sensors[i, 1], (centre, L, gate, gate_probability), density, nn
         )  # fmt: skip
         normalise(log_weight, weight)
         mixture(weight, Y, U, present, x, P, nn)

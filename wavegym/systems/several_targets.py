@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.errors import InputError, within
 from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.contract import Element
+from wavegym.trackers.association_kernels import CLUSTER_LIMIT
 
 Array = NDArray[Any]
+
+MOST_SENSORS = 16
 
 
 class World(NamedTuple):
@@ -75,6 +80,26 @@ def target_elements(targets: int, sensors: int) -> tuple[Element, ...]:
                 Element(f"correlation_{at}", "1", 0.0, 0.5, f"correlation of range and range-rate {where}"),
             ]
     return tuple(listed)
+
+
+def check_scenario(
+    sensors: Sequence[Sequence[float]],
+    starts: Sequence[Sequence[float]],
+    births: Sequence[int],
+    lifetime: int,
+    horizon: int,
+) -> None:
+    """InputError for sensors, targets or times that make no scenario; arguments as ``AgileClutter`` has them."""
+    within("number of sensors", len(sensors), 1, MOST_SENSORS)
+    within("number of targets (exact joint association)", len(starts), 1, CLUSTER_LIMIT)
+    for name, rows in (("sensors", sensors), ("starts", starts)):
+        if not np.isfinite(np.array(rows)).all():
+            raise InputError(f"{name} is {rows}, expected finite numbers")
+    if len(births) != len(starts):
+        raise InputError(f"births is {births}, expected {len(starts)} steps, one for each of starts")
+    within("lifetime", lifetime, 1, 100_000, "steps")
+    within("least of births", min(births), 0, horizon - 1, "(a step before the horizon)")
+    within("horizon", horizon, 1, max(births) + lifetime, "steps")
 
 
 def first_gate_volume(

@@ -1,7 +1,7 @@
 """Rao-Blackwellised particle filter over joint associations in compiled form (Särkkä, Vehtari & Lampinen 2007).
 
 What is sampled is which return is whose; given that, every target is a Gaussian and is updated exactly (but for the
-linearisation). A particle therefore is one history of associations with a mean and a covariance for each target, and a
+unscented transform). A particle therefore is one history of associations with a mean and a covariance for each target, and a
 posterior of many modes, which clutter makes of a target just found, costs a few particles for each mode. Arrays are
 those of one environment: X (particle, target, n), V (particle, target, n, n).
 """
@@ -14,10 +14,10 @@ import numpy as np
 from wavegym.counter_kernels import stream, uniform
 from wavegym.kernels import kernel
 from wavegym.sensors.gate_kernels import in_gate, squared_distance
-from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.trackers.association_kernels import associate_one, row_sum
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+from wavegym.trackers.unscented_kernels import foresee_measurement_one
 
 FARTHEST = 60.0
 """Squared distance beyond which a return is not a target's: its weight would be below 1e-13 of the peak's."""
@@ -53,17 +53,7 @@ def fetch_one(source, x, P, e, x_out, P_out, nn):
 
 
 @kernel
-def update_particles(
-    key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gate_probability, density, nn
-):  # fmt: skip
-    """``update_gated_particles`` where every particle's returns are received with this gate probability."""
-    T = len(present)
-    gates = np.zeros((T, 2)), np.ones((T, 2, 2)), np.inf, gate_probability
-    update_gated_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gates, density, nn)
-
-
-@kernel
-def update_gated_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gates, density, nn):
+def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gates, density, nn):
     """One sensor's scan z[: count] for every particle: draw its association, update, count its evidence.
 
     log_weight (particle,) gains the log of the sum over all feasible associations: the joint likelihood, exactly.
@@ -75,11 +65,14 @@ def update_gated_particles(key, present, X, V, log_weight, z, count, pd, noise, 
     x, P, T = X.reshape(-1, n), V.reshape(-1, n, n), len(here)
     W, beta, owner = np.empty((T, count + 1)), np.empty((T, count + 1)), np.empty(T, np.int64)
     centre, S, L, G = np.empty((T, 2)), np.empty((T, 2, 2)), np.empty((T, 2, 2)), np.empty((T, n, 2))
-    U = np.empty((n, 2))
+    A, U = np.empty((T, n, n)), np.empty((n, 2))
     for j in range(len(X)):
         for row in range(T):
             t = here[row]
-            linearise(row, j * slots + t, x, P, t, noise, sx, sy, centre, S, G, nn)
+            foresee_measurement_one(row, j * slots + t, x, P, sx, sy, A, centre, S, G, nn)
+            for a in range(2):
+                for b in range(2):
+                    S[row, a, b] += noise[t, a, b]
             factor_one(row, S, L)
             seen = pd[t] * received(centre[row, 0], centre[row, 1], present, gates)
             weigh_row(row, z, count, centre, L, pd[t], seen, density, W)
@@ -88,22 +81,6 @@ def update_gated_particles(key, present, X, V, log_weight, z, count, pd, noise, 
             if owner[row] > 0:
                 m = owner[row] - 1
                 correct_one(j * slots + here[row], x, P, z[m, 0], z[m, 1], row, centre, L, G, U, nn)
-
-
-@kernel
-def linearise(row, e, x, P, t, noise, sx, sy, centre, S, G, nn):
-    """The extended filter's centre[row] = h(x[e]), S[row] = H P[e] H' + noise[t] and G[row] = P[e] H'."""
-    r, rdot = range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], sx, sy)
-    u0, u1 = (x[e, 0] - sx) / r, (x[e, 1] - sy) / r
-    w0, w1 = (x[e, 2] - rdot * u0) / r, (x[e, 3] - rdot * u1) / r
-    centre[row, 0], centre[row, 1] = r, rdot
-    for a in range(len(nn)):
-        G[row, a, 0] = P[e, a, 0] * u0 + P[e, a, 1] * u1
-        G[row, a, 1] = P[e, a, 0] * w0 + P[e, a, 1] * w1 + P[e, a, 2] * u0 + P[e, a, 3] * u1
-    S[row, 0, 0] = u0 * G[row, 0, 0] + u1 * G[row, 1, 0] + noise[t, 0, 0]
-    S[row, 0, 1] = S[row, 1, 0] = u0 * G[row, 0, 1] + u1 * G[row, 1, 1] + noise[t, 0, 1]
-    rate = w0 * G[row, 0, 1] + w1 * G[row, 1, 1] + u0 * G[row, 2, 1] + u1 * G[row, 3, 1]
-    S[row, 1, 1] = rate + noise[t, 1, 1]
 
 
 @kernel

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import csv
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavegym.evaluation import statistics
+from wavegym.reproduce import agile_clutter
+from wavegym.reproduce.__main__ import main
+from wavegym.reproduce.agile_clutter import FULL, LAWS, POLICIES
+from wavegym.reproduce.agile_clutter_files import markdown
+
+FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json"}
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(statistics, "RESAMPLES", 60)
+    monkeypatch.setattr(agile_clutter, "play", partial(agile_clutter.play, tuning=1))
+
+
+def rows(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+    monkeypatch.setattr(agile_clutter, "CHUNK", 3)
+    for jobs in "12":
+        assert main(["agile_clutter", "--runs", "8", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    assert {path.name for path in (tmp_path / "1").iterdir()} == FILES
+    for name in FILES:
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    summary = json.loads((tmp_path / "1" / "summary.json").read_text())
+    assert markdown(summary) in capsys.readouterr().out
+    figure2, figure3 = (rows(tmp_path / "1" / name) for name in ("figure2.csv", "figure3.csv"))
+    assert len(figure2) == len(POLICIES) * 2 * 32
+    assert len(figure3) == 32 * 2 * len(LAWS)
+    for clutter, setting in summary["trackers"]["jpda"].items():
+        shown = [r for r in figure2 if (r["policy"], r["clutter"]) == (FULL, clutter)]
+        assert sum(float(r["mse"]) for r in shown) == pytest.approx(setting["policies"][FULL]["mse_kept"]["mean"])
+        assert {int(r["kept"]) for r in shown} == {setting["policies"][FULL]["mse_kept"]["runs"]}
+        assert all(float(r["low"]) <= float(r["mse"]) <= float(r["high"]) for r in shown)
+    share = np.array([float(r["share"]) for r in figure3]).reshape(-1, len(LAWS))
+    np.testing.assert_allclose(share.sum(axis=1), 1.0)
+    lfm = summary["trackers"]["jpda"]["clutter"]["laws"]["all"]["lfm"]["mean"]
+    assert share[:, 0].mean() == pytest.approx(lfm)
+    assert (np.array([int(r["typical"]) for r in figure3]).reshape(-1, len(LAWS)).sum(axis=1) == 1).all()
+    for name in ("figure2.png", "figure3.png"):
+        assert (tmp_path / "1" / name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["agile_cluter"], "did you mean 'agile_clutter'"),
+        (["agile_clutter", "--tracker", "jpd"], "did you mean 'jpda'"),
+        (["agile_clutter", "--runs", "0"], "runs is 0"),
+        (["agile_clutter", "--runs", "many"], "invalid int value: 'many'"),
+        (["agile_clutter", "--jobs", "-2"], "jobs is -2"),
+        (["agile_clutter", "--seed", "-1"], "seed is -1"),
+        (["agile_clutter", "--run", "5"], "did you mean '--runs'"),
+        ([], "PAPER"),
+    ],
+)
+def test_mistakes_cost_one_line_and_no_earlier_result(tmp_path, capsys, arguments, words):
+    (tmp_path / "summary.json").write_text("earlier")
+    assert main([*arguments, "--out", str(tmp_path)]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = output.err.splitlines()
+    assert line.startswith("error: ")
+    assert words in line
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"summary.json": "earlier"}
+
+
+def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["agile_clutter", "--out", str(tmp_path / "file" / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_documentation_shows_the_table_of_the_results_kept():
+    kept = json.loads((ROOT / "results" / "agile_clutter" / "summary.json").read_text())
+    page = (ROOT / "docs" / "reproduce.md").read_text()
+    assert markdown(kept) in page
+    assert kept["command"] in page

@@ -1,0 +1,112 @@
+"""The paper's search against an exhaustive one, on beliefs met in the course of episodes."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import oracles
+import pytest
+
+from wavegym.errors import InputError
+from wavegym.schedulers import Myopic, Progressive
+from wavegym.schedulers.names import is_scheduler, make_policy
+from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.kershaw_evans import KershawEvans
+
+BOX, LIBRARY = AgileClutter(action="box"), AgileClutter()
+STEPS = (0, 3, 7, 12, 24)
+SENSOR = ((3e3, -16e3),)
+
+
+@pytest.fixture(scope="module")
+def beliefs():
+    """Public states of six episodes under random choices, at ``STEPS``."""
+    worlds, rng = oracles.worlds(BOX, 6), np.random.default_rng(1)
+    state, met = BOX.begin(worlds), {}
+    for k in range(max(STEPS) + 1):
+        met[k] = state.public
+        action = rng.uniform(-1, 1, (6, *BOX.candidates().shape[1:]))
+        state = BOX.advance(state, action, worlds)
+    return [met[k] for k in STEPS]
+
+
+def chosen(system, public, **settings):
+    policy = Progressive(**settings)
+    policy.begin(system, len(public.step), np.random.default_rng(0))
+    return policy.act(public, None, None)
+
+
+def predicted(system, public, action):
+    return system.cost(system.imagine(public, action))
+
+
+def fine_grid(system, points):
+    """Every law and direction with ``points`` durations and sweeps: C (candidate, 2, 2)."""
+    menu = system.menu
+    axes = [np.geomspace(min(values), max(values), points) for values in (menu.durations, menu.sweeps)]
+    law, duration, sweep, sign = np.array(list(product(range(len(menu.laws)), *axes, (1.0, -1.0)))).T
+    return menu.chirp_covariance(law.astype(int), duration, sign * sweep)
+
+
+def test_it_finds_what_a_fine_grid_finds(beliefs):
+    """Its last grid is as fine as 17 points an axis; it may only miss another valley, by less than a grid step."""
+    C = fine_grid(BOX, 17)
+    for public in beliefs:
+        ahead = BOX.ahead(public)
+        for i in range(2):
+            cost = BOX.sensor_costs(ahead, i, C[None])
+            if i == 0:
+                ahead = BOX.after_sensor(ahead, 0, C[cost.argmin(axis=1)])
+        best = cost.min(axis=1)
+        found = predicted(BOX, public, chosen(BOX, public))
+        np.testing.assert_array_less(found, best * 1.01)
+        np.testing.assert_array_less(best, found * 1.01)
+
+
+def test_more_levels_leave_less_trace(beliefs):
+    """Every grid holds the best point of the one before. (Of two sensors only the first is sure to gain.)"""
+    system = AgileClutter(action="box", sensors=SENSOR)
+    gained = 0
+    for public in beliefs:
+        coarse, fine = (predicted(system, public, chosen(system, public, levels=levels)) for levels in (1, 4))
+        assert (fine <= coarse * (1 + 1e-9)).all()
+        gained += (fine < coarse * (1 - 1e-4)).sum()
+    assert gained > 0
+
+
+@pytest.mark.parametrize("sensors", [SENSOR, BOX.sensors])
+def test_it_foresees_no_more_than_the_library_scheduler(beliefs, sensors):
+    """The library's durations and sweeps span the box but are few. Its 4 MHz lie between points of the search: 1e-4."""
+    box, listed, library = AgileClutter(action="box", sensors=sensors), AgileClutter(sensors=sensors), Myopic()
+    library.begin(listed, 6, np.random.default_rng(0))
+    for public in beliefs:
+        coarse = predicted(listed, public, library.act(public, None, None))
+        assert (predicted(box, public, chosen(box, public)) <= coarse * (1 + 1e-4)).all()
+
+
+def test_restricted_laws_are_all_it_transmits(beliefs):
+    system = AgileClutter(action="box", laws=("efm:0.5",))
+    action = chosen(system, beliefs[0])
+    assert action.shape == (6, 4)
+    assert (np.abs(action) <= 1).all()
+    all_laws = predicted(BOX, beliefs[0], chosen(BOX, beliefs[0]))
+    assert (all_laws <= predicted(system, beliefs[0], action) * (1 + 1e-9)).all()
+
+
+def test_it_has_a_name():
+    policy = make_policy("myopic:progressive", BOX, None)
+    assert type(policy) is Progressive
+    assert is_scheduler("myopic:progressive")
+
+
+@pytest.mark.parametrize("system", [LIBRARY, AgileClutter(action="joint"), KershawEvans(), KershawEvans(action="box")])
+def test_other_systems_and_forms_are_refused(system):
+    with pytest.raises(InputError, match=r"policy 'myopic:progressive' is not for .*expected a menu of chirps"):
+        Progressive().begin(system, 1, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("settings", "words"), [({"points": 2}, "points is 2"), ({"levels": 0}, "levels is 0")])
+def test_a_grid_needs_points_and_levels(settings, words):
+    with pytest.raises(InputError, match=words):
+        Progressive(**settings)

@@ -1,0 +1,143 @@
+"""Figures 2 and 3 of Sira et al. as pictures (PNG)."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.evaluation.statistics import Estimate
+from wavegym.reproduce.agile_clutter import FULL, LAWS, POLICIES, Case, Study, scene
+from wavegym.reproduce.agile_clutter_numbers import shares, typical
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[Any]
+
+INK: dict[str, Any] = {"size": "small", "color": "0.35"}
+COLOURS = ("#000000", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
+LINES = ("-", "-", "-", "-", "-", "--", ":")
+LAW_NAMES = ("LFM", "PFM κ=3", "HFM", "EFM")
+LAW_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")
+SETTINGS = {"clutter": "clutter, density 10⁻⁴", "no clutter": "no clutter"}
+TRACKER_NAMES = {"jpda": "JPDA", "particle": "particle filter"}
+DPI = 150
+
+
+def draw_errors(study: Study, curves: Mapping[Case, Sequence[Estimate]]) -> bytes:
+    """Figure 2: squared error against time, mean over kept runs with its 95 % band; a row for each tracker."""
+    trackers = _trackers(study)
+    figure = _figure(11.0, 0.9 + 3.9 * len(trackers))
+    grid = figure.subplots(len(trackers), 2, sharex=True, sharey=True, squeeze=False)
+    for row, tracker in zip(grid, trackers, strict=True):
+        for axes, (clutter, title) in zip(row, SETTINGS.items(), strict=True):
+            for place, policy in enumerate(POLICIES):
+                _draw_curve(axes, policy, curves[Case(tracker, clutter, policy)], place)
+            axes.set_title(f"{TRACKER_NAMES[tracker]}, {title}", fontsize="medium")
+            axes.set_yscale("log")
+            axes.grid(alpha=0.3)
+            _mark_targets(axes)
+            _seconds(axes, _dt(study))
+        row[0].set_ylabel("squared error of the targets\npresent, mean [m²]")
+    for axes in grid[-1]:
+        axes.set_xlabel("step k")
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize="small")
+    return _png(figure)
+
+
+def draw_laws(study: Study) -> bytes:
+    """Figure 3: the fully agile scheduler's phase functions in clutter; a typical run, and shares of the kept runs."""
+    trackers = _trackers(study)
+    figure = _figure(5.8 * len(trackers), 7.2)
+    grid = figure.subplots(3, len(trackers), sharex=True, squeeze=False, height_ratios=(1.2, 1, 1))
+    for column, tracker in zip(grid.T, trackers, strict=True):
+        runs = study.runs[Case(tracker, "clutter", FULL)]
+        _draw_typical(column[0], typical(runs), f"{TRACKER_NAMES[tracker]}: a typical run")
+        for sensor, axes in enumerate(column[1:]):
+            _draw_shares(axes, shares(runs)[:, sensor], f"sensor {'AB'[sensor]}: share of kept runs")
+        _seconds(column[0], _dt(study))
+        column[-1].set_xlabel("step k")
+    handles, labels = grid[1, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
+    return _png(figure)
+
+
+def _draw_curve(axes: Axes, policy: str, estimates: Sequence[Estimate], place: int) -> None:
+    k = np.arange(1, len(estimates) + 1)
+    mean = np.array([np.nan if e.value is None else e.value for e in estimates])
+    low, high = np.array([e.ci or (np.nan, np.nan) for e in estimates]).T
+    above = 1 + (policy == FULL)
+    style: dict[str, Any] = {"color": COLOURS[place], "zorder": 2 + above}
+    axes.plot(k, mean, LINES[place], label=policy, linewidth=0.9 + 0.5 * above, **style)
+    axes.fill_between(k, low, high, alpha=0.2 if policy == FULL else 0.08, linewidth=0, **style)
+
+
+def _mark_targets(axes: Axes) -> None:
+    """Where targets come and go."""
+    for k, text in ((8, "target 2 appears"), (26, "target 1 leaves")):
+        axes.axvline(k, color="0.6", linewidth=0.8, linestyle="--", zorder=1)
+        axes.annotate(
+            text, (k, 0.02), xycoords=("data", "axes fraction"), xytext=(3, 0), textcoords="offset points", **INK
+        )
+
+
+def _draw_typical(axes: Axes, law: Array, title: str) -> None:
+    k = np.arange(1, len(law) + 1)
+    for sensor, (marker, offset) in enumerate((("o", 0.12), ("s", -0.12))):
+        shown = np.where(law[:, sensor] >= 0, law[:, sensor] + offset, np.nan)
+        fill = "none" if sensor else "0.15"
+        axes.plot(k, shown, marker, color="0.15", markerfacecolor=fill, markersize=4.5, label=f"sensor {'AB'[sensor]}")
+    axes.set_yticks(range(len(LAWS)), labels=LAW_NAMES)
+    axes.set_ylim(-0.6, len(LAWS) - 0.4)
+    axes.set_title(title, fontsize="medium")
+    axes.legend(fontsize="small", loc="upper right", ncols=2)
+    axes.grid(alpha=0.3)
+
+
+def _draw_shares(axes: Axes, share: Array, title: str) -> None:
+    k, base = np.arange(1, len(share) + 1), np.zeros(len(share))
+    for index, name in enumerate(LAW_NAMES):
+        axes.bar(k, share[:, index], 1.0, base, color=LAW_COLOURS[index], label=name, edgecolor="white", linewidth=0.4)
+        base = base + share[:, index]
+    axes.set(ylim=(0, 1), xlim=(0.5, len(share) + 0.5))
+    axes.set_ylabel(title, fontsize="small")
+
+
+def _seconds(axes: Axes, dt: float) -> None:
+    """The same axis in seconds above."""
+    above = axes.secondary_xaxis("top", functions=(partial(_scaled, dt), partial(_scaled, 1.0 / dt)))
+    above.set_xlabel("time [s]", fontsize="small")
+    above.tick_params(labelsize="small")
+
+
+def _scaled(factor: float, values: Any) -> Any:
+    return factor * np.asarray(values)
+
+
+def _trackers(study: Study) -> list[str]:
+    return list(dict.fromkeys(tracker for tracker, _ in study.settings))
+
+
+def _dt(study: Study) -> float:
+    return scene(next(iter(study.runs))).dt
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _png(figure: Figure) -> bytes:
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=DPI, metadata={"Software": None})
+    return png.getvalue()
