@@ -169,6 +169,9 @@ def step(system, world, e, public, path, C):
         false, count = add_clutter(key, z, L, here, system.gate, system.clutter_density, np.empty((64, 2)), 0)
         jpda(system, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, here)
         outside, detections, clutter = outside + missed, detections + seen, clutter + count
+    for t, birth in enumerate(system.births):
+        if k == birth:
+            x[t] = system.starts[t] + np.sqrt(system.prior_variance) * world.start[e, t]
     return Step(x, P, outside, detections, clutter)
 
 

@@ -53,7 +53,7 @@ def test_first_estimates_and_true_paths_have_their_distributions():
     system, count = AgileClutter(q=3.0), 1000
     state = system.begin(oracles.worlds(system, count))
     np.testing.assert_array_equal(state.hidden.truth, np.broadcast_to(system.starts, (count, 2, 4)))
-    error = (state.public.mean - state.hidden.truth) / np.sqrt(system.prior_variance)
+    error = (state.hidden.first - state.hidden.truth) / np.sqrt(system.prior_variance)
     F, Q = plain.transition(system)
     path = state.hidden.path
     assert path.shape == (count, 2, 26, 4)
@@ -90,7 +90,7 @@ def test_targets_come_and_go_at_their_steps(tracker):
         P = np.diagonal(after.public.covariance, axis1=2, axis2=3).sum(axis=2)
         np.testing.assert_allclose(system.cost(after.public), (P * THERE[k]).sum(axis=1), rtol=1e-14)
         moved = (before.public.mean != after.public.mean).any(axis=(0, 2))
-        np.testing.assert_array_equal(moved, THERE[k])
+        np.testing.assert_array_equal(moved, THERE[k] | (np.array(system.births) == k))
         for t in np.flatnonzero(THERE[k]):
             want = after.hidden.path[:, t, k - system.births[t]]
             np.testing.assert_array_equal(after.hidden.truth[:, t], want)
@@ -178,6 +178,20 @@ def test_trackers_are_consistent_without_clutter(tracker, reference):
     nees[8:11, :, 1] = 0.0  # target 2's first steps: the transform is cautious where P is still wide
     assert inside_bounds(nees[4:], 0.95) > 0.85
     assert inside_bounds(nees[4:], 0.999) == 1.0
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_nobody_knows_an_estimate_before_it_is_handed_over(tracker):
+    """Another first estimate of target 2 changes nothing public before k = 7, and its slot at k = 7."""
+    system = AgileClutter(tracker=tracker, particles=20)
+    worlds = oracles.worlds(system, 4)
+    other = worlds._replace(start=worlds.start + np.array([[0.0], [1.0]]))
+    for k, (one, two) in enumerate(zip(play(system, worlds), play(system, other), strict=True)):
+        assert same(one.public, two.public) == (k < 7), k
+        if k == 7:
+            shift = two.public.mean - one.public.mean
+            np.testing.assert_allclose(shift[:, 1], np.tile(np.sqrt(system.prior_variance), (4, 1)), rtol=1e-9)
+            assert not shift[:, 0].any()
 
 
 def test_both_trackers_agree_without_clutter():

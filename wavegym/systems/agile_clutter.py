@@ -1,7 +1,4 @@
-"""The closed loop of Sira et al.: agile chirps, several targets, clutter.
-
-Carrier, library and gate are not published; the values here are proposals (docs/errata.md).
-"""
+"""Sira et al.'s closed loop. Carrier, library and gate are not published: proposals of ours (docs/errata.md)."""
 
 from __future__ import annotations
 
@@ -72,7 +69,7 @@ class AgileClutter(System):
         births: step at which each target becomes known. lifetime: steps that each target is tracked for.
         prior_variance: diagonal of P0. false_alarm: Pf. clutter_density: false returns per m (m/s). gate: radius in
         standard deviations. weights: diagonal of Lambda. laws: phase functions, "lfm", "pfm:KAPPA", "hfm:SHAPE",
-        "efm:SHAPE". durations (s) and sweeps (Hz): every law with every one of them, up and down, is in the library.
+        "efm:SHAPE". durations, sweeps: in s and Hz; every law with every one of them, up and down, is in the library.
         action: "library" (a waveform per sensor), "joint" (one index for all sensors; every law up and down, longest
         and widest) or "box" (law where there are several, log duration and signed sweep of every sensor). tracker:
         "jpda" or "particle". particles: how many.
@@ -178,12 +175,13 @@ class AgileClutter(System):
         """The true paths, and the first estimates drawn around their starts."""
         count, S = world.start.shape[:2]
         path = random_path(self.motion, np.array(self.starts), world.process)
-        mean = path[:, :, 0] + np.sqrt(self.prior_variance) * world.start
+        first = path[:, :, 0] + np.sqrt(self.prior_variance) * world.start
+        mean = np.where(self._targets[0][:, None] == 0, first, self.starts)
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
         particles = None
         if self.tracker == "particle":
             particles = Particles(*(np.repeat(a[:, None], self.particles, axis=1) for a in (mean, covariance)))
-        hidden = Hidden(path[:, :, 0].copy(), path, np.zeros((count, S), np.int64), np.zeros((count, 4)))
+        hidden = Hidden(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
         return State(hidden, Public(np.zeros(count, np.int64), mean, covariance, particles))
 
     def advance(self, state: State, action: Array, world: World) -> State:
@@ -195,20 +193,21 @@ class AgileClutter(System):
         X, V = particles or (np.empty((len(step), 0, *shape[1:])) for shape in (mean.shape, covariance.shape))
         X_out, V_out = np.empty(X.shape), np.empty(V.shape)
         kernels.advance(
-            step, mean, covariance, X, V, hidden.path, world.detection, world.error, world.key, C, self._targets,
-            *self._model, self._radar, x, P, X_out, V_out, truth, outside, scan, NN
+            step, mean, covariance, X, V, hidden.path, hidden.first, world.detection, world.error, world.key, C,
+            self._targets, *self._model, self._radar, x, P, X_out, V_out, truth, outside, scan, NN
         )  # fmt: skip
         if np.isnan(scan).any():
-            where = int(np.flatnonzero(np.isnan(scan).any(axis=1))[0])
+            where = f"environment {np.argmax(np.isnan(scan).any(axis=1))} at step {step[np.isnan(scan).any(axis=1)][0]}"
             wanted = f"at most {kernels.MOST_CLUTTER:g} (smaller clutter_density, dt or q)"
-            raise InputError(f"a gate of environment {where} holds too many clutter points, expected {wanted}")
+            raise InputError(f"clutter in a gate of {where} has no bound or one too large, expected {wanted}")
         fresh = Public(step + 1, x, P, None if particles is None else Particles(X_out, V_out))
-        return State(Hidden(truth, hidden.path, outside, scan), fresh)
+        return State(Hidden(truth, hidden.path, hidden.first, outside, scan), fresh)
 
     def imagine(self, public: Public, actions: Array, outcome: Array | None = None) -> Public:
         """The belief after one pulse of every sensor: predicted means, covariances of eqs. (13) and (14).
 
-        ``outcome``: whether each sensor detects each target, bool (env, sensor, target) or (env, candidate, ...).
+        ``outcome``: whether each sensor detects each target, bool (env, sensor, target) or (env, candidate, ...): q2/Pd
+        instead of q2 for a detection, no update for a miss. A tracker in clutter is not told which of them happened.
         """
         several = actions.ndim == (2 if self.action == "joint" else 3)
         C = self.menu.unit_covariance(actions if several else actions[:, None])
@@ -248,8 +247,7 @@ class AgileClutter(System):
     def best_action(self, public: Public) -> Array:
         """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1).
 
-        Nearly the best joint one: in one state of ten another pair is better, by 7 % of the trace at most and by
-        0.05 % on average; over whole episodes the two tie.
+        Nearly the best joint one: a later sensor's pulse may favour another choice of an earlier one's.
         """
         ahead, C, choices = self.ahead(public), self.menu.option_covariances, []
         for i in range(len(self.sensors)):

@@ -14,7 +14,7 @@ from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.systems.agile_clutter_kernels import is_present, predict_targets
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
-from wavegym.trackers.reduction_kernels import reduction_one
+from wavegym.trackers.reduction_kernels import GATE, reduction_one
 from wavegym.trackers.unscented_kernels import cholesky_one, foresee_measurement_one
 
 
@@ -22,9 +22,9 @@ from wavegym.trackers.unscented_kernels import cholesky_one, foresee_measurement
 def reduction(pd, S, radar, q2):
     """The factor q2 where S is the innovation covariance, a tuple of its three entries.
 
-    It belongs to the clutter's density: the table, made for the gate g = 4, holds for others with that gate's area.
+    It belongs to the clutter's density: the table, made for one gate, holds for others with that gate's area.
     """
-    area = 16.0 * np.pi * np.sqrt(S[0] * S[2] - S[1] * S[1])
+    area = np.pi * GATE * GATE * np.sqrt(S[0] * S[2] - S[1] * S[1])
     return reduction_one(pd, np.log(radar[4] * area), q2[0], q2[1], q2[2])
 
 

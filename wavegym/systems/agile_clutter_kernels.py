@@ -126,7 +126,7 @@ def receive(e, i, k, present, path, birth, uniform, error, C, radar, work, z, ou
 
 
 @kernel
-def advance(step, mean, covariance, X, V, path, uniform, error, key, C, targets, F, Q, radar,
+def advance(step, mean, covariance, X, V, path, first, uniform, error, key, C, targets, F, Q, radar,
             mean_out, covariance_out, X_out, V_out, truth, outside, scan, nn):  # fmt: skip
     """One step of every environment, sensor after sensor; C (e, i, 2, 2) at unit SNR, tapes read at [e, step].
 
@@ -165,6 +165,17 @@ def advance(step, mean, covariance, X, V, path, uniform, error, key, C, targets,
             age = min(max(k - birth[t], 0), lifetime)
             for a in range(n):
                 truth[e, t, a] = path[e, t, age, a]
+            if k == birth[t]:
+                hand_over(e, t, first, mean_out, X_out, nn)
+
+
+@kernel
+def hand_over(e, t, first, mean, X, nn):
+    """The first estimate of target t, first[e, t], becomes the belief's mean and every particle's."""
+    for a in range(len(nn)):
+        mean[e, t, a] = first[e, t, a]
+        for j in range(X.shape[1]):
+            X[e, j, t, a] = first[e, t, a]
 
 
 @kernel

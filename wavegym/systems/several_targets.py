@@ -33,6 +33,7 @@ class Hidden(NamedTuple):
 
     truth: Array  # (env, target, 4)
     path: Array  # (env, target, lifetime + 1, 4) from each target's birth
+    first: Array  # (env, target, 4) the estimates that the tracker is handed at birth
     outside: Array  # (env, target) int: returns that fell outside their own target's gate so far
     scan: Array  # (env, 4) of the last step: detections, clutter points, effective sample size, distinct ancestors
 
@@ -45,7 +46,7 @@ class Particles(NamedTuple):
 
 
 class Public(NamedTuple):
-    """The belief. A slot whose target is still to come holds what will be known of it when it does."""
+    """The belief. A slot whose target is still to come holds where it is expected to start, and P0."""
 
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
@@ -98,7 +99,7 @@ def check_scenario(
     if len(births) != len(starts):
         raise InputError(f"births is {births}, expected {len(starts)} steps, one for each of starts")
     within("lifetime", lifetime, 1, 100_000, "steps")
-    within("least of births", min(births), 0, horizon - 1, "(a step before the horizon)")
+    within("least of births", min(births), 0, horizon - 1)
     within("horizon", horizon, 1, max(births) + lifetime, "steps")
 
 

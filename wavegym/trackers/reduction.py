@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import non_negative, within
-from wavegym.trackers.reduction_kernels import LIMIT, reduction
+from wavegym.trackers.reduction_kernels import GATE, LIMIT, reduction
 
 Array = NDArray[np.float64]
 TABLE = Path(__file__).with_name("reduction_table.csv")
-FAINTEST = np.log(LIMIT / 2 / (1 - 17 * np.exp(-16.0)))  # log f at Pd = 0, see reduction_kernels
+FAINTEST = np.log(LIMIT / 2 / (1 - (1 + GATE**2) * np.exp(-(GATE**2))))  # log f at Pd = 0, see reduction_kernels
 
 
 def information_reduction(pd: ArrayLike, clutter: ArrayLike) -> Array:

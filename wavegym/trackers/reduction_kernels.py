@@ -8,7 +8,8 @@ import numpy as np
 from wavegym.counter_kernels import exponential, normal, stream, uniform
 from wavegym.kernels import kernel
 
-LIMIT = 1.0 - 9.0 * np.exp(-8.0)  # q2 / Pd without clutter: 1 - (1 + g^2/2) exp(-g^2/2) at the gate g = 4
+GATE = 4.0  # of the table
+LIMIT = 1.0 - (1.0 + GATE * GATE / 2.0) * np.exp(-GATE * GATE / 2.0)  # q2 / Pd without clutter
 
 
 @kernel

@@ -25,10 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from wavegym.trackers.reduction import TABLE
-from wavegym.trackers.reduction_kernels import simulated_reduction
+from wavegym.trackers.reduction_kernels import GATE, simulated_reduction
 
 Array = NDArray[np.float64]
-GATE = 4.0
 PD = np.append(np.round(special.expit(np.linspace(-9.0, 7.0, 65)), 6), 1.0)  # as dense near 0 as near 1
 CLUTTER = 10.0 ** np.linspace(-3.0, 5.0, 65)
 STEP, LOWEST = 0.1, -60.0  # trapezoidal rule in log t: with half the step or 80 for 60 the same to 1e-13
