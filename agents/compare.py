@@ -11,9 +11,9 @@ from typing import Any
 from wavegym.errors import InputError
 from wavegym.evaluation.command import Parser, settings
 
-POLICIES = """comma-separated: random, round-robin, fixed:K, best-fixed, myopic, myopic:exhaustive, myopic:determinant,
-myopic:gate, myopic:closed-form, lookahead:H, optimum, or the folder of a trained run (or of several runs, one for each
-seed)"""
+POLICIES = """comma-separated: random, round-robin, fixed:K, best-fixed, myopic, myopic:exhaustive (tries every action),
+myopic:determinant, myopic:gate, myopic:closed-form and myopic:progressive (both with --set action=box), lookahead:H,
+optimum, or the folder of a trained run (or of several runs, one for each seed)"""
 
 # What `compare` takes besides parameters of the environment, and where a user says it.
 COMPARISON = {

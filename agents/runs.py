@@ -191,4 +191,8 @@ def _check_same(folder: Path, run: dict[str, Any], env_id: str, system: System) 
         )
     if run["actions"] != here["actions"]:
         known, offered = (f"{a['count']} ({a['form']}, {a['sha256'][:8]})" for a in (run["actions"], here["actions"]))
-        raise InputError(f"policy {str(folder)!r} chooses among actions {known}, but this {env_id} offers {offered}")
+        form = run["actions"]["form"]
+        hint = "" if form == here["actions"]["form"] else f" (nearest: the setting action={form.split()[0]})"
+        raise InputError(
+            f"policy {str(folder)!r} chooses among actions {known}, but this {env_id} offers {offered}{hint}"
+        )

@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import InputError, choice, nearest
+from wavegym.errors import InputError, choice
+from wavegym.parameter_sets import make_checked
 from wavegym.registration import list_envs
 
 # What gymnasium.make_vec takes besides parameters of the environment, and what to do about it here.
@@ -123,7 +124,7 @@ def load_settings(
     values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
     for name in SHELL.keys() & values["environment"].keys():
         raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
-    settings = _checked(ALGORITHMS[algo], values)
+    settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
     if isinstance(settings, PPOSettings) and settings.n_steps * settings.num_envs < 2:
         raise InputError("n_steps times num_envs is 1, expected >= 2 transitions in a rollout (nearest: n_steps=2)")
     return settings
@@ -140,18 +141,3 @@ def _tables(file: Path) -> dict[str, Any]:
             for algo in table:
                 choice(f"table {name!r} of {file.name}", algo, ALGORITHMS)
     return tables
-
-
-def _checked(kind: type[Settings], values: dict[str, Any]) -> Settings:
-    names = [field.name for field in dataclasses.fields(kind)]
-    for name in values:
-        if name not in names:
-            raise InputError(f"setting {name!r} is unknown to {kind.__name__}{nearest(name, names)}")
-    try:
-        return TypeAdapter(kind).validate_python(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "missing":
-            raise InputError(f"setting {where!r} is missing, expected it in the settings file") from None
-        raise InputError(f"{where} is {first['input']!r}: {first['msg']}") from None

@@ -106,6 +106,14 @@ def test_the_parameter_table_has_every_parameter_with_a_meaning(id):
     assert settings["`max_episode_steps`"] == "truncate here, before the system's own end"
 
 
+@pytest.mark.parametrize("id", IDS)
+def test_no_meaning_has_swallowed_the_next_one(id):
+    table = [(name.strip("`"), meaning) for name, _, meaning in rows(describe(id), "parameter | value")]
+    names = "|".join(re.escape(name) for name, _ in table)
+    for name, meaning in table:
+        assert not re.search(rf"\b(?:{names})(?: \([^)]*\))?:", meaning), name
+
+
 def test_sections_come_from_the_class_or_else_from_its_base():
     assert summary(KershawEvansPosition).startswith("Kershaw & Evans's loop where looking ahead pays")
     assert "position-only cost" in section(KershawEvansPosition, "Description")
@@ -132,14 +140,18 @@ def test_meanings_are_read_from_running_text_and_from_lists():
 
         Arguments
             q: noise density (m^2/s^3; "ca": m^2/s^5). low, high: bounds, in
-            metres.
+            metres. width, height:
+            how large. count:
+            how many.
             **rest: what is left.
         """
 
-    said = meanings(Derived, ["q", "low", "high", "horizon"])
+    said = meanings(Derived, ["q", "low", "high", "width", "height", "count", "horizon"])
     assert said["horizon"] == "steps in an episode"
     assert said["q"] == 'noise density (m^2/s^3; "ca": m^2/s^5)'
     assert said["low"] == said["high"] == "bounds, in metres"
+    assert said["width"] == said["height"] == "how large"
+    assert said["count"] == "how many"
 
 
 def test_an_unknown_environment_is_refused_with_the_nearest_named():

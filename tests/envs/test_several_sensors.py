@@ -205,7 +205,7 @@ def test_the_page_has_every_form_that_the_system_accepts(registered):
     assert f"| 1 | {SHORT} \\| {LONG} |" in page
     assert f"{box}`Box(-1, 1, (2,))`" in page
     assert page.count(f"| 0 | {SHORT} |") == 1
-    assert "| `waveform` | array (2,) | indices of the waveforms transmitted, one for each sensor |" in page
+    assert "| `waveform` | array (2,) | indices of the waveforms transmitted, one for each sensor; `env" in page
     strict = describe(registered[Strict])
     assert each in strict
     assert box in strict

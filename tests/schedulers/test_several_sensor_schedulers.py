@@ -14,6 +14,7 @@ from wavegym.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, lookahead, rollout
 from wavegym.schedulers.simple import FEW
 from wavegym.schedulers.tuning import best_fixed
+from wavegym.systems.agile_clutter import AgileClutter
 
 SYSTEM, JOINT, BOX = (TwoSensors(action=form) for form in ("library", "joint", "box"))
 ALL = [[i, j] for i in range(3) for j in range(3)]
@@ -141,6 +142,17 @@ def test_a_lookahead_holds_few_beliefs_at_a_time(monkeypatch):
     monkeypatch.setattr(lookahead, "NODES", 30)
     assert (policy.act(public, None, None) == whole).all()
     assert max(held) <= 30
+
+
+def test_a_lookahead_over_too_many_combinations_is_refused():
+    system = AgileClutter()
+    Lookahead(1).begin(system, 1, None)
+    with pytest.raises(InputError, match=r"5184\^2 sequences.*\(nearest: 1\); action='joint'"):
+        Lookahead(2).begin(system, 1, None)
+    joint = AgileClutter(action="joint")
+    Lookahead(3).begin(joint, 1, None)
+    with pytest.raises(InputError, match=r"64\^4 sequences.*\(nearest: 3\)$"):
+        Lookahead(4).begin(joint, 1, None)
 
 
 def test_a_lookahead_over_combinations_is_no_dearer_than_one_step_foresees():

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 from typing import Any
 
-from pydantic import ValidationError
-
-from wavegym.errors import InputError, nearest
+from wavegym.errors import InputError
+from wavegym.parameter_sets import make_checked
 from wavegym.systems.contract import System
 
 
@@ -22,20 +20,7 @@ def build_system(system: System | type[System] | str, parameters: dict[str, Any]
         if parameters:
             raise InputError(f"parameters {sorted(parameters)} were given beside a finished system, expected its class")
         return system
-    make: Any = _load(system) if isinstance(system, str) else system
-    names = [f.name for f in dataclasses.fields(make)] if dataclasses.is_dataclass(make) else None
-    for name in parameters:
-        if names is not None and name not in names:
-            raise InputError(f"setting {name!r} is unknown to {make.__name__}{nearest(name, names)}")
-    try:
-        return make(**parameters)
-    except ValidationError as error:
-        first = error.errors()[0]
-        own = first.get("ctx", {}).get("error")
-        if isinstance(own, InputError):  # raised by the system itself, and complete
-            raise own from None
-        field = ".".join(str(part) for part in first["loc"]) or make.__name__
-        raise InputError(f"{field} is {first['input']!r}: {first['msg']}") from None
+    return make_checked(_load(system) if isinstance(system, str) else system, parameters)
 
 
 def _load(path: str) -> Any:

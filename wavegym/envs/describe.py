@@ -25,9 +25,12 @@ from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 INFO = {
     "cost": "trace(Lambda P) of the belief after the step",
     "saturated": "number of observation elements held at their bound",
-    "waveform": "index of the waveform transmitted",
+    "waveform": "index of the waveform transmitted; `env.unwrapped.system.actions.labels` names it",
 }
-INFO_PER_SENSOR = {"waveform": "indices of the waveforms transmitted, one for each sensor"}
+INFO_PER_SENSOR = {
+    "waveform": "indices of the waveforms transmitted, one for each sensor; `env.unwrapped.system.actions.labels` "
+    "names them, and `choices` in `summary.json` of an evaluation has the labels' shares"
+}
 INFO_BOX = {
     "parameters": "box actions: their physical values",
     "action_clipped": "box actions: whether one lay outside [-1, 1] and was clipped",

@@ -26,11 +26,11 @@ def section(cls: type, heading: str) -> str:
 def meanings(cls: type, names: Iterable[str]) -> dict[str, str]:
     """What the docstrings of ``cls`` and its bases say of each of ``names``.
 
-    A meaning stands behind ``"name: "`` or ``"name, other: "`` under "Arguments", "Args" or "Attributes", and ends
-    where the next one begins.
+    A meaning stands behind ``"name: "`` or ``"name, other: "`` under "Arguments", "Args" or "Attributes", also where
+    the line ends there, and ends where the next one begins.
     """
     known = "|".join(re.escape(name) for name in names)
-    starts = re.compile(rf"(?:(?<=\s)|^)((?:{known})(?:, (?:{known}))*|^\**\w+): ", re.MULTILINE)
+    starts = re.compile(rf"(?:(?<=\s)|^)((?:{known})(?:,\s+(?:{known}))*|^\**\w+):\s", re.MULTILINE)
     found: dict[str, str] = {}
     for base in cls.__mro__:
         doc = inspect.cleandoc(base.__doc__ or "")
@@ -39,7 +39,7 @@ def meanings(cls: type, names: Iterable[str]) -> dict[str, str]:
             marks = list(starts.finditer(text))
             for i, mark in enumerate(marks):
                 end = marks[i + 1].start() if i + 1 < len(marks) else len(text)
-                for name in mark.group(1).split(", "):
+                for name in re.split(r",\s+", mark.group(1)):
                     found.setdefault(name, _one_line(text[mark.end() : end]))
     return found
 

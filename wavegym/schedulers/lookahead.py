@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from wavegym.errors import InputError
 from wavegym.systems import trees
 from wavegym.systems.contract import System
+from wavegym.waveforms import PerSensor
 
 Array = NDArray[Any]
 
 NODES = 200_000  # beliefs held at a time, about 20 MB for two states
+SEQUENCES = 1_000_000  # tried for one decision: enough for 88 candidates three steps ahead
 
 
 class Lookahead:
@@ -25,16 +27,28 @@ class Lookahead:
     Args:
         depth: steps ahead; 1 is the myopic scheduler.
         fused: whether the system's own search may be used.
+        most: sequences of several steps that may be tried for one decision.
+
+    Raises:
+        InputError: a depth below 1.
     """
 
-    def __init__(self, depth: int, fused: bool = True) -> None:
+    def __init__(self, depth: int, fused: bool = True, most: int = SEQUENCES) -> None:
         if depth < 1:
             raise InputError(f"lookahead depth is {depth}, expected at least 1 (nearest: 1)")
-        self.depth, self.fused = depth, fused
+        self.depth, self.fused, self.most = depth, fused, most
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``."""
+        """See ``Policy``. Raises an InputError where there are more than ``most`` sequences (nearest depth named)."""
         self._system, self._candidates = system, system.candidates()
+        count, steps, possible = len(self._candidates), min(self.depth, system.horizon), 1
+        while possible < steps and count ** (possible + 1) <= self.most:
+            possible += 1
+        if possible < steps:
+            joint = isinstance(system.actions, PerSensor)
+            hint = "; action='joint', where a system has it, has fewer candidates" if joint else ""
+            what = f"lookahead depth is {self.depth}, which makes {count}^{steps} sequences a decision"
+            raise InputError(f"{what}, expected at most {self.most} (nearest: {possible}){hint}")
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""

@@ -25,7 +25,7 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
         name: ``random``, ``round-robin``, ``fixed:K`` (the constant K), ``best-fixed`` (found on ``tuning_worlds``),
             ``myopic``, ``myopic:exhaustive`` (without the system's own search), ``myopic:determinant``,
             ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for action="box", with Gaussian or
-            generalised chirps), ``lookahead:H`` (steps), or ``optimum`` (clairvoyant).
+            generalised chirps), ``lookahead:H`` (steps; up to a million sequences), or ``optimum`` (clairvoyant).
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 

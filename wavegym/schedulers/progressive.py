@@ -2,23 +2,46 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.errors import InputError, whole
+from wavegym.systems.chirp_menu import ChirpMenu
 from wavegym.systems.contract import System
 
 Array = NDArray[Any]
+
+
+@runtime_checkable
+class SensorBySensor(Protocol):
+    """What the search asks of a system beyond the contract: one sensor's pulse after another, for any chirps at all."""
+
+    @property
+    def action(self) -> str:
+        """The form of the action set; the search needs ``"box"``."""
+
+    @property
+    def menu(self) -> ChirpMenu:
+        """What may be transmitted."""
+
+    def ahead(self, public: Any) -> Any:
+        """The belief that the next pulse meets; its field ``mean`` has axis 0 = environment."""
+
+    def sensor_costs(self, ahead: Any, sensor: int, C: Array) -> Array:
+        """Cost after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
+
+    def after_sensor(self, ahead: Any, sensor: int, C: Array) -> Any:
+        """The belief that the next sensor's pulse meets, after this sensor's with C (env, 2, 2) at unit SNR."""
 
 
 class Progressive:
     """The chirps with the least predicted trace one step ahead (Sira et al., section 5).
 
     For every sensor in turn, and every phase law and direction: a grid over log duration and log sweep, then ever finer
-    ones around each group's best point, reaching to that point's neighbours. For systems with a menu of chirps and
-    ``action="box"``.
+    ones around each group's best point, reaching to that point's neighbours. For systems that are
+    ``SensorBySensor``, with ``action="box"``.
 
     Args:
         points: grid points an axis, at least 3.
@@ -33,12 +56,12 @@ class Progressive:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for a system without a menu of chirps, or in another action form."""
-        if not (hasattr(system, "sensor_costs") and getattr(system, "action", "") == "box"):
+        if not (isinstance(system, SensorBySensor) and system.action == "box"):
             what = f"{type(system).__name__} with action={getattr(system, 'action', None)!r}"
             raise InputError(
                 f"policy 'myopic:progressive' is not for {what}, expected a menu of chirps and action='box'"
             )
-        self._system: Any = system
+        self._system: SensorBySensor = system
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""

@@ -19,8 +19,8 @@ SEPARATOR = " | "  # between the labels of what the sensors transmit at a time
 
 
 @dataclass(frozen=True)
-class PerSensor:
-    """The same library at every sensor; an action is one index for each, in the order of the sensors.
+class _AtEverySensor:
+    """The same library at every sensor.
 
     Args:
         library: what any sensor may transmit.
@@ -36,6 +36,18 @@ class PerSensor:
     def __post_init__(self) -> None:
         whole("sensors", self.sensors, 1)
 
+    def combinations(self) -> Array:
+        """What each sensor transmits in every combination, the first sensor's index changing slowest: a fresh array.
+
+        Indices into the library, (waveforms^sensors, sensors).
+        """
+        indices = np.indices((len(self.library),) * self.sensors).reshape(self.sensors, -1)
+        return np.ascontiguousarray(indices.T)
+
+
+class PerSensor(_AtEverySensor):
+    """The same library at every sensor; an action is one index for each, in the order of the sensors."""
+
     def __len__(self) -> int:
         """Number of waveforms to choose from at each sensor."""
         return len(self.library)
@@ -45,29 +57,12 @@ class PerSensor:
         """The waveforms' labels, the same for every sensor."""
         return self.library.labels
 
-    def combinations(self) -> Array:
-        """Every joint action, the first sensor's index changing slowest: a fresh array (waveforms^sensors, sensors)."""
-        indices = np.indices((len(self),) * self.sensors).reshape(self.sensors, -1)
-        return np.ascontiguousarray(indices.T)
 
-
-@dataclass(frozen=True)
-class JointLibrary:
+class JointLibrary(_AtEverySensor):
     """Every combination of a library's waveforms at several sensors, as one finite set; an action is one index.
 
-    Args:
-        library: what any sensor may transmit; a few waveforms, as their number is raised to the power ``sensors``.
-        sensors: how many, >= 1.
-
-    Raises:
-        InputError: if sensors is not an integer >= 1.
+    For few waveforms: their number is raised to the power ``sensors``.
     """
-
-    library: Library
-    sensors: int
-
-    def __post_init__(self) -> None:
-        whole("sensors", self.sensors, 1)
 
     def __len__(self) -> int:
         """Number of joint actions."""
@@ -80,5 +75,5 @@ class JointLibrary:
 
     @cached_property
     def indices(self) -> Array:
-        """What each sensor transmits, (joint action, sensor): indices into the library, the first sensor's slowest."""
-        return PerSensor(self.library, self.sensors).combinations()
+        """``combinations()``, made once: (joint action, sensor)."""
+        return self.combinations()
