@@ -7,16 +7,24 @@ from __future__ import annotations
 
 import torch
 
-from benchmarks import kalman, planners, training
+from benchmarks import association, kalman, particle, planners, scheduling, training
+
+PEERS = (
+    ("filterpy", kalman),
+    ("Stone Soup", association),
+    ("NumPy + filterpy resampling", particle),
+    ("filterpy", scheduling),
+)
 
 
 def main() -> None:
     """Print Markdown."""
     torch.set_num_threads(1)
-    print("| work | ours (us) | filterpy (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
-    for name, (r, wanted) in kalman.run().items():
-        row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
-        print(f"| {name} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |")
+    print("| work | ours (us) | peer (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
+    for peer, module in PEERS:
+        for name, (r, wanted) in module.run().items():
+            row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
+            print(f"| {name}; {peer} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |")
     print("\n| planner | batch | us per decision | peak MiB |\n|---|---|---|---|")
     for name, decisions in planners.run().items():
         for d in decisions:

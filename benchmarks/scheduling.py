@@ -105,7 +105,7 @@ def run() -> dict[str, tuple[Ratio, float | None]]:
     envs.reset(seed=0)
     return {
         "decision: 256 chirps, two sensors, two targets": (decision(), 500.0),
-        "AgileClutter step with JPDA, single, against filterpy's two UKFs without clutter or association": (
+        "AgileClutter step with JPDA, single, against two UKFs without clutter or association": (
             compare(lambda: single_step(env, action), lambda: filterpy_filters(100)),
             None,
         ),

@@ -3,5 +3,5 @@
 from hypothesis import settings
 
 # A property's first example may compile a kernel; how long that takes says nothing about the code.
-settings.register_profile("wavegym")
+settings.register_profile("wavegym", deadline=None)
 settings.load_profile("wavegym")

@@ -90,16 +90,23 @@ def _aligned(*given: ArrayLike) -> list[Array]:
     arrays = [np.asarray(a, np.float64) for a in given]
     T, n = arrays[0].shape[-2:] if arrays[0].ndim > 1 else (0, 0)
     M = arrays[2].shape[-2] if arrays[2].ndim > 1 else 0
-    cores = [(T, n), (T, n, n), (M, 2), (T, 2), (T, 2, 2), (T, n, 2), (T,), ()]
+    cores = ((T, n), (T, n, n), (M, 2), (T, 2), (T, 2, 2), (T, n, 2), (T,), ())
     shapes = [a.shape for a in arrays]
+    leads = [s[: len(s) - len(core)] for s, core in zip(shapes, cores, strict=True)]
     try:
-        fits = [s[len(s) - len(core) :] == core for s, core in zip(shapes, cores, strict=True)]
-        lead = np.broadcast_shapes(*(s[: len(s) - len(core)] for s, core in zip(shapes, cores, strict=True)))
+        lead = leads[0] if len(set(leads)) == 1 else np.broadcast_shapes(*leads)  # which takes as long as all the rest
     except ValueError:
-        fits = [False]
-    if not all(fits):
+        lead = None
+    if lead is None or any(s != own + core for s, own, core in zip(shapes, leads, cores, strict=True)):
         wanted = (
             "(..., t, n), (..., t, n, n), (..., m, 2), (..., t, 2), (..., t, 2, 2), (..., t, n, 2), (..., t), (...)"
         )
         raise InputError(f"argument shapes are {', '.join(map(str, shapes))}, expected {wanted}")
-    return [np.array(np.broadcast_to(a, lead + core)) for a, core in zip(arrays, cores, strict=True)]
+    return [_copy(a, lead + core) for a, core in zip(arrays, cores, strict=True)]
+
+
+def _copy(array: Array, shape: tuple[int, ...]) -> Array:
+    """A fresh array that ``array`` is broadcast to."""
+    fresh = np.empty(shape)
+    fresh[...] = array
+    return fresh

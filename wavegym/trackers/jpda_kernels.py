@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import kernel
+from wavegym.kernels import inlined, kernel
 from wavegym.sensors.gate_kernels import squared_distance
 from wavegym.trackers.association_kernels import associate_one
 
@@ -113,7 +113,7 @@ def jpda_update(x, P, z, centre, S, G, pd, density, gate, gate_probability, nn):
         )  # fmt: skip
 
 
-@kernel
+@inlined
 def factor_one(t, S, L):
     """Lower triangular L[t] with L[t] L[t]' = S[t], (2, 2)."""
     L[t, 0, 0] = np.sqrt(S[t, 0, 0])

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import batched, kernel
+from wavegym.kernels import batched, inlined, kernel
 
 
-@kernel
+@inlined
 def predict_mean_one(e, x, F, f, x_out, nn):
     """x_out[e] = F[f] x[e]."""
     for i in range(len(nn)):
@@ -25,7 +25,7 @@ def predict_mean_one(e, x, F, f, x_out, nn):
         x_out[e, i] = total
 
 
-@kernel
+@inlined
 def predict_covariance_one(e, P, F, Q, f, T, P_out, nn):
     """P_out[e] = F[f] P[e] F[f]' + Q[f]. T (n, n) is scratch space; P_out may be P itself."""
     n = len(nn)

@@ -1,6 +1,6 @@
 """A Rao-Blackwellised particle filter over joint associations: the update of one step, for one environment.
 
-What is sampled is which return is whose. Given that, a target is a Gaussian and is updated by an extended Kalman
+What is sampled is which return is whose. Given that, a target is a Gaussian and is updated by an unscented Kalman
 filter, so a particle is one history of associations with a mean and a covariance for each target. A posterior of many
 modes, which clutter makes of a target just found, then costs a few particles for each mode, where moments would merge
 them. Associations are drawn target after target from their exact joint posterior, so that a particle's weight changes
@@ -76,9 +76,10 @@ def particle_update(
         noise: measurement covariances, (sensor, target, 2, 2).
         sensors: positions, (sensor, 2), in m.
         clutter_density: false returns per m x m/s, > 0.
-        gate_probability: that a detected target's return is among the measurements, the same for every particle. Where
-            they were gated around the moments of a posterior of several modes, that holds only for the particles
-            whose predicted return lies in a gate: ``update_gated_particles`` of ``particle_kernels.py``.
+        gate_probability: that a detected target's return is among the measurements, for every particle: returns are
+            taken to be received wherever they fall. Where they were gated around the moments of a posterior of several
+            modes, only the particles whose predicted return lies in a gate learn from its absence; the gates are an
+            argument of ``update_particles`` in ``particle_kernels.py``.
         present: which targets there are, (target,); all if None. Absent ones are not updated.
 
     Returns:
@@ -102,10 +103,11 @@ def particle_update(
             require_positive_definite(name, matrix)
 
     log_weight, own = np.zeros(len(X)), np.uint64(key)
+    everywhere = np.zeros((targets, 2)), np.ones((targets, 2, 2)), np.inf, float(gate_probability)
     for i, z in enumerate(scans):
         kernels.update_particles(
             np.uint64(stream(own, i)), there, X, V, log_weight, z, len(z), Pd[i], N[i], place[i, 0], place[i, 1],
-            float(gate_probability), float(clutter_density), SIZES,
+            everywhere, float(clutter_density), SIZES,
         )  # fmt: skip
         if not np.isfinite(log_weight).all():
             _explain(i, int(there.sum()), clutter_density)

@@ -1,9 +1,9 @@
 """Rao-Blackwellised particle filter over joint associations in compiled form (Särkkä, Vehtari & Lampinen 2007).
 
 What is sampled is which return is whose; given that, every target is a Gaussian and is updated exactly (but for the
-unscented transform). A particle therefore is one history of associations with a mean and a covariance for each target, and a
-posterior of many modes, which clutter makes of a target just found, costs a few particles for each mode. Arrays are
-those of one environment: X (particle, target, n), V (particle, target, n, n).
+unscented transform). A particle therefore is one history of associations with a mean and a covariance for each target,
+and a posterior of many modes, which clutter makes of a target just found, costs a few particles for each mode. Arrays
+are those of one environment: X (particle, target, n), V (particle, target, n, n).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -12,11 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.counter_kernels import stream, uniform
-from wavegym.kernels import kernel
-from wavegym.sensors.gate_kernels import in_gate, squared_distance
+from wavegym.kernels import inlined, kernel
+from wavegym.sensors.gate_kernels import in_gate
 from wavegym.trackers.association_kernels import associate_one, row_sum
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+from wavegym.trackers.subset_kernels import SAFE
 from wavegym.trackers.unscented_kernels import foresee_measurement_one
 
 FARTHEST = 60.0
@@ -58,8 +59,8 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
 
     log_weight (particle,) gains the log of the sum over all feasible associations: the joint likelihood, exactly.
     pd (t,), noise (t, 2, 2). ``gates`` = (centre (t, 2), L (t, 2, 2), gate, gate probability): only returns in one of
-    them were received. A particle that expects its target's return outside of all learns nothing from its absence:
-    1 - Pd for it would kill the lesser modes of a posterior because nobody looked there.
+    them were received; gate = inf: all. A particle that expects its target's return outside of all learns nothing from
+    its absence: 1 - Pd for it would kill the lesser modes of a posterior because nobody looked there.
     """
     n, slots, here = len(nn), len(present), np.flatnonzero(present)
     x, P, T = X.reshape(-1, n), V.reshape(-1, n, n), len(here)
@@ -83,7 +84,7 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
                 correct_one(j * slots + here[row], x, P, z[m, 0], z[m, 1], row, centre, L, G, U, nn)
 
 
-@kernel
+@inlined
 def received(z0, z1, present, gates):
     """The gate probability if a return expected at (z0, z1) is in a present target's gate, else 0."""
     centre, L, gate, gate_probability = gates
@@ -93,37 +94,67 @@ def received(z0, z1, present, gates):
     return 0.0
 
 
-@kernel
+@inlined
 def weigh_row(row, z, count, centre, L, pd, seen, density, W):
     """Association weights of one target: W[row, 0] = 1 - seen, W[row, m] = Pd N(z_m; centre, L L') / density."""
+    first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
+    peak, z0, z1 = pd * first * second / (2.0 * np.pi * density), centre[row, 0], centre[row, 1]
     W[row, 0] = 1.0 - seen
-    peak = pd / (2.0 * np.pi * L[row, 0, 0] * L[row, 1, 1] * density)
     for m in range(count):
-        squared = squared_distance(row, z[m, 0], z[m, 1], centre, L)
+        w0, w1 = whiten(z[m, 0] - z0, z[m, 1] - z1, first, below, second)
+        squared = w0 * w0 + w1 * w1
         W[row, m + 1] = peak * np.exp(-0.5 * squared) if squared < FARTHEST else 0.0
 
 
 @kernel
+def whiten(d0, d1, first, below, second):
+    """L^-1 d for a lower triangular L (2, 2), whose diagonal comes as its reciprocals."""
+    w0 = d0 * first
+    return w0, (d1 - below * w0) * second
+
+
+@inlined
 def draw_association(key, W, T, M, beta, owner):
     """Draw owner (T,), each target's measurement or 0, from the joint posterior of W; log evidence. W is used up.
 
     Target after target from the last: its marginal, then the same problem without it and without what it took. The
     first is then alone, so that its marginal is its row of W.
     """
-    log_evidence = associate_one(W, T, M, beta)
+    if T == 0:
+        return 0.0
+    Z = last_of_two(W, M, beta) if T == 2 else np.nan
+    if 1.0 / SAFE > Z > SAFE:
+        log_evidence, total = np.log(Z), Z
+    else:
+        log_evidence, total = associate_one(W, T, M, beta), 1.0
     for t in range(T - 1, 0, -1):
         if t < T - 1:
             associate_one(W, t + 1, M, beta)
-        m = owner[t] = draw_column(t, beta, M, uniform(key, t))
+        m = owner[t] = draw_column(t, beta, M, total * uniform(key, t))
         if m > 0:
             for s in range(t):
                 W[s, m] = 0.0
-    if T > 0:
-        owner[0] = draw_column(0, W, M, uniform(key, 0) * row_sum(W, 0, M))
+    owner[0] = draw_column(0, W, M, uniform(key, 0) * row_sum(W, 0, M))
     return log_evidence
 
 
-@kernel
+@inlined
+def last_of_two(W, M, beta):
+    """beta[1] = Z times the second target's marginal: each of its weights times the first one's others; returns Z."""
+    left = W[0, 0]
+    for m in range(1, M + 1):
+        beta[1, m] = left
+        left += W[0, m]
+    beta[1, 0] = W[1, 0] * left
+    Z, left = beta[1, 0], 0.0
+    for m in range(M, 0, -1):
+        beta[1, m] = W[1, m] * (beta[1, m] + left)
+        left += W[0, m]
+        Z += beta[1, m]
+    return Z
+
+
+@inlined
 def draw_column(t, p, M, left):
     """The column in whose share of p[t] (M+1) the number ``left`` in [0, sum) lies, counted from the last.
 
@@ -136,15 +167,14 @@ def draw_column(t, p, M, left):
     return m
 
 
-@kernel
+@inlined
 def correct_one(e, x, P, z0, z1, row, centre, L, G, U, nn):
     """x[e] + U w, P[e] - U U' with U = G[row] L[row]^-T and w = L[row]^-1 (z - centre[row]); the gain is U L^-1.
 
     U (n, 2) is scratch space.
     """
     first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
-    w0 = (z0 - centre[row, 0]) * first
-    w1 = (z1 - centre[row, 1] - below * w0) * second
+    w0, w1 = whiten(z0 - centre[row, 0], z1 - centre[row, 1], first, below, second)
     for a in range(len(nn)):
         U[a, 0] = G[row, a, 0] * first
         U[a, 1] = (G[row, a, 1] - below * U[a, 0]) * second

@@ -8,38 +8,48 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import kernel
+from wavegym.kernels import inlined, kernel
 from wavegym.sensors.geometry_kernels import range_and_rate
 
 
 @kernel
 def cholesky_one(row, e, P, A, nn):
     """Lower triangular A[row] with A[row] A[row]' = P[e]; NaN where P[e] is not positive definite."""
-    for i in range(len(nn)):
-        for j in range(i + 1):
-            total = P[e, i, j]
-            for k in range(j):
-                total -= A[row, i, k] * A[row, j, k]
-            A[row, i, j] = np.sqrt(total) if i == j else total / A[row, j, j]
+    cholesky_columns_one(row, e, P, A, nn, nn)
 
 
 @kernel
+def cholesky_columns_one(row, e, P, A, nn, cc):
+    """The first len(cc) columns of ``cholesky_one``, from the diagonal down."""
+    for i in range(len(cc)):
+        for j in range(i, len(nn)):
+            total = P[e, j, i]
+            for k in range(i):
+                total -= A[row, j, k] * A[row, i, k]
+            A[row, j, i] = np.sqrt(total) if j == i else total / A[row, i, i]
+
+
+@inlined
 def foresee_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
     """Mean z[row], covariance S[row] and cross-covariance G[row] = cov(x, z) (n, 2) of (r, rdot) seen from (sx, sy).
 
     2 n sigma points x +- sqrt(n) A_i of equal weight: Julier & Uhlmann (1997) with kappa = 0, which cannot give an
-    indefinite S. A (rows, n, n) is scratch space.
+    indefinite S. Only the first two columns of the Cholesky factor A move the position. Along the others range stays
+    and range-rate is linear: their share is exactly that of a linear measurement of what these two leave of P.
+    A (rows, n, n) is scratch space.
     """
     n = len(nn)
-    cholesky_one(row, e, P, A, nn)
+    cholesky_columns_one(row, e, P, A, nn, (0, 0))
+    A[row, 0, 1] = 0.0
     reach, share = np.sqrt(np.float64(n)), 0.5 / n
     r0, v0 = range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], sx, sy)  # differences from it lose no digits
+    u0, u1 = (x[e, 0] - sx) / r0, (x[e, 1] - sy) / r0
+    G[row, 0, 0] = G[row, 0, 1] = G[row, 1, 0] = G[row, 1, 1] = 0.0
+    for j in range(2, n):
+        G[row, j, 0], G[row, j, 1] = 0.0, u0 * left_one(row, e, j, 2, P, A) + u1 * left_one(row, e, j, 3, P, A)
+    linear = u0 * G[row, 2, 1] + u1 * G[row, 3, 1]
     mean_r = mean_v = rr = rv = vv = 0.0
-    for j in range(n):
-        G[row, j, 0] = G[row, j, 1] = 0.0
-    for i in range(n):
-        for j in range(i):
-            A[row, j, i] = 0.0
+    for i in range(2):
         d0, d1, d2, d3 = reach * A[row, 0, i], reach * A[row, 1, i], reach * A[row, 2, i], reach * A[row, 3, i]
         r1, v1 = range_and_rate(x[e, 0] + d0, x[e, 1] + d1, x[e, 2] + d2, x[e, 3] + d3, sx, sy)
         r2, v2 = range_and_rate(x[e, 0] - d0, x[e, 1] - d1, x[e, 2] - d2, x[e, 3] - d3, sx, sy)
@@ -56,4 +66,10 @@ def foresee_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
     z[row, 0], z[row, 1] = r0 + mean_r, v0 + mean_v
     S[row, 0, 0] = share * rr - mean_r * mean_r
     S[row, 0, 1] = S[row, 1, 0] = share * rv - mean_r * mean_v
-    S[row, 1, 1] = share * vv - mean_v * mean_v
+    S[row, 1, 1] = share * vv - mean_v * mean_v + linear
+
+
+@kernel
+def left_one(row, e, i, j, P, A):
+    """cov(x_i, x_j) given the position: what the first two columns of A leave of it."""
+    return P[e, i, j] - A[row, i, 0] * A[row, j, 0] - A[row, i, 1] * A[row, j, 1]
