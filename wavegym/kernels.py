@@ -59,19 +59,19 @@ _FOLDER = _SETTINGS.CACHE_DIR or _cache_folder()
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile ``function`` with Numba at its first call; division is IEEE's: no exception half-way through a batch."""
-    return _compiled(function)
+    return _compiled(function, inline=False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """As ``kernel``, for a small one in an innermost loop: an array is many arguments to a call, and costs as much."""
-    return _compiled(function, forceinline=True)
+    return _compiled(function, inline=True)
 
 
-def _compiled(function: Callable[..., Any], **options: bool) -> Any:
+def _compiled(function: Callable[..., Any], inline: bool) -> Any:
     configured = _SETTINGS.CACHE_DIR
     _SETTINGS.CACHE_DIR = _FOLDER  # read while the dispatcher is made; other packages' kernels keep their own
     try:
-        return numba.njit(cache=True, error_model="numpy", **options)(function)
+        return numba.njit(cache=True, error_model="numpy", forceinline=inline)(function)
     finally:
         _SETTINGS.CACHE_DIR = configured
 

@@ -92,11 +92,11 @@ def test_a_batch_is_its_elements_bit_for_bit():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"pd": [0.5, 1.0]}, r"pd is \[0.5, 1.0\], expected probabilities between 0 and 1"),
+        ({"pd": [0.5, 1.0]}, r"pd\[1\] is 1.0, expected probabilities in \(0, 1\)"),
         ({"clutter_density": 0.0}, "clutter_density is 0.0, expected finite numbers > 0"),
         ({"gate": -1.0}, "gate is -1.0, expected a finite number > 0"),
         ({"gate_probability": 1.5}, "gate_probability is 1.5, expected a probability in"),
-        ({"S": -np.ones((2, 2, 2))}, "expected positive definite innovation covariances"),
+        ({"S": -np.ones((2, 2, 2))}, "S has the eigenvalue -2, expected a positive definite matrix"),
         ({"measurements": np.zeros((3, 3))}, "argument shapes are"),
     ],
 )
@@ -113,5 +113,5 @@ def test_bad_input_is_named(change, message):
 def test_too_many_targets_around_one_return_are_refused():
     case = scene(np.random.default_rng(4), 1, 0)
     mean, P, _, predicted, S, G = (np.repeat(a, 11, axis=0) for a in case)
-    with pytest.raises(InputError, match=r"11 targets share measurements .* at most CLUSTER_LIMIT = 10"):
+    with pytest.raises(InputError, match="more than CLUSTER_LIMIT = 10 of 11 targets share"):
         jpda_update(mean, P, predicted[:1], predicted, S, G, [0.9] * 11, 0.1)

@@ -23,12 +23,12 @@ def good(targets=2):
 BAD = {
     "key": (-1, "key is -1"),
     "key too large": (2**64, "key is 18446744073709551616, expected an integer below"),
-    "clutter_density": (0.0, "clutter_density is 0.0 per m x m/s, expected a finite number > 0"),
+    "clutter_density": (0.0, "clutter_density is 0.0, expected finite numbers > 0"),
     "clutter_density too small": (
         1e-320,
         "clutter_density is 1e-320, expected more: the evidence of sensor 0 overflows",
     ),
-    "pd": (np.ones((1, 2)), "expected probabilities between 0 and 1, exclusive"),
+    "pd": (np.ones((1, 2)), r"pd\[0, 0\] is 1.0, expected probabilities in \(0, 1\)"),
     "pd of another shape": (np.ones(2), r"pd has the shape \(2,\), expected \(1, 2\)"),
     "gate_probability": (0.0, "gate_probability is 0.0"),
     "noise": (-good()["noise"], "noise has the eigenvalue"),

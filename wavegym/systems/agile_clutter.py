@@ -20,7 +20,6 @@ from wavegym.systems.contract import Element, State, System
 from wavegym.systems.several_targets import (
     Ahead,
     Hidden,
-    Particles,
     Public,
     World,
     check_scenario,
@@ -28,6 +27,7 @@ from wavegym.systems.several_targets import (
     target_elements,
 )
 from wavegym.targets import MotionModel, constant_velocity, random_path
+from wavegym.trackers import Particles
 from wavegym.trackers.reduction import reduction_table
 from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.errors import InputError, within
 from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.contract import Element
+from wavegym.trackers import Particles
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT
 
 Array = NDArray[Any]
@@ -38,20 +39,13 @@ class Hidden(NamedTuple):
     scan: Array  # (env, 4) of the last step: detections, clutter points, effective sample size, distinct ancestors
 
 
-class Particles(NamedTuple):
-    """Histories of associations, equally weighted: a Gaussian for each target."""
-
-    mean: Array  # (env, particle, target, 4)
-    covariance: Array  # (env, particle, target, 4, 4)
-
-
 class Public(NamedTuple):
     """The belief. A slot whose target is still to come holds where it is expected to start, and P0."""
 
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    particles: Particles | None  # None with tracker="jpda" and in foresight
+    particles: Particles | None  # (env, particle, target, ...) each; None with tracker="jpda" and in foresight
 
 
 class Ahead(NamedTuple):

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
 from wavegym.trackers import association_kernels as kernels
+from wavegym.trackers.checks import association_terms, require_each
 
 Array = NDArray[np.float64]
 
@@ -52,11 +53,8 @@ def joint_association(
     """
     N, Pd, rho = (np.asarray(a, dtype=np.float64) for a in (likelihood, pd, clutter_density))
     lead = _leading_axes(N, Pd, rho)
-    _require("likelihood", N, (N >= 0.0) & np.isfinite(N), "finite numbers >= 0")
-    _require("pd", Pd, (Pd > 0.0) & (Pd < 1.0), "probabilities in (0, 1)")
-    _require("clutter_density", rho, (rho > 0.0) & np.isfinite(rho), "finite numbers > 0")
-    if not 0.0 < gate_probability <= 1.0:
-        raise InputError(f"gate_probability is {gate_probability!r}, expected a probability in (0, 1]")
+    require_each("likelihood", N, (N >= 0.0) & np.isfinite(N), "finite numbers >= 0")
+    association_terms(Pd, rho, gate_probability)
 
     T, M = N.shape[-2:]
     W = np.empty((*lead, T, M + 1))
@@ -82,14 +80,6 @@ def _leading_axes(N: Array, Pd: Array, rho: Array) -> tuple[int, ...]:
             f"likelihood, pd and clutter_density have the shapes {N.shape}, {Pd.shape} and {rho.shape}, "
             "expected (..., T, M), (..., T) and (...) with leading axes that broadcast"
         ) from error
-
-
-def _require(name: str, values: Array, valid: NDArray[np.bool_], wanted: str) -> None:
-    """InputError with the first value that is not valid."""
-    if not valid.all():
-        index = tuple(int(i) for i in np.argwhere(~valid)[0])
-        where = f"[{', '.join(map(str, index))}]" if index else ""
-        raise InputError(f"{name}{where} is {float(values[index])!r}, expected {wanted}")
 
 
 def _explain(W: Array, log_evidence: Array) -> None:

@@ -14,6 +14,8 @@ from wavegym import sensors
 from wavegym.errors import InputError, positive
 from wavegym.trackers import jpda_kernels
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT
+from wavegym.trackers.checks import association_terms
+from wavegym.trackers.kalman import require_positive_definite
 
 Array = NDArray[np.float64]
 
@@ -54,35 +56,19 @@ def jpda_update(
         InputError: shapes that disagree, pd or gate_probability out of range, a clutter density or gate not > 0, an S
             that is not positive definite, or more targets than the exact association takes in one cluster.
     """
-    share, detection, density = _checked(gate, gate_probability, pd, clutter_density)
+    positive("gate", gate)
+    share = float(sensors.gate_probability(gate)) if gate_probability is None else gate_probability
+    detection, density, share = association_terms(pd, clutter_density, share)
     x, P, *rest = _aligned(mean, covariance, measurements, predicted, S, cross_covariance, detection, density)
     lead, targets, n = x.shape[:-2], *x.shape[-2:]
     count = math.prod(lead)
     flat = [array.reshape(count, *array.shape[len(lead) :]) for array in (x, P, *rest)]
     jpda_kernels.jpda_update(*flat, gate, share, (0,) * n)
     if np.isnan(P).any():
-        if not np.linalg.eigvalsh(np.asarray(S)).min() > 0.0:
-            raise InputError(f"S is {np.asarray(S).tolist()}, expected positive definite innovation covariances")
-        raise InputError(
-            f"{targets} targets share measurements in one cluster, expected at most CLUSTER_LIMIT = {CLUSTER_LIMIT}"
-        )
+        require_positive_definite("S", S)
+        many = f"more than CLUSTER_LIMIT = {CLUSTER_LIMIT} of {targets} targets share measurements in one cluster"
+        raise InputError(f"{many}, expected fewer (use a smaller gate)")
     return x, P
-
-
-def _checked(
-    gate: float, gate_probability: float | None, pd: ArrayLike, clutter_density: ArrayLike
-) -> tuple[float, Array, Array]:
-    """The gate probability, and pd and clutter_density as arrays."""
-    positive("gate", gate)
-    share = sensors.gate_probability(gate) if gate_probability is None else gate_probability
-    if not 0.0 < share <= 1.0:
-        raise InputError(f"gate_probability is {share!r}, expected a probability in (0, 1]")
-    detection, density = np.asarray(pd, np.float64), np.asarray(clutter_density, np.float64)
-    if not ((detection > 0.0) & (detection < 1.0)).all():
-        raise InputError(f"pd is {detection.tolist()}, expected probabilities between 0 and 1, exclusive")
-    if not ((density > 0.0) & np.isfinite(density)).all():
-        raise InputError(f"clutter_density is {density.tolist()}, expected finite numbers > 0")
-    return float(share), detection, density
 
 
 def _aligned(*given: ArrayLike) -> list[Array]:

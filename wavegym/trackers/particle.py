@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.counter_kernels import stream
-from wavegym.errors import InputError, positive, whole
+from wavegym.errors import InputError, whole
 from wavegym.trackers import particle_kernels as kernels
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT
+from wavegym.trackers.checks import association_terms
 from wavegym.trackers.kalman import require_positive_definite
 
 Array = NDArray[np.float64]
@@ -34,8 +35,8 @@ SIZES = (0,) * STATES
 class Particles(NamedTuple):
     """Equally weighted histories of associations, what they say about each target."""
 
-    mean: Array  # (particle, target, 4)
-    covariance: Array  # (particle, target, 4, 4)
+    mean: Array  # (..., particle, target, 4)
+    covariance: Array  # (..., particle, target, 4, 4)
 
 
 class ParticleUpdate(NamedTuple):
@@ -187,11 +188,7 @@ def _require_sound(key: int, pd: Array, clutter_density: float, gate_probability
     """InputError for the first value out of range."""
     if not whole("key", key, 0) < 2**64:
         raise InputError(f"key is {key}, expected an integer below 2^64 (nearest: {2**64 - 1})")
-    if not ((pd > 0.0) & (pd < 1.0)).all():
-        raise InputError(f"pd is {pd.tolist()}, expected probabilities between 0 and 1, exclusive")
-    positive("clutter_density", clutter_density, "per m x m/s")
-    if not 0.0 < gate_probability <= 1.0:
-        raise InputError(f"gate_probability is {gate_probability!r}, expected a probability in (0, 1]")
+    association_terms(pd, clutter_density, gate_probability)
 
 
 def _explain(sensor: int, targets: int, clutter_density: float) -> None:
