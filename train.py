@@ -54,6 +54,9 @@ def train(arguments: Sequence[str] | None) -> None:
     plan = Plan(env_id, options.algo, options.seed, chosen)
     run(plan, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
     print(f"written to {options.out}: policy.zip, run.json, curve.csv")
+    if chosen.environment:
+        same = " ".join(f"{name}={value}" for name, value in chosen.environment.items())
+        print(f"trained with {same}: evaluate.py takes the same as --set {same}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -46,7 +46,7 @@ class _Notice(event.Listener):
         function = event.data["dispatcher"].py_func
         if not self.said and function.__module__.startswith("wavegym."):
             self.said = True
-            print("wavegym: compiling numerical kernels (once per installation, some seconds) ...", file=sys.stderr)
+            print("wavegym: compiling numerical kernels (once per installation, up to a minute) ...", file=sys.stderr)
 
     def on_end(self, event: Any) -> None:
         """Nothing to say."""

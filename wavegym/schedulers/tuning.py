@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Fixed
@@ -23,6 +24,6 @@ def best_fixed(system: System, worlds: Any) -> int:
     Returns:
         Index into ``system.constants()``.
     """
-    count = len(system.constants())
-    means = np.array([rollout(system, Fixed(k), worlds).mean_cost.mean() for k in range(count)])
+    constants = tqdm(range(len(system.constants())), "tuning best-fixed", disable=None, leave=False)
+    means = np.array([rollout(system, Fixed(k), worlds).mean_cost.mean() for k in constants])
     return int(np.argmin(np.where(np.isnan(means), np.inf, means)))

@@ -93,8 +93,11 @@ def check_scenario(
     if len(births) != len(starts):
         raise InputError(f"births is {births}, expected {len(starts)} steps, one for each of starts")
     within("lifetime", lifetime, 1, 100_000, "steps")
+    last = max(births) + lifetime
+    if not 1 <= horizon <= last:
+        wanted = f"1 to {last}, when the last target is gone (the greatest of births + lifetime)"
+        raise InputError(f"horizon is {horizon} steps, expected {wanted}; nearest: {min(max(horizon, 1), last)}")
     within("least of births", min(births), 0, horizon - 1)
-    within("horizon", horizon, 1, max(births) + lifetime, "steps")
 
 
 def first_gate_volume(
