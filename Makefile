@@ -50,13 +50,16 @@ docs: $(READY)
 results: $(READY)
 	$(BIN)/python -m agents.study $(STUDIES)
 
-# Rebuild the papers' figures: data under results/, pictures under docs/images/.
+# Rebuild the papers' figures, with the fast tracker; PAGE=1: as docs/reproduce.md has them, and renew that page.
 reproduce: $(READY)
-	$(BIN)/python -m wavegym.reproduce agile_clutter --tracker both --out $(OUT)/agile_clutter
+	$(BIN)/python -m wavegym.reproduce agile_clutter $(if $(PAGE),--runs 500 --tracker both) --out $(OUT)/agile_clutter
+ifdef PAGE
 	mkdir -p results/agile_clutter
 	cp $(addprefix $(OUT)/agile_clutter/,summary.json figure2.csv figure3.csv) results/agile_clutter/
 	cp $(OUT)/agile_clutter/figure2.png docs/images/agile_clutter_figure2.png
 	cp $(OUT)/agile_clutter/figure3.png docs/images/agile_clutter_figure3.png
+	$(BIN)/python -m wavegym.reproduce.page results/agile_clutter/summary.json docs/reproduce.md
+endif
 
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run

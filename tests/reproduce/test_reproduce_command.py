@@ -3,7 +3,6 @@ from __future__ import annotations
 import csv
 import json
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +10,10 @@ import pytest
 from wavegym.evaluation import statistics
 from wavegym.reproduce import agile_clutter
 from wavegym.reproduce.__main__ import main
-from wavegym.reproduce.agile_clutter import FULL, LAWS, POLICIES
-from wavegym.reproduce.agile_clutter_files import markdown
+from wavegym.reproduce.agile_clutter import FREE, FULL, POLICIES, names
+from wavegym.reproduce.agile_clutter_table import markdown
 
 FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json"}
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -40,17 +38,19 @@ def test_the_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, q
     assert markdown(summary) in capsys.readouterr().out
     figure2, figure3 = (rows(tmp_path / "1" / name) for name in ("figure2.csv", "figure3.csv"))
     assert len(figure2) == len(POLICIES) * 2 * 32
-    assert len(figure3) == 32 * 2 * len(LAWS)
+    assert len(figure3) == 32 * 2 * (len(names(FULL)) + len(names(FREE)))
     for clutter, setting in summary["trackers"]["jpda"].items():
         shown = [r for r in figure2 if (r["policy"], r["clutter"]) == (FULL, clutter)]
         assert sum(float(r["mse"]) for r in shown) == pytest.approx(setting["policies"][FULL]["mse_kept"]["mean"])
         assert {int(r["kept"]) for r in shown} == {setting["policies"][FULL]["mse_kept"]["runs"]}
         assert all(float(r["low"]) <= float(r["mse"]) <= float(r["high"]) for r in shown)
-    share = np.array([float(r["share"]) for r in figure3]).reshape(-1, len(LAWS))
-    np.testing.assert_allclose(share.sum(axis=1), 1.0)
-    lfm = summary["trackers"]["jpda"]["clutter"]["laws"]["all"]["lfm"]["mean"]
-    assert share[:, 0].mean() == pytest.approx(lfm)
-    assert (np.array([int(r["typical"]) for r in figure3]).reshape(-1, len(LAWS)).sum(axis=1) == 1).all()
+    for policy, offered in ((FULL, names(FULL)), (FREE, names(FREE))):
+        shown = [row for row in figure3 if row["policy"] == policy]
+        share = np.array([float(row["share"]) for row in shown]).reshape(-1, len(offered))
+        np.testing.assert_allclose(share.sum(axis=1), 1.0)
+        told = summary["trackers"]["jpda"]["clutter"]["choices"][policy]["share"]["all"]
+        np.testing.assert_allclose(share.mean(axis=0), [told[law]["mean"] for law in offered], atol=1e-15)
+        assert (np.array([int(row["typical"]) for row in shown]).reshape(-1, len(offered)).sum(axis=1) == 1).all()
     for name in ("figure2.png", "figure3.png"):
         assert (tmp_path / "1" / name).read_bytes().startswith(b"\x89PNG")
 
@@ -83,10 +83,3 @@ def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["agile_clutter", "--out", str(tmp_path / "file" / "out")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_the_documentation_shows_the_table_of_the_results_kept():
-    kept = json.loads((ROOT / "results" / "agile_clutter" / "summary.json").read_text())
-    page = (ROOT / "docs" / "reproduce.md").read_text()
-    assert markdown(kept) in page
-    assert kept["command"] in page

@@ -37,12 +37,13 @@ def reproduce(arguments: Sequence[str] | None) -> None:
     # Imports that a misspelt option need not wait for.
     from wavegym.reproduce.agile_clutter import play
     from wavegym.reproduce.agile_clutter_files import write
+    from wavegym.reproduce.agile_clutter_table import markdown
 
     out = options.out or Path("out") / paper
     out.mkdir(parents=True, exist_ok=True)
     trackers = TRACKERS[:2] if tracker == "both" else (tracker,)
     study = play(trackers, runs=options.runs, root=options.seed, jobs=options.jobs)
-    print(write(study, out))
+    print(markdown(write(study, out)))
     print(f"\nwritten to {out}: figure2.csv, figure3.csv, figure2.png, figure3.png, summary.json")
 
 

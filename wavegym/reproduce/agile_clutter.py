@@ -20,37 +20,41 @@ from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.progressive import Progressive
+from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Fixed
-from wavegym.schedulers.tuning import best_fixed
 from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.waveforms import chirp_law, parse_law
 
 Array = NDArray[Any]
 
-LAWS = ("lfm", "pfm:3", "hfm:0.5", "efm:0.5")
+LAWS = AgileClutter.laws  # each phase function in one shape
+SHAPES = (  # in several; the paper does not list those that it tried
+    "lfm",
+    *(f"pfm:{kappa:g}" for kappa in (2.5, 3, 4, 6)),
+    *(f"{kind}:{g:g}" for kind in ("hfm", "efm") for g in (0.1, 0.2, 0.5, 1)),
+)
+FULL, FREE, LINEAR, LIBRARY = "fully agile", "shapes free", "agile LFM", "library myopic"
+BEST_FIXED, BEST_FREE = "best fixed", "best fixed, shapes free"
 AGILE: dict[str, tuple[str, ...]] = {  # the paper's search, over these phase functions
-    "fully agile": LAWS,
-    "agile LFM": ("lfm",),
-    "agile PFM": ("pfm:3",),
-    "agile HFM": ("hfm:0.5",),
-    "agile EFM": ("efm:0.5",),
+    FULL: LAWS,
+    FREE: SHAPES,
+    **{f"agile {parse_law(law)[0].upper()}": (law,) for law in LAWS},
 }
-FULL, LINEAR, BEST_FIXED, LIBRARY = "fully agile", "agile LFM", "best fixed", "library myopic"
-POLICIES = (*AGILE, BEST_FIXED, LIBRARY)
+CONSTANT = (BEST_FIXED, BEST_FREE)
+POLICIES = (*AGILE, *CONSTANT, LIBRARY)
 TRACKERS = ("jpda", "particle")
-CLUTTER = {"clutter": 1e-4, "no clutter": 0.0}  # false returns per m (m/s)
-PARTICLES = 1000
-TUNING_WORLDS = 100
-# Tuning by a particle filter takes twenty minutes over the whole library, where short, narrow pulses let much clutter
-# in; the best one was among the longest and widest of each law whenever the whole library was tried.
-WIDEST: dict[str, Any] = {"durations": (100e-6,), "sweeps": (15e6,)}
+CLUTTER = {"clutter": AgileClutter.clutter_density, "no clutter": 0.0}  # false returns per m (m/s)
+TUNING_WORLDS, SHORTLIST = 100, 16
+CONVERGENCE, CONVERGENCE_RUNS = (200, 1000, 4000), 200  # numbers of particles, tried on so many runs
 
 
 class Case(NamedTuple):
-    """Who tracks, in what, with whose choices."""
+    """Who tracks, in what, with whose choices, with how many particles (0: the system's default)."""
 
     tracker: str
     clutter: str
     policy: str
+    particles: int = 0
 
 
 class Runs(NamedTuple):
@@ -58,7 +62,8 @@ class Runs(NamedTuple):
 
     squared_error: Array  # (run, k, target) m^2, weighted with Lambda; NaN while the target is absent
     cost: Array  # (run, k) the tracker's own trace(Lambda P), m^2
-    law: Array  # (run, k, sensor) int, index into LAWS
+    nees: Array  # (run, k, target) normalised estimation error squared, expected 4; NaN while the target is absent
+    law: Array  # (run, k, sensor) int, index into the phase functions that the policy has
     clutter: Array  # (run, k) clutter points inside gates, both sensors
     lost: Array  # (run, target) bool: more than five of its returns fell outside its gates
 
@@ -80,17 +85,20 @@ class Study:
     Attributes:
         root: the seed of it all.
         runs: what each policy did, by case; axis 0 is the same world in all of them.
-        fixed: for each (tracker, clutter) the index of the best constant, and its waveforms, one a sensor.
+        fixed: for each case with a best constant its index and its waveforms, one a sensor.
+        converged: the library's one-step scheduler in clutter by number of particles, on the first worlds; empty
+            without a particle filter.
     """
 
     root: int
     runs: Mapping[Case, Runs]
-    fixed: Mapping[tuple[str, str], tuple[int, tuple[str, ...]]]
+    fixed: Mapping[Case, tuple[int, tuple[str, ...]]]
+    converged: Mapping[int, Runs]
 
     @property
     def settings(self) -> list[tuple[str, str]]:
         """The (tracker, clutter) played."""
-        return list(self.fixed)
+        return list(dict.fromkeys((case.tracker, case.clutter) for case in self.runs))
 
     def of(self, tracker: str, clutter: str) -> dict[str, Runs]:
         """Every policy's runs in one setting."""
@@ -128,56 +136,98 @@ def play(
     cases = [Case(*setting, policy) for setting in settings for policy in POLICIES]
     for case in cases:  # kernels get compiled here, not by several processes at once
         _play(case, 0, world_seeds(root, "tune", 1), steps=1)
-    chunks = [seeds[start : start + CHUNK] for start in range(0, runs, CHUNK)]
-    first = [delayed(_tuned)(setting, root, tuning) for setting in settings]
-    first += [delayed(_play)(case, 0, chunk) for case in cases if case.policy != BEST_FIXED for chunk in chunks]
-    found = iter(_each(jobs, "playing", first))
-    fixed = {setting: next(found) for setting in settings}
-    second = [delayed(_play)(Case(*setting, BEST_FIXED), fixed[setting], c) for setting in settings for c in chunks]
-    constant = iter(_each(jobs, BEST_FIXED, second))
-    played = {case: _merged([next(constant if case.policy == BEST_FIXED else found) for _ in chunks]) for case in cases}
-    return Study(root, played, {setting: (index, _waveforms(setting, index)) for setting, index in fixed.items()})
+    fixed = _best_constants([case for case in cases if case.policy in CONSTANT], root, tuning, jobs)
+    counts = [Case("particle", "clutter", LIBRARY, count) for count in CONVERGENCE if "particle" in trackers]
+    played = _all_runs(
+        [(case, seeds) for case in cases] + [(case, seeds[:CONVERGENCE_RUNS]) for case in counts], fixed, jobs
+    )
+    constants = {case: (index, _waveforms(case, index)) for case, index in fixed.items()}
+    converged = {case.particles: played[case] for case in counts}
+    return Study(root, {case: played[case] for case in cases}, constants, converged)
 
 
 def scene(case: Case) -> AgileClutter:
     """The closed loop that a case is played in."""
-    tracker, clutter, policy = case
-    settings: dict[str, Any] = {"tracker": tracker, "particles": PARTICLES, "clutter_density": CLUTTER[clutter]}
-    if policy in AGILE:
-        return AgileClutter(action="box", laws=AGILE[policy], **settings)
-    if policy == BEST_FIXED and tracker == "particle":
-        settings |= WIDEST
-    return AgileClutter(laws=LAWS, **settings)
+    settings: dict[str, Any] = {"tracker": case.tracker, "clutter_density": CLUTTER[case.clutter]}
+    if case.particles:
+        settings["particles"] = case.particles
+    if case.policy in AGILE:
+        settings["action"] = "box"
+    if case.policy == BEST_FREE:  # the longest and widest, as the best of one shape each are
+        settings |= {"durations": (max(AgileClutter.durations),), "sweeps": (max(AgileClutter.sweeps),)}
+    return AgileClutter(laws=_offered(case.policy), **settings)
+
+
+def names(policy: str) -> tuple[str, ...]:
+    """The phase functions that a policy has, as ``Runs.law`` counts them: "LFM", "PFM3", "HFM0.1", ..."""
+    return tuple(chirp_law(*parse_law(law)).name for law in _offered(policy))
 
 
 def laws(system: AgileClutter, actions: Array) -> Array:
-    """The phase functions that ``actions`` (in form "library" or "box") transmit, (..., sensor) index into LAWS."""
+    """The phase functions that ``actions`` (in form "library" or "box") transmit, (..., sensor) index into its laws."""
     menu = system.menu
     if menu.form == "library":
-        local = actions // (len(menu.library) // len(menu.laws))
-    elif len(menu.laws) == 1:
-        local = np.zeros((*actions.shape[:-1], menu.sensors), np.int64)
-    else:
-        values = menu.box.decode(actions).reshape(*actions.shape[:-1], menu.sensors, -1)
-        local = values[..., 0].astype(np.int64)
-    return np.array([LAWS.index(law) for law in menu.laws])[local]
+        return actions // (len(menu.library) // len(menu.laws))
+    if len(menu.laws) == 1:
+        return np.zeros((*actions.shape[:-1], menu.sensors), np.int64)
+    values = menu.box.decode(actions).reshape(*actions.shape[:-1], menu.sensors, -1)
+    return values[..., 0].astype(np.int64)
 
 
-def _waveforms(setting: tuple[str, str], index: int) -> tuple[str, ...]:
+def _offered(policy: str) -> tuple[str, ...]:
+    return SHAPES if policy == BEST_FREE else AGILE.get(policy, LAWS)
+
+
+def _waveforms(case: Case, index: int) -> tuple[str, ...]:
     """The constant's waveforms by label, one a sensor."""
-    system = scene(Case(*setting, BEST_FIXED))
+    system = scene(case)
     return tuple(system.menu.library.labels[i] for i in system.constants()[index])
 
 
-def _tuned(setting: tuple[str, str], root: int, count: int) -> int:
-    system = scene(Case(*setting, BEST_FIXED))
-    return best_fixed(system, draw_worlds(system, world_seeds(root, "tune", count)))
+def _best_constants(cases: Sequence[Case], root: int, tuning: int, jobs: int) -> dict[Case, int]:
+    """The constant with the least predicted cost in each case; the first of equals.
+
+    JPDA tries every constant. A particle filter would take hours, most of them in the clutter that short or linear
+    chirps let in, and tries those ``SHORTLIST`` that cost JPDA least.
+    """
+    seeds = world_seeds(root, "tune", tuning)
+    quick = {case: case._replace(tracker="jpda") for case in cases}
+    every = [(case, k) for case in dict.fromkeys(quick.values()) for k in range(len(scene(case).constants()))]
+    costs = _costs(every, seeds, jobs)
+    slow = [case for case in cases if case not in quick.values()]
+    costs |= _costs([(case, k) for case in slow for k in _ranked(costs, quick[case])[:SHORTLIST]], seeds, jobs)
+    return {case: _ranked(costs, case)[0] for case in cases}
+
+
+def _ranked(costs: Mapping[tuple[Case, int], float], case: Case) -> list[int]:
+    """A case's constants, the cheapest first; equals in their order."""
+    return sorted((k for tried, k in costs if tried == case), key=lambda k: (costs[case, k], k))
+
+
+def _costs(constants: Sequence[tuple[Case, int]], seeds: Sequence[int], jobs: int) -> dict[tuple[Case, int], float]:
+    """Predicted cost of constants, each a case and an index."""
+    return dict(zip(constants, _each(jobs, "tuning", [delayed(_cost)(*c, seeds) for c in constants]), strict=True))
+
+
+def _cost(case: Case, index: int, seeds: Sequence[int]) -> float:
+    system = scene(case)
+    return float(rollout(system, Fixed(index), draw_worlds(system, seeds)).mean_cost.mean())
+
+
+def _all_runs(cases: Sequence[tuple[Case, Sequence[int]]], fixed: Mapping[Case, int], jobs: int) -> dict[Case, Runs]:
+    """Each case played on its worlds."""
+    batches = [(case, seeds[start : start + CHUNK]) for case, seeds in cases for start in range(0, len(seeds), CHUNK)]
+    work = [delayed(_play)(case, fixed.get(case, 0), seeds) for case, seeds in batches]
+    parts: dict[Case, list[Runs]] = {}
+    for (case, _), part in zip(batches, _each(jobs, "playing", work), strict=True):
+        parts.setdefault(case, []).append(part)
+    return {case: Runs(*(np.concatenate(a) for a in zip(*played, strict=True))) for case, played in parts.items()}
 
 
 def _policy(name: str, fixed: int) -> Policy:
     if name in AGILE:
         return Progressive()
-    return Fixed(fixed) if name == BEST_FIXED else Myopic()
+    return Fixed(fixed) if name in CONSTANT else Myopic()
 
 
 def _play(case: Case, fixed: int, seeds: Sequence[int], steps: int | None = None) -> Runs:
@@ -192,16 +242,13 @@ def _play(case: Case, fixed: int, seeds: Sequence[int], steps: int | None = None
         state = system.advance(state, action, world)
         figures = system.metrics(state)
         squared = np.where(figures["present"], figures["squared_error"], np.nan)
-        kept.append((squared, system.cost(state.public), laws(system, action), figures["clutter"]))
-    squared_error, cost, law, clutter = (np.stack(arrays, axis=1) for arrays in zip(*kept, strict=True))
-    return Runs(squared_error, cost, law, clutter, figures["lost"])
+        nees = np.where(figures["present"], figures["nees"], np.nan)
+        kept.append((squared, system.cost(state.public), nees, laws(system, action), figures["clutter"]))
+    squared_error, cost, nees, law, clutter = (np.stack(arrays, axis=1) for arrays in zip(*kept, strict=True))
+    return Runs(squared_error, cost, nees, law, clutter, figures["lost"])
 
 
 def _each(jobs: int, title: str, work: Sequence[Any]) -> list[Any]:
     """The results of joblib's delayed calls in their order, with a bar on a terminal."""
     results: Iterable[Any] = Parallel(n_jobs=jobs, return_as="generator")(work)
     return list(tqdm(results, total=len(work), desc=title, unit="batch", disable=None))
-
-
-def _merged(parts: Sequence[Runs]) -> Runs:
-    return Runs(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

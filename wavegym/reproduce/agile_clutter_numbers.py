@@ -8,44 +8,64 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.evaluation import statistics
-from wavegym.evaluation.statistics import Estimate
+from wavegym.evaluation.statistics import LEVEL, Estimate
 from wavegym.evaluation.summary import versions
 from wavegym.evaluation.worlds import word
-from wavegym.reproduce.agile_clutter import CLUTTER, FULL, LAWS, PARTICLES, Runs, Study
+from wavegym.reproduce.agile_clutter import BEST_FREE, CLUTTER, FREE, FULL, Runs, Study, names, scene
+from wavegym.systems.agile_clutter import AgileClutter
 
 Array = NDArray[Any]
 
-JUMP, DROP = 8, 26  # steps at which the second target is first measured, and the first one no longer
+JUMP = AgileClutter.births[1] + 1  # steps at which the second target is first measured,
+DROP = AgileClutter.births[0] + AgileClutter.lifetime + 1  # and the first one no longer
 # Steps, from 1, over which the shares of the phase functions are told.
-WINDOWS = {"1-3": (1, 3), "7": (7, 7), "8": (8, 8), "8-10": (8, 10), "20-25": (20, 25), "26-32": (26, 32)}
+WINDOWS = {"early": (1, 3), "jump": (JUMP, JUMP), "late": (20, DROP - 1), "all": (1, AgileClutter.horizon)}
 
 
 def summarise(study: Study) -> dict[str, Any]:
     """All numbers, made of plain types; None where there is no estimate, as of runs of which none was kept.
 
     Keys:
-        command, seed, runs, particles, versions, and trackers: for each tracker and each clutter ("clutter", "no
-        clutter") ``best_fixed`` {index, waveforms}, ``policies``, and of the fully agile scheduler's kept runs
-        ``jump`` and ``drop`` (its error at k = 8 over that at 7, at 26 over 25) and ``laws`` (share of each phase
-        function's transmissions, sensors together, by window of steps). Of each policy: ``kept``, the share of runs in
-        which no target was lost; ``mse_kept`` and ``mse_all`` {mean, ci, median, runs}, m^2, the squared error summed
-        over targets and steps; ``predicted``, the tracker's own variance summed likewise, of kept runs; ``clutter``,
-        points inside gates per step, and ``clutter_1``, at the first step, all runs; ``ratio_kept`` and ``ratio_all``
-        {ratio, ci, geometric, geometric_ci, runs}: mse over that of the fully agile scheduler in the same runs, kept
-        under both policies or all of them. Intervals are [low, high], 95 %, of a bootstrap over runs.
+        command, seed, runs, particles, clutter_density, versions; ``convergence``: by number of particles the ``runs``
+        and, as of a policy, ``kept``, ``mse_kept`` and ``mse_all`` of the library's one-step scheduler; and trackers:
+        for each tracker and each clutter ("clutter", "no clutter") ``best_fixed``, {index, waveforms} by policy,
+        ``policies``, ``best_free`` (ratios as below, of the best fixed to the agile scheduler, both with shapes free),
+        ``jump`` and ``drop`` (of the fully agile scheduler's kept runs: its error at k = JUMP over that a step
+        earlier, and at DROP likewise), and ``choices``, of the fully agile scheduler and the one with its shapes free.
+
+        Of each policy: ``kept``, the share of runs in which no target was lost; ``mse_kept`` and ``mse_all`` {mean,
+        ci, median, runs}, m^2, the squared error summed over targets and steps; ``nees``, its mean over them, of kept
+        runs; ``predicted``, the tracker's own variance summed likewise; ``clutter``, points inside gates per step,
+        and ``clutter_1``, at the first step, all runs; ``ratio_kept`` and ``ratio_all`` {ratio, ci, geometric,
+        geometric_ci, runs}: mse over that of the fully agile scheduler in the same runs, kept under both policies or
+        all of them; None for itself.
+
+        Of ``choices``, all of kept runs: ``share``, by window of steps (``WINDOWS``: early, jump, late, all), of each
+        phase function, sensors together;
+        ``kind``, the same by kind of phase function; ``linear`` {choices, of, runs, kept, ci}: how often LFM was
+        chosen and in how many runs, with the interval of the share of such runs; ``typical``, what the run most like
+        the others chose, a list for each sensor.
+
+        Intervals are [low, high], 95 %: of a BCa bootstrap over runs; of a share that is 0 or 1 in each run, or the
+        same in all, from the binomial distribution (Clopper and Pearson).
     """
     trackers: dict[str, Any] = {}
     for tracker, clutter in study.settings:
         trackers.setdefault(tracker, {})[clutter] = _setting(study, tracker, clutter)
-    runs = len(next(iter(study.runs.values())).lost)
+    first = next(iter(study.runs))
+    runs = len(study.runs[first].lost)
     asked = "both" if len(trackers) > 1 else next(iter(trackers))
     return {
         "command": f"python -m wavegym.reproduce agile_clutter --runs {runs} --tracker {asked} --seed {study.root}",
         "seed": study.root,
         "runs": runs,
-        "particles": PARTICLES,
+        "particles": scene(first).particles,
         "clutter_density": dict(CLUTTER),
         "versions": versions(),
+        "convergence": {
+            str(count): {"runs": len(played.lost), **_errors(played, study.root)}
+            for count, played in study.converged.items()
+        },
         "trackers": trackers,
     }
 
@@ -56,9 +76,9 @@ def curve(study: Study, runs: Runs) -> list[Estimate]:
     return [_mean(summed[:, k], study.root) for k in range(summed.shape[1])]
 
 
-def shares(runs: Runs) -> Array:
-    """Of kept runs, the share of each phase function, (k, sensor, law); NaN where none was kept."""
-    chosen = runs.law[runs.kept][..., None] == np.arange(len(LAWS))
+def shares(runs: Runs, count: int) -> Array:
+    """Of kept runs, the share of each of ``count`` phase functions, (k, sensor, law); NaN where none was kept."""
+    chosen = runs.law[runs.kept][..., None] == np.arange(count)
     return chosen.sum(axis=0) / (len(chosen) or np.nan)
 
 
@@ -66,50 +86,92 @@ def typical(runs: Runs) -> Array:
     """Phase functions (k, sensor) of the kept run whose choices most other kept runs share; the first of equals."""
     law = runs.law[runs.kept]
     agreement = np.zeros(len(law))
-    for index in range(len(LAWS)):
+    for index in range(law.max(initial=-1) + 1):
         chosen = law == index
         agreement += (chosen * chosen.sum(axis=0)).sum(axis=(1, 2))
     return law[int(agreement.argmax())] if len(law) else np.full(law.shape[1:], -1)
 
 
+def kind(name: str) -> str:
+    """The kind of a phase function by its name: HFM of HFM0.1."""
+    return name[:3]
+
+
 def _setting(study: Study, tracker: str, clutter: str) -> dict[str, Any]:
     played, root = study.of(tracker, clutter), study.root
-    index, waveforms = study.fixed[tracker, clutter]
     full = played[FULL]
     summed = full.summed[full.kept]
     return {
-        "best_fixed": {"index": index, "waveforms": list(waveforms)},
-        "policies": {name: _policy(runs, full, root) for name, runs in played.items()},
+        "best_fixed": {
+            case.policy: {"index": index, "waveforms": list(waveforms)}
+            for case, (index, waveforms) in study.fixed.items()
+            if case[:2] == (tracker, clutter)
+        },
+        "policies": {name: _policy(runs, None if name == FULL else full, root) for name, runs in played.items()},
+        "best_free": _ratios(played[BEST_FREE], played[FREE], root),
         "jump": _ratio(summed[:, JUMP - 1], summed[:, JUMP - 2], root),
         "drop": _ratio(summed[:, DROP - 1], summed[:, DROP - 2], root),
-        "laws": _laws(full, root),
+        "choices": {name: _choices(played[name], names(name), root) for name in (FULL, FREE)},
     }
 
 
-def _policy(runs: Runs, full: Runs, root: int) -> dict[str, Any]:
-    total, reference, both = runs.summed.sum(axis=1), full.summed.sum(axis=1), runs.kept & full.kept
+def _policy(runs: Runs, full: Runs | None, root: int) -> dict[str, Any]:
+    own = runs.kept
     return {
-        "kept": _plain(_mean(runs.kept.astype(float), root)),
-        "mse_kept": _error(total[runs.kept], root),
-        "mse_all": _error(total, root),
-        "predicted": _plain(_mean(runs.cost[runs.kept].sum(axis=1), root)),
+        **_errors(runs, root),
+        "nees": _plain(_mean(np.nanmean(runs.nees[own], axis=(1, 2)), root)),
+        "predicted": _plain(_mean(runs.cost[own].sum(axis=1), root)),
         "clutter": _plain(_mean(runs.clutter.mean(axis=1), root)),
         "clutter_1": _plain(_mean(runs.clutter[:, 0], root)),
+        **({"ratio_kept": None, "ratio_all": None} if full is None else _ratios(runs, full, root)),
+    }
+
+
+def _ratios(runs: Runs, others: Runs, root: int) -> dict[str, Any]:
+    total, reference, both = runs.summed.sum(axis=1), others.summed.sum(axis=1), runs.kept & others.kept
+    return {
         "ratio_kept": _ratio(total[both], reference[both], root),
         "ratio_all": _ratio(total, reference, root),
     }
 
 
-def _laws(runs: Runs, root: int) -> dict[str, dict[str, Any]]:
-    """Shares by window and law, all steps first."""
-    law = runs.law[runs.kept]
-    windows = {"all": (1, law.shape[1]), **WINDOWS}
+def _errors(runs: Runs, root: int) -> dict[str, Any]:
+    total = runs.summed.sum(axis=1)
     return {
-        name: {
-            text: _plain(_mean((law[:, first - 1 : last] == index).mean(axis=(1, 2)), root))
-            for index, text in enumerate(LAWS)
+        "kept": _plain(_share(runs.kept.astype(float), root)),
+        "mse_kept": _error(total[runs.kept], root),
+        "mse_all": _error(total, root),
+    }
+
+
+def _choices(runs: Runs, offered: tuple[str, ...], root: int) -> dict[str, Any]:
+    law = runs.law[runs.kept]
+    kinds = tuple(dict.fromkeys(map(kind, offered)))
+    of_kind = np.array([kinds.index(kind(name)) for name in offered])
+    linear = law == offered.index("LFM")
+    some = linear.any(axis=(1, 2))
+    return {
+        "share": _windows(law, offered, root),
+        "kind": _windows(of_kind[law], kinds, root),
+        "linear": {
+            "choices": int(linear.sum()),
+            "of": linear.size,
+            "runs": int(some.sum()),
+            "kept": len(some),
+            "ci": _plain(_share(some.astype(float), root))["ci"],
+        },
+        "typical": [[offered[j] if j >= 0 else "" for j in sensor] for sensor in typical(runs).T],
+    }
+
+
+def _windows(law: Array, labels: tuple[str, ...], root: int) -> dict[str, dict[str, Any]]:
+    """Share of each label by window of steps, from indices (run, k, sensor)."""
+    return {
+        window: {
+            label: _plain(_share((law[:, first - 1 : last] == index).mean(axis=(1, 2)), root))
+            for index, label in enumerate(labels)
         }
-        for name, (first, last) in windows.items()
+        for window, (first, last) in WINDOWS.items()
     }
 
 
@@ -121,6 +183,24 @@ def _error(values: Array, root: int) -> dict[str, Any]:
 def _mean(values: Array, root: int) -> Estimate:
     """Of (run,) values, each time with the same resamples: an interval does not depend on what else is estimated."""
     return statistics.mean(values[None], _generator(root)) if len(values) else Estimate(None, None)
+
+
+def _share(values: Array, root: int) -> Estimate:
+    """Of (run,) shares. Where all runs agree, or each has 0 or 1, a bootstrap knows too little.
+
+    The interval is then exact, of a count of n runs; and where all agree on a share between, it is what the mean could
+    be if as many runs had any other share as 0 of n allow.
+    """
+    if not len(values) or not (np.isin(values, (0.0, 1.0)).all() or (values == values[0]).all()):
+        return _mean(values, root)
+    from scipy.stats import binomtest  # half a second that a worker process need not spend
+
+    share = float(values.mean())
+    if 0.0 < share < 1.0 and (values == values[0]).all():
+        other = float(binomtest(0, len(values)).proportion_ci(LEVEL, method="exact").high)
+        return Estimate(share, (share * (1.0 - other), share + (1.0 - share) * other))
+    exact = binomtest(int(values.sum()), len(values)).proportion_ci(LEVEL, method="exact")
+    return Estimate(share, (float(exact.low), float(exact.high)))
 
 
 def _ratio(values: Array, reference: Array, root: int) -> dict[str, Any]:

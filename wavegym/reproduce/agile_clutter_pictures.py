@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import io
+import string
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.evaluation.statistics import Estimate
-from wavegym.reproduce.agile_clutter import FULL, LAWS, POLICIES, Case, Study, scene
-from wavegym.reproduce.agile_clutter_numbers import shares, typical
+from wavegym.reproduce.agile_clutter import FREE, FULL, POLICIES, Case, Study, names, scene
+from wavegym.reproduce.agile_clutter_numbers import DROP, JUMP, kind, shares, typical
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,10 +23,11 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 INK: dict[str, Any] = {"size": "small", "color": "0.35"}
-COLOURS = ("#000000", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
-LINES = ("-", "-", "-", "-", "-", "--", ":")
-LAW_NAMES = ("LFM", "PFM κ=3", "HFM", "EFM")
-LAW_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")
+SENSORS = string.ascii_uppercase  # as the paper names them
+# Okabe and Ito's
+COLOURS = ("#000000", "#7f7f7f", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#b8a800", "#56b4e9")
+LINES = ("-", "--", "-", "-", "-", "-", "-.", "-.", ":")
+KIND_COLOURS = {"LFM": "#d55e00", "PFM": "#0072b2", "HFM": "#009e73", "EFM": "#cc79a7"}
 SETTINGS = {"clutter": "clutter, density 10⁻⁴", "no clutter": "no clutter"}
 TRACKER_NAMES = {"jpda": "JPDA", "particle": "particle filter"}
 DPI = 150
@@ -52,19 +55,20 @@ def draw_errors(study: Study, curves: Mapping[Case, Sequence[Estimate]]) -> byte
 
 
 def draw_laws(study: Study) -> bytes:
-    """Figure 3: the fully agile scheduler's phase functions in clutter; a typical run, and shares of the kept runs."""
+    """Figure 3: the phase functions chosen in clutter; a typical run, shares of the kept runs, and shapes set free."""
     trackers = _trackers(study)
-    figure = _figure(5.8 * len(trackers), 7.2)
-    grid = figure.subplots(3, len(trackers), sharex=True, squeeze=False, height_ratios=(1.2, 1, 1))
+    figure = _figure(5.8 * len(trackers), 11.0)
+    grid = figure.subplots(5, len(trackers), sharex=True, squeeze=False, height_ratios=(1.2, 1, 1, 1, 1))
     for column, tracker in zip(grid.T, trackers, strict=True):
-        runs = study.runs[Case(tracker, "clutter", FULL)]
-        _draw_typical(column[0], typical(runs), f"{TRACKER_NAMES[tracker]}: a typical run")
-        for sensor, axes in enumerate(column[1:]):
-            _draw_shares(axes, shares(runs)[:, sensor], f"sensor {'AB'[sensor]}: share of kept runs")
+        _draw_typical(column[0], typical(study.runs[Case(tracker, "clutter", FULL)]), TRACKER_NAMES[tracker])
+        for axes, (policy, sensor) in zip(column[1:], product((FULL, FREE), (0, 1)), strict=True):
+            runs = study.runs[Case(tracker, "clutter", policy)]
+            _draw_shares(axes, names(policy), shares(runs, len(names(policy)))[:, sensor])
+            axes.set_ylabel(f"{policy}\nsensor {SENSORS[sensor]}: share", fontsize="small")
         _seconds(column[0], _dt(study))
         column[-1].set_xlabel("step k")
-    handles, labels = grid[1, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
+    handles, labels = grid[-1, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=7, fontsize="small")
     return _png(figure)
 
 
@@ -80,7 +84,7 @@ def _draw_curve(axes: Axes, policy: str, estimates: Sequence[Estimate], place: i
 
 def _mark_targets(axes: Axes) -> None:
     """Where targets come and go."""
-    for k, text in ((8, "target 2 appears"), (26, "target 1 leaves")):
+    for k, text in ((JUMP, "target 2 appears"), (DROP, "target 1 leaves")):
         axes.axvline(k, color="0.6", linewidth=0.8, linestyle="--", zorder=1)
         axes.annotate(
             text, (k, 0.02), xycoords=("data", "axes fraction"), xytext=(3, 0), textcoords="offset points", **INK
@@ -92,21 +96,33 @@ def _draw_typical(axes: Axes, law: Array, title: str) -> None:
     for sensor, (marker, offset) in enumerate((("o", 0.12), ("s", -0.12))):
         shown = np.where(law[:, sensor] >= 0, law[:, sensor] + offset, np.nan)
         fill = "none" if sensor else "0.15"
-        axes.plot(k, shown, marker, color="0.15", markerfacecolor=fill, markersize=4.5, label=f"sensor {'AB'[sensor]}")
-    axes.set_yticks(range(len(LAWS)), labels=LAW_NAMES)
-    axes.set_ylim(-0.6, len(LAWS) - 0.4)
+        axes.plot(
+            k, shown, marker, color="0.15", markerfacecolor=fill, markersize=4.5, label=f"sensor {SENSORS[sensor]}"
+        )
+    axes.set_yticks(range(len(names(FULL))), labels=names(FULL))
+    axes.set_ylim(-0.6, len(names(FULL)) - 0.4)
+    axes.set_ylabel("fully agile\na typical run", fontsize="small")
     axes.set_title(title, fontsize="medium")
     axes.legend(fontsize="small", loc="upper right", ncols=2)
     axes.grid(alpha=0.3)
 
 
-def _draw_shares(axes: Axes, share: Array, title: str) -> None:
+def _draw_shares(axes: Axes, laws: Sequence[str], share: Array) -> None:
+    """Stacked bars, (k, law); a kind has a colour, the paler the further down the list of all its shapes."""
     k, base = np.arange(1, len(share) + 1), np.zeros(len(share))
-    for index, name in enumerate(LAW_NAMES):
-        axes.bar(k, share[:, index], 1.0, base, color=LAW_COLOURS[index], label=name, edgecolor="white", linewidth=0.4)
+    for index, law in enumerate(laws):
+        alike = [other for other in names(FREE) if kind(other) == kind(law)]
+        colour = _paler(KIND_COLOURS[kind(law)], alike.index(law) / len(alike))
+        axes.bar(k, share[:, index], 1.0, base, color=colour, label=law, edgecolor="white", linewidth=0.4)
         base = base + share[:, index]
     axes.set(ylim=(0, 1), xlim=(0.5, len(share) + 0.5))
-    axes.set_ylabel(title, fontsize="small")
+
+
+def _paler(colour: str, share: float) -> Array:
+    """A colour with so much white in it."""
+    from matplotlib.colors import to_rgb
+
+    return np.array(to_rgb(colour)) * (1.0 - share) + share
 
 
 def _seconds(axes: Axes, dt: float) -> None:

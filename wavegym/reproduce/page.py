@@ -1,0 +1,52 @@
+"""The part of the docs' page that is made from results: ``python -m wavegym.reproduce.page SUMMARY PAGE``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from wavegym.errors import InputError
+from wavegym.evaluation.command import guarded
+from wavegym.evaluation.files import write_whole
+from wavegym.reproduce.agile_clutter_findings import findings
+from wavegym.reproduce.agile_clutter_table import markdown
+
+START, END = "<!-- made by `make reproduce PAGE=1`: -->", "<!-- to here -->"
+
+
+def block(summary: dict[str, Any]) -> str:
+    """What stands between the markers: the command, the table, the findings."""
+    command = f"```\n{summary['command']}\n```"
+    return f"{START}\n\n{command}\n\n{markdown(summary)}\n\n{findings(summary)}\n\n{END}"
+
+
+def renewed(page: str, summary: dict[str, Any]) -> str:
+    """The page with its block made afresh.
+
+    Raises:
+        InputError: the page has no block.
+    """
+    before, start, rest = page.partition(START)
+    _, end, after = rest.partition(END)
+    if not (start and end):
+        raise InputError(f"the page has no lines {START!r} and {END!r}, expected both")
+    return before + block(summary) + after
+
+
+def main(arguments: list[str]) -> int:
+    """The command; returns its exit status."""
+
+    def renew() -> None:
+        if len(arguments) != 2:
+            raise InputError("expected two arguments: python -m wavegym.reproduce.page SUMMARY PAGE")
+        summary, page = (Path(argument) for argument in arguments)
+        text = renewed(page.read_text(encoding="utf-8"), json.loads(summary.read_text(encoding="utf-8")))
+        write_whole(page.parent, {page.name: text.encode()})
+
+    return guarded(renew)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
