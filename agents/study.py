@@ -55,6 +55,7 @@ class Study:
         policies: schedulers by name.
         seeds: training seeds.
         learners: by name.
+        environment: parameters of the environment, in training and comparison, ``["action=joint"]``.
         trained_in: another study whose learners are compared here too.
         tracks: a recording, relative to the repository; radar: where the radar stands.
     """
@@ -64,15 +65,17 @@ class Study:
     policies: tuple[str, ...]
     seeds: tuple[int, ...] = ()
     learners: dict[str, Learner] = field(default_factory=dict)
+    environment: tuple[str, ...] = ()
     trained_in: str | None = None
     tracks: Path | None = None
     radar: tuple[float, ...] | None = None
 
     def parameters(self) -> dict[str, Any]:
         """The environment's parameters."""
+        given = settings(self.environment)
         if self.tracks is None:
-            return {}
-        return {"targets": "recorded", "tracks": os.path.relpath(ROOT / self.tracks), "radar": self.radar}
+            return given
+        return {**given, "targets": "recorded", "tracks": os.path.relpath(ROOT / self.tracks), "radar": self.radar}
 
 
 def load_studies(file: Path = FOLDER / "studies.toml") -> dict[str, Study]:
@@ -86,18 +89,18 @@ def load_studies(file: Path = FOLDER / "studies.toml") -> dict[str, Study]:
 def train_missing(name: str, study: Study, jobs: int) -> None:
     """Train every learner of a study with every seed, ``jobs`` at a time."""
     # Compile the kernels here, not in several processes at once.
-    envs = gym.make_vec(study.env, num_envs=2, reward="relative")
+    envs = gym.make_vec(study.env, num_envs=2, reward="relative", **settings(study.environment))
     envs.reset(seed=0)
     envs.step(envs.action_space.sample())
     work = [
-        delayed(_train)(study.env, learner, seed, _run_folder(name, label, seed))
+        delayed(_train)(study.env, study.environment, learner, seed, _run_folder(name, label, seed))
         for label, learner in study.learners.items()
         for seed in study.seeds
     ]
     Parallel(n_jobs=jobs)(work)
 
 
-def _train(env: str, learner: Learner, seed: int, folder: Path) -> None:
+def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
     from agents.plan import Plan
     from agents.runs import RUN
     from agents.settings import load_settings
@@ -105,9 +108,8 @@ def _train(env: str, learner: Learner, seed: int, folder: Path) -> None:
 
     if (folder / RUN).exists():
         return
-    plan = Plan(
-        env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set), settings(learner.environment))
-    )
+    environment = {**settings(shared), **settings(learner.environment)}
+    plan = Plan(env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set), environment))
     train(plan, folder, checkpoint_every=200_000, resume=(folder / "plan.json").exists(), progress=False)
 
 

@@ -85,7 +85,7 @@ class Counting(Fixed):
             {"policies": {"first": lambda system: Counting(0), "myopc": None}},
             "policy is 'myopc'.*did you mean 'myopic'",
         ),
-        ({"policies": {"fixed:400": None}}, r"fixed:400 is not a waveform.*nearest: 55"),
+        ({"policies": {"fixed:400": None}}, r"fixed:400 is no constant action.*nearest: 55"),
         ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
         ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),
         ({"root": -1}, "seed is -1"),

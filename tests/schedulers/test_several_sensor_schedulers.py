@@ -37,7 +37,7 @@ def test_candidates_are_all_combinations_and_constants_what_the_system_says():
 def test_fixed_and_round_robin_choose_among_the_constants():
     policy, public = ready(Fixed(1), SYSTEM, 4)
     assert policy.act(public, None, None).tolist() == [[1, 1]] * 4
-    with pytest.raises(InputError, match=r"fixed:3 is not a waveform, expected 0 to 2 .nearest: 2"):
+    with pytest.raises(InputError, match=r"fixed:3 is no constant action, expected 0 to 2 .nearest: 2"):
         ready(Fixed(3), SYSTEM, 1)
     policy, public = ready(RoundRobin(), SYSTEM, 4)
     public = public._replace(step=np.array([0, 1, 2, 3]))

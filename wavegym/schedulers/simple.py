@@ -47,7 +47,7 @@ class Fixed:
         if not 0 <= self.index < len(constants):
             last = len(constants) - 1
             nearest = min(max(self.index, 0), last)
-            raise InputError(f"fixed:{self.index} is not a waveform, expected 0 to {last} (nearest: {nearest})")
+            raise InputError(f"fixed:{self.index} is no constant action, expected 0 to {last} (nearest: {nearest})")
         self._constants = constants
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
