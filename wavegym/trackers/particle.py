@@ -91,20 +91,17 @@ def particle_update(
             targets than the exact association takes.
     """
     X, V = _particles(mean, covariance)
-    targets = X.shape[1]
-    scans = [_array(f"measurements[{i}]", _rows(z), (None, 2)) for i, z in enumerate(measurements)]
-    Pd, N = _array("pd", pd, (len(scans), targets)), _array("noise", noise, (len(scans), targets, 2, 2))
-    place = _array("sensors", sensors, (len(scans), 2))
-    there = np.ones(targets, bool) if present is None else np.array(present, bool)
-    if there.shape != (targets,):
-        raise InputError(f"present has the shape {there.shape}, expected ({targets},)")
+    there = np.ones(X.shape[1], bool) if present is None else np.array(present, bool)
+    if there.shape != X.shape[1:2]:
+        raise InputError(f"present has the shape {there.shape}, expected {X.shape[1:2]}")
+    scans, Pd, N, place = _scans(measurements, pd, noise, sensors, X.shape[1])
     _require_sound(key, Pd[:, there], clutter_density, gate_probability)
     for name, matrix in (("covariance", V[:, there]), ("noise", N[:, there])):
         if matrix.size:
             require_positive_definite(name, matrix)
 
     log_weight, own = np.zeros(len(X)), np.uint64(key)
-    everywhere = np.zeros((targets, 2)), np.ones((targets, 2, 2)), np.inf, float(gate_probability)
+    everywhere = np.zeros((len(there), 2)), np.ones((len(there), 2, 2)), np.inf, float(gate_probability)
     for i, z in enumerate(scans):
         kernels.update_particles(
             np.uint64(stream(own, i)), there, X, V, log_weight, z, len(z), Pd[i], N[i], place[i, 0], place[i, 1],
@@ -168,9 +165,14 @@ def _particles(mean: ArrayLike, covariance: ArrayLike) -> tuple[Array, Array]:
     return X, _array("covariance", covariance, (*X.shape, STATES))
 
 
-def _rows(scan: ArrayLike) -> ArrayLike:
-    """A scan of no returns may come as an empty list."""
-    return np.empty((0, 2)) if np.size(scan) == 0 else scan
+def _scans(
+    measurements: Sequence[ArrayLike], pd: ArrayLike, noise: ArrayLike, sensors: ArrayLike, targets: int
+) -> tuple[list[Array], Array, Array, Array]:
+    """What each sensor returned, Pd, noise covariances and places as arrays; a scan may come as an empty list."""
+    rows = (np.empty((0, 2)) if np.size(z) == 0 else z for z in measurements)
+    scans = [_array(f"measurements[{i}]", z, (None, 2)) for i, z in enumerate(rows)]
+    Pd, N = _array("pd", pd, (len(scans), targets)), _array("noise", noise, (len(scans), targets, 2, 2))
+    return scans, Pd, N, _array("sensors", sensors, (len(scans), 2))
 
 
 def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
