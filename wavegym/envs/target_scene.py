@@ -155,9 +155,8 @@ def transmitted(system: AgileClutter, action: Array) -> list[Waveform]:
     if not isinstance(system.actions, ParameterBox):
         return [menu.options[i] for i in by_sensor(system.actions, action)[0]]
     pulses: list[Waveform] = []
-    for values in menu.box.decode(action)[0].reshape(len(system.sensors), -1):
-        *law, duration, sweep = values.tolist()
-        kind, shape = parse_law(menu.laws[min(int(law[0]), len(menu.laws) - 1) if law else 0])
+    for law, duration, sweep in zip(*(values[0].tolist() for values in menu.decode_chirps(action)), strict=True):
+        kind, shape = parse_law(menu.laws[law])
         direction = "down" if sweep < 0 else "up"
         pulses.append(TrapezoidChirp(kind=kind, shape=shape, duration=duration, sweep=abs(sweep), direction=direction))
     return pulses

@@ -168,10 +168,7 @@ def laws(system: AgileClutter, actions: Array) -> Array:
     menu = system.menu
     if menu.form == "library":
         return actions // (len(menu.library) // len(menu.laws))
-    if len(menu.laws) == 1:
-        return np.zeros((*actions.shape[:-1], menu.sensors), np.int64)
-    values = menu.box.decode(actions).reshape(*actions.shape[:-1], menu.sensors, -1)
-    return values[..., 0].astype(np.int64)
+    return menu.decode_chirps(actions)[0]
 
 
 def _offered(policy: str) -> tuple[str, ...]:

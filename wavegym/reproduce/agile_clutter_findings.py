@@ -167,7 +167,7 @@ def _particles(summary: dict[str, Any]) -> str:
     )
     return (
         "**The paper's particle filter.** Ours samples histories of associations and keeps a Gaussian for each target "
-        "given them (Rao-Blackwellised); the printed one degenerates, see [errata](errata.md). Ours has "
+        "given them (Rao-Blackwellised); the printed one samples states, see [errata](errata.md). Ours has "
         f"{summary['particles']} particles. What their number does, by the library's one-step scheduler on the first "
         f"{next(iter(tried.values()))['runs']} worlds: {told}."
     )

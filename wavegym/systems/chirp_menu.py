@@ -87,13 +87,10 @@ class ChirpMenu:
         return self.options.measurement_covariances(self.carrier_hz)
 
     @cached_property
-    def _option_points(self) -> Array:
-        """(option, per sensor) physical parameters of the library as the box has them."""
-        points = [
-            (law + 0.5, duration, sign * sweep)
-            for law, duration, sweep, sign in product(range(len(self.laws)), self.durations, self.sweeps, (1.0, -1.0))
-        ]
-        return np.array(points)[:, 0 if len(self.laws) > 1 else 1 :]
+    def _option_chirps(self) -> Array:
+        """(3, option): law, duration and signed sweep of the library, as ``encode_chirps`` takes them."""
+        chirps = product(range(len(self.laws)), self.durations, self.sweeps, (1.0, -1.0))
+        return np.array([(law, duration, sign * sweep) for law, duration, sweep, sign in chirps]).T
 
     def encode(self, choices: Array) -> Array:
         """Actions of one option per sensor, (..., sensor) int."""
@@ -102,14 +99,20 @@ class ChirpMenu:
         if self.form == "joint":
             weights = len(self.options) ** np.arange(self.sensors)[::-1]
             return (choices * weights).sum(axis=-1)
-        points = self._option_points[choices]
-        return self.box.encode(points.reshape(*choices.shape[:-1], -1))
+        return self.encode_chirps(*self._option_chirps[:, choices])
 
     def encode_chirps(self, law: Array, duration: Array, sweep: Array) -> Array:
         """Box actions of any chirps, each (..., sensor): index of the law, s, signed Hz."""
         parts = [law + 0.5, duration, sweep] if len(self.laws) > 1 else [duration, sweep]
         values = np.stack(parts, axis=-1)
         return self.box.encode(values.reshape(*values.shape[:-2], -1))
+
+    def decode_chirps(self, actions: Array) -> tuple[Array, Array, Array]:
+        """Index of the law, duration (s) and signed sweep (Hz) of box actions, each (..., sensor)."""
+        values = self.box.decode(actions)
+        values = values.reshape(*values.shape[:-1], self.sensors, -1)
+        law = values[..., 0].astype(np.int64) if len(self.laws) > 1 else np.zeros(values.shape[:-1], np.int64)
+        return np.minimum(law, len(self.laws) - 1), values[..., -2], values[..., -1]
 
     @cached_property
     def constants(self) -> Array:
@@ -130,10 +133,7 @@ class ChirpMenu:
             return self.option_covariances.take(actions, axis=0)
         if self.form == "joint":
             return self.option_covariances.take(self.joint.indices.take(actions, axis=0), axis=0)
-        values = self.box.decode(actions)
-        values = values.reshape(*values.shape[:-1], self.sensors, -1)
-        law = values[..., 0].astype(np.int64) if len(self.laws) > 1 else np.zeros(values.shape[:-1], np.int64)
-        return self.chirp_covariance(np.minimum(law, len(self.laws) - 1), values[..., -2], values[..., -1])
+        return self.chirp_covariance(*self.decode_chirps(actions))
 
     def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:
         """C (..., 2, 2) of any chirps: index of the law, duration (s) and signed sweep (Hz), each (...)."""
