@@ -6,6 +6,7 @@ import sys
 import types
 from pathlib import Path
 
+import mistakes
 import numpy as np
 import pytest
 
@@ -57,14 +58,7 @@ def test_a_comparison_is_written_and_its_table_printed(tmp_path, capsys, env_id)
     ],
 )
 def test_mistakes_cost_one_line_and_no_earlier_result(tmp_path, capsys, arguments, words):
-    (tmp_path / "summary.json").write_text("earlier")
-    assert run(tmp_path, *arguments) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    (line,) = output.err.splitlines()
-    assert line.startswith("error: ")
-    assert words in line
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"summary.json": "earlier"}
+    mistakes.costs_one_line_and_no_earlier_result(lambda: run(tmp_path, *arguments), tmp_path, capsys, words)
 
 
 def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):

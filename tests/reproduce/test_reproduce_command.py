@@ -4,6 +4,7 @@ import csv
 import json
 from functools import partial
 
+import mistakes
 import numpy as np
 import pytest
 
@@ -69,14 +70,9 @@ def test_the_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, q
     ],
 )
 def test_mistakes_cost_one_line_and_no_earlier_result(tmp_path, capsys, arguments, words):
-    (tmp_path / "summary.json").write_text("earlier")
-    assert main([*arguments, "--out", str(tmp_path)]) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    (line,) = output.err.splitlines()
-    assert line.startswith("error: ")
-    assert words in line
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"summary.json": "earlier"}
+    mistakes.costs_one_line_and_no_earlier_result(
+        lambda: main([*arguments, "--out", str(tmp_path)]), tmp_path, capsys, words
+    )
 
 
 def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):
