@@ -24,14 +24,22 @@ from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
 from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
 from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
+from wavegym.sensors.penalties import fov_penalty
+from wavegym.sensors.platform import platform_jacobian, platform_measurement
+from wavegym.sensors.resolution import View, platform_view
 from wavegym.sensors.snr import range_law_snr
 
 __all__ = [
+    "View",
     "detection_probability",
     "energy_detection_probability",
+    "fov_penalty",
     "gate_probability",
     "gate_volume",
     "inside_gate",
+    "platform_jacobian",
+    "platform_measurement",
+    "platform_view",
     "range_and_rate",
     "range_and_rate_jacobian",
     "range_law_snr",

@@ -30,3 +30,12 @@ def shaped(name: str, values: ArrayLike, *core: int) -> Array:
     if array.ndim < len(core) or array.shape[array.ndim - len(core) :] != core:
         raise InputError(f"{name} has shape {array.shape}, expected (..., {', '.join(map(str, core))})")
     return array
+
+
+def alike(**arrays: ArrayLike) -> tuple[Array, ...]:
+    """The arrays broadcast to one shape; otherwise InputError."""
+    try:
+        return tuple(np.broadcast_arrays(*arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items())
+        raise InputError(f"shapes are {shapes}, expected shapes that broadcast") from None

@@ -14,8 +14,9 @@ from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.systems.agile_clutter_kernels import is_present, predict_targets
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
+from wavegym.trackers.kernels import squared_mahalanobis_one
 from wavegym.trackers.reduction_kernels import GATE, reduction_one
-from wavegym.trackers.unscented_kernels import cholesky_one, foresee_measurement_one
+from wavegym.trackers.unscented_kernels import foresee_measurement_one
 
 
 @kernel
@@ -188,7 +189,7 @@ def measure(step, mean, covariance, truth, targets, weights, present, squared, p
     """Of every target (e, t): whether it is present, weighted squared error, position error and NEES; else 0."""
     birth, lifetime = targets
     n = len(weights)
-    A, d = np.empty((len(birth), n, n)), np.empty(n)
+    L, d = np.empty((n, n)), np.empty(n)
     for e in range(len(step)):
         is_present(step[e], birth, lifetime, present[e])
         for t in range(len(birth)):
@@ -198,17 +199,4 @@ def measure(step, mean, covariance, truth, targets, weights, present, squared, p
                     d[a] = mean[e, t, a] - truth[e, t, a]
                     squared[e, t] += weights[a] * d[a] * d[a]
                 position[e, t] = np.sqrt(d[0] * d[0] + d[1] * d[1])
-                cholesky_one(t, t, covariance[e], A, (0, 0, 0, 0))
-                nees[e, t] = squared_norm(t, A, d)
-
-
-@kernel
-def squared_norm(t, A, d):
-    """|A[t]^-1 d|^2, A lower triangular; d is overwritten."""
-    total = 0.0
-    for a in range(len(d)):
-        for b in range(a):
-            d[a] -= A[t, a, b] * d[b]
-        d[a] /= A[t, a, a]
-        total += d[a] * d[a]
-    return total
+                nees[e, t] = squared_mahalanobis_one(t, d, covariance[e], L, (0, 0, 0, 0))

@@ -18,6 +18,7 @@ from wavegym.trackers.kalman import (
     predict,
     predict_covariance,
     require_positive_definite,
+    scalar_updates,
     update,
     update_covariance,
 )
@@ -39,6 +40,7 @@ __all__ = [
     "predict",
     "predict_covariance",
     "require_positive_definite",
+    "scalar_updates",
     "systematic_resample",
     "update",
     "update_covariance",

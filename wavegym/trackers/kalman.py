@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
 from wavegym.trackers import kernels
+from wavegym.trackers.rank_one_kernels import rank_one_update
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -71,6 +72,36 @@ def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> Arra
     P = kernels.update_covariance(covariance, H, R)
     _require_definite(P, covariance, H, R)
     return P
+
+
+def scalar_updates(
+    mean: ArrayLike, covariance: ArrayLike, innovation: ArrayLike, H: ArrayLike, variance: ArrayLike
+) -> tuple[Array, Array]:
+    """``update`` for independent errors, one scalar after another: P' = [P^-1 + H' R^-1 H]^-1, x' = x + P' H' R^-1 y.
+
+    A rank-one update for each row of H, exact whatever their order, with no matrix to invert: the information form
+    where R is diagonal, as in the EKF of O'Rourke and Swindlehurst, eqs. (10) and (11).
+
+    Args:
+        mean: predicted x, (..., n).
+        covariance: predicted P, (..., n, n).
+        innovation: y = z - h(x), (..., m).
+        H: measurement matrix or Jacobian, (..., m, n).
+        variance: diagonal of R, (..., m); infinite where a measurement is missing, whatever its innovation and row.
+
+    Returns:
+        The updated mean (..., n) and covariance (..., n, n), the latter exactly symmetric.
+
+    Raises:
+        InputError: a variance that is not > 0, shapes that do not fit, or a P that is not positive definite where the
+            update shows it.
+    """
+    errors = np.atleast_1d(np.asarray(variance, dtype=np.float64))
+    if not (errors > 0.0).all():
+        raise InputError(f"variance is {errors[~(errors > 0.0)][0]}, expected numbers > 0, or inf where missing")
+    x, P = rank_one_update(mean, covariance, innovation, H, errors)
+    _require_definite(P, covariance, H, np.nan_to_num(errors)[..., None] * np.eye(errors.shape[-1]))  # inf * 0 is NaN
+    return x, P
 
 
 def ekf_predict(

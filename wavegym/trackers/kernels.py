@@ -145,22 +145,29 @@ def update_covariance(P, H, R, P_out, nn, mm):
         update_covariance_one(e, P, D, V, e, P_out, nn, mm)
 
 
+@kernel
+def squared_mahalanobis_one(e, d, P, L, nn):
+    """d' P[e]^-1 d by Cholesky factorisation: L (n, n) becomes the factor and d (n,) L^-1 d."""
+    total = 0.0
+    for i in range(len(nn)):
+        for j in range(i + 1):
+            value = P[e, i, j]
+            for k in range(j):
+                value -= L[i, k] * L[j, k]
+            L[i, j] = np.sqrt(value) if i == j else value / L[j, j]
+        value = d[i]
+        for k in range(i):
+            value -= L[i, k] * d[k]
+        d[i] = value / L[i, i]
+        total += d[i] * d[i]
+    return total
+
+
 @batched("(n),(n,n)->()")
 def squared_mahalanobis(d, P, out, nn):
-    """d' P^-1 d by Cholesky factorisation."""
-    count, n = d.shape[0], len(nn)
-    L, w = np.empty((n, n)), np.empty(n)
-    for e in range(count):
-        total = 0.0
-        for i in range(n):
-            for j in range(i + 1):
-                value = P[e, i, j]
-                for k in range(j):
-                    value -= L[i, k] * L[j, k]
-                L[i, j] = np.sqrt(value) if i == j else value / L[j, j]
-            value = d[e, i]
-            for k in range(i):
-                value -= L[i, k] * w[k]
-            w[i] = value / L[i, i]
-            total += w[i] * w[i]
-        out[e] = total
+    """d' P^-1 d."""
+    L, w = np.empty((len(nn), len(nn))), np.empty(len(nn))
+    for e in range(d.shape[0]):
+        for i in range(len(nn)):
+            w[i] = d[e, i]
+        out[e] = squared_mahalanobis_one(e, w, P, L, nn)

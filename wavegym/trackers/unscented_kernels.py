@@ -13,14 +13,11 @@ from wavegym.sensors.geometry_kernels import range_and_rate
 
 
 @kernel
-def cholesky_one(row, e, P, A, nn):
-    """Lower triangular A[row] with A[row] A[row]' = P[e]; NaN where P[e] is not positive definite."""
-    cholesky_columns_one(row, e, P, A, nn, nn)
-
-
-@kernel
 def cholesky_columns_one(row, e, P, A, nn, cc):
-    """The first len(cc) columns of ``cholesky_one``, from the diagonal down."""
+    """The first len(cc) columns of the lower triangular A[row] with A[row] A[row]' = P[e], from the diagonal down.
+
+    NaN where P[e] is not positive definite.
+    """
     for i in range(len(cc)):
         for j in range(i, len(nn)):
             total = P[e, j, i]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,23 +43,6 @@ class Parameter:
             raise InputError(f"range of {self.name} is [{self.low!r}, {self.high!r}], expected finite low < high")
         if self.scale == "log":
             positive(f"low of {self.name} (log scale)", self.low, self.unit)
-
-    def decode(self, action: Array) -> Array:
-        """Physical value of an action in [-1, 1], any shape."""
-        share = 0.5 * (action + 1.0)
-        if self.scale == "log":
-            value = self.low * np.exp(share * math.log(self.high / self.low))
-        else:
-            value = self.low + share * (self.high - self.low)
-        return np.clip(value, self.low, self.high)
-
-    def encode(self, value: Array) -> Array:
-        """Action in [-1, 1] of a physical value inside the range, any shape."""
-        if self.scale == "log":
-            share = np.log(value / self.low) / math.log(self.high / self.low)
-        else:
-            share = (value - self.low) / (self.high - self.low)
-        return np.clip(2.0 * share - 1.0, -1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -99,10 +83,13 @@ class ParameterBox:
         Raises:
             InputError: if the last axis is not d long, or an action is NaN or outside [-1, 1].
         """
-        actions = self._checked("action", action, np.full(len(self), -1.0), np.ones(len(self)), slack=0.0)
-        values = np.empty_like(actions)
-        for i, parameter in enumerate(self.parameters):
-            values[..., i] = parameter.decode(actions[..., i])
+        from wavegym.waveforms.parameter_kernels import decode  # here, so that importing waveforms loads no compiler
+
+        actions = self._shaped("action", action)
+        values = np.empty(actions.shape)
+        flat = (np.ascontiguousarray(actions).reshape(-1, len(self)), *self._bounds, values.reshape(-1, len(self)))
+        if not decode(*flat):
+            self._require("action", actions, np.full(len(self), -1.0), np.ones(len(self)))
         return values
 
     def encode(self, values: ArrayLike) -> Array:
@@ -111,22 +98,34 @@ class ParameterBox:
         Raises:
             InputError: if the last axis is not d long, or a value is NaN or outside its range.
         """
-        low = np.array([parameter.low for parameter in self.parameters])
-        high = np.array([parameter.high for parameter in self.parameters])
-        physical = np.clip(self._checked("value", values, low, high, slack=_ROUNDING), low, high)
-        actions = np.empty_like(physical)
-        for i, parameter in enumerate(self.parameters):
-            actions[..., i] = parameter.encode(physical[..., i])
-        return actions
+        low, high, width, log = self._bounds
+        physical = self._shaped("value", values)
+        slack_low, slack_high = _ROUNDING * np.abs(low), _ROUNDING * np.abs(high)
+        self._require("value", physical, low - slack_low, high + slack_high, low, high)
+        physical = np.clip(physical, low, high)
+        logs = np.log(np.where(log, physical / np.where(log, low, 1.0), 1.0))
+        return np.clip(2.0 * (np.where(log, logs, physical - low) / width) - 1.0, -1.0, 1.0)
 
-    def _checked(self, what: str, given: ArrayLike, low: Array, high: Array, slack: float) -> Array:
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Low, high, width (of the logarithm, where the scale is log) and whether the scale is log, (d,) each."""
+        low, high = (np.array([getattr(p, name) for p in self.parameters]) for name in ("low", "high"))
+        log = np.array([p.scale == "log" for p in self.parameters])
+        width = np.array([math.log(p.high / p.low) if p.scale == "log" else p.high - p.low for p in self.parameters])
+        return low, high, width, log
+
+    def _shaped(self, what: str, given: ArrayLike) -> Array:
         array = np.asarray(given, dtype=np.float64)
-        if array.ndim == 0 or array.shape[-1] != len(self):
+        if array.ndim == 0 or array.shape[-1] != len(self.parameters):
             raise InputError(f"{what} has shape {array.shape}, expected (..., {len(self)}) for {', '.join(self.names)}")
-        # Written so that NaN counts as outside.
-        outside = ~((array >= low - slack * np.abs(low)) & (array <= high + slack * np.abs(high)))
+        return array
+
+    def _require(self, what: str, array: Array, low: Array, high: Array, *named: Array) -> None:
+        """InputError for the first element outside [low, high]; ``named`` are the bounds to name, if others."""
+        outside = ~((array >= low) & (array <= high))  # so that NaN counts as outside
         if outside.any():
             where = tuple(np.argwhere(outside)[0])
             i = int(where[-1])
-            raise InputError(f"{what} of {self.names[i]} is {array[where]:.9g}, expected [{low[i]:.9g}, {high[i]:.9g}]")
-        return array
+            least, most = named or (low, high)
+            wanted = f"[{least[i]:.9g}, {most[i]:.9g}]"
+            raise InputError(f"{what} of {self.names[i]} is {array[where]:.9g}, expected {wanted}")

@@ -5,17 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.errors import whole
-from wavegym.waveforms.library import Library
 
 Array = NDArray[Any]
 
 SEPARATOR = " | "  # between the labels of what the sensors transmit at a time
+
+
+class Menu(Protocol):
+    """What one sensor may transmit: a waveform library is one."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A short name for each choice."""
+
+    def __len__(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -30,7 +39,7 @@ class _AtEverySensor:
         InputError: if sensors is not an integer >= 1.
     """
 
-    library: Library
+    library: Menu
     sensors: int
 
     def __post_init__(self) -> None:

@@ -1,0 +1,63 @@
+"""Field of view as a penalty on the variance: smooth or sharp, for optimisers that need one or the other."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavegym.errors import InputError, choice, non_negative, positive
+from wavegym.sensors import platform_kernels as kernels
+from wavegym.sensors.checks import Array, alike, every
+
+Penalty = Literal["logistic", "hard", "deadzone", "log-barrier"]
+PENALTIES: tuple[str, ...] = get_args(Penalty)
+KINDS = {
+    "logistic": kernels.LOGISTIC,
+    "hard": kernels.HARD,
+    "deadzone": kernels.DEADZONE,
+    "log-barrier": kernels.LOG_BARRIER,
+}
+SHARPNESS = {"logistic": 100.0, "hard": 100.0, "deadzone": 100.0, "log-barrier": 1e8}
+
+
+def fov_penalty(
+    kind: str, x: ArrayLike, low: ArrayLike, high: ArrayLike, sharpness: ArrayLike, height: ArrayLike
+) -> Array:
+    """phi(x, [low, high]): what the variance of a measured quantity grows by near and beyond the field of view.
+
+    With nu = sharpness / high and gamma = height:
+
+    * ``"logistic"`` gamma [expit(2 nu (x - high)) + expit(2 nu (low - x))]: eq. (13) of O'Rourke and Swindlehurst on
+      both sides. gamma / 2 at the edge; below a share p of the variance v only for
+      |x| <= high (1 - ln(gamma / (p v)) / (2 sharpness)).
+    * ``"hard"`` gamma outside, exactly 0 inside.
+    * ``"deadzone"`` gamma nu times the distance outside, exactly 0 inside: gamma at high / sharpness beyond the edge.
+    * ``"log-barrier"`` -(gamma / sharpness) ln(1 - (x / high)^2), at most gamma; gamma outside. 0 at the centre only,
+      so the sharpness has to be much greater than gamma over the variance.
+
+    Args:
+        kind: one of the above.
+        x: the measured quantity, (...).
+        low, high: the interval in its unit, high > 0; low may be -inf. (...).
+        sharpness: relative to ``high``, (...).
+        height: gamma, in the unit's square, (...).
+
+    Returns:
+        phi in the unit's square, (...).
+
+    Raises:
+        InputError: an unknown kind, sharpness or high not > 0, a negative height, an empty interval, x NaN, shapes that
+            do not fit.
+    """
+    code = KINDS[choice("penalty", kind, PENALTIES)]
+    for name, value in (("high edge of the field of view", high), ("sharpness", sharpness)):
+        every(positive, name, value)
+    every(non_negative, "height", height)
+    if np.isnan(x).any():
+        raise InputError("x is nan, expected numbers")
+    lower, upper = alike(low=low, high=high)
+    if not (lower < upper).all():
+        raise InputError(f"field of view has the edges {low!r} and {high!r}, expected low < high")
+    return kernels.penalty(code, x, low, high, sharpness, height)
