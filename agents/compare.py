@@ -11,9 +11,11 @@ from typing import Any
 from wavegym.errors import InputError
 from wavegym.evaluation.command import Parser, settings
 
-POLICIES = """comma-separated: random, round-robin, fixed:K, best-fixed, myopic, myopic:exhaustive (tries every action),
-myopic:determinant, myopic:gate, myopic:closed-form and myopic:progressive (both with --set action=box), lookahead:H,
-optimum, or the folder of a trained run (or of several runs, one for each seed)"""
+POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,
+myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:closed-form,
+myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action=box), myopic-information (also with
+:slsqp or :polish), myopic-margin:M, lookahead:H, optimum, or the folder of a trained run (or of several runs, one for
+each seed)"""
 
 # What `compare` takes besides parameters of the environment, and where a user says it.
 COMPARISON = {

@@ -10,6 +10,8 @@ SYSTEMS = {
     "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans:KershawEvans",
     "wavegym/KershawEvansPosition-v0": "wavegym.systems.kershaw_evans:KershawEvansPosition",
     "wavegym/AgileClutter-v0": "wavegym.systems.agile_clutter:AgileClutter",
+    "wavegym/RfEo-v0": "wavegym.systems.rf_eo:RfEo",
+    "wavegym/RfEoFar-v0": "wavegym.systems.rf_eo_far:RfEoFar",
 }
 
 

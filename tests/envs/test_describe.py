@@ -69,9 +69,9 @@ def test_what_the_table_says_is_what_the_agent_sees(id):
 @pytest.mark.parametrize("id", IDS)
 def test_the_action_tables_are_the_forms_of_the_action_space(id):
     page = chapter(describe(id), "Actions")
-    labels = gym.make(id).unwrapped.system.actions.labels
+    finite = gym.make(id, action="library")
+    labels, space = finite.unwrapped.system.actions.labels, finite.action_space
     assert rows(page, "index") == [[str(i), label] for i, label in enumerate(labels)]
-    space = gym.make(id).action_space
     several = isinstance(space, gym.spaces.MultiDiscrete)
     assert (f"`MultiDiscrete({space.nvec.tolist()})`" if several else f"`Discrete({space.n})`") in page
     box = gym.make(id, action="box")
@@ -87,7 +87,7 @@ def test_the_action_tables_are_the_forms_of_the_action_space(id):
 def test_the_info_table_has_every_key_that_comes(id):
     said = {name.strip("`") for name, *_ in rows(chapter(describe(id), "Info"), "key")}
     seen = set()
-    for settings in ({}, {"action": "box"}, {"reward": "relative"}):
+    for settings in ({}, {"action": "box"}, {"action": "library"}, {"reward": "relative"}):
         env = gym.make_vec(id, 2, autoreset_mode="SameStep", horizon=2, **settings)
         env.reset(seed=0)
         for _ in range(2):

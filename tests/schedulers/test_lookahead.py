@@ -7,10 +7,12 @@ import itertools
 import numpy as np
 import oracles
 import pytest
+from rf_eo_scenes import beliefs, scene
 from scheduler_systems import Ladder, Start, small, small_ca
 
 from wavegym.errors import InputError
 from wavegym.schedulers import Lookahead, Myopic, lookahead, rollout
+from wavegym.systems import trees
 from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
 
 
@@ -153,3 +155,89 @@ def test_the_suites_largest_library_can_be_looked_ahead_in_by_three():
 def test_a_depth_of_no_steps_is_refused():
     with pytest.raises(InputError, match="lookahead depth is 0, expected at least 1"):
         Lookahead(0)
+
+
+def foreseen(system, public, depth):
+    """Cost of every sequence by repeated ``imagine``, (env, first action, rest), and of the one-step scheduler's."""
+    candidates, count = system.candidates(), len(public.step)
+    own, mine, total, flat = public, 0.0, np.zeros(count), public
+    for k in range(depth):
+        on = (public.step + k < system.horizon) | (k == 0)
+        own = system.imagine(own, system.best_action(own))
+        mine = mine + on * system.cost(own)
+        imagined = system.imagine(flat, candidates[None])
+        added = np.repeat(on, len(flat.step) // count)[:, None] * system.cost(imagined)
+        total = (total[:, None] + added).ravel()
+        flat = trees.tree_map(lambda a: a.reshape(-1, *a.shape[2:]), imagined)
+    return total.reshape(count, len(candidates), -1), mine
+
+
+@pytest.mark.parametrize("far", [False, True])
+@pytest.mark.parametrize(("depth", "points"), [(1, (3, 2, 3)), (2, (3, 1, 3)), (3, (2, 1, 2))])
+def test_a_plan_is_nearly_the_best_of_all_sequences(far, depth, points):
+    """Its cost is that of a sequence with its first action, never above the one-step scheduler's own sequence."""
+    system = scene(far, points=points, action="joint")
+    public = beliefs(system)
+    listed, mine = foreseen(system, public, depth)
+    chosen, cost = system.plan(public, depth)
+    with_it = listed[np.arange(len(chosen)), chosen]
+    np.testing.assert_allclose(np.abs(with_it / cost[:, None] - 1).min(axis=1), 0.0, atol=1e-9)
+    assert (cost <= mine * (1 + 1e-9)).all()
+    off = cost / listed.min(axis=(1, 2)) - 1
+    assert off.max() < 0.005
+    assert (off < 1e-9).mean() > 0.85
+    if depth == 1:
+        assert (chosen == system.best_action(public)).all()
+    elif not far:
+        assert cost.sum() < mine.sum() * (1 - 1e-6)  # looking ahead is worth something here
+
+
+def test_a_plan_in_a_box_is_never_above_the_one_step_schedulers_sequence():
+    system = scene()
+    public = beliefs(system, 2)
+    for depth in (1, 4):
+        own, mine = public, 0.0
+        for k in range(depth):
+            own = system.imagine(own, system.best_action(own))
+            mine = mine + ((public.step + k < system.horizon) | (k == 0)) * system.cost(own)
+        _, cost = system.plan(public, depth)
+        assert (cost <= mine * (1 + 1e-9)).all()
+        if depth == 1:
+            np.testing.assert_allclose(cost, mine, rtol=1e-9)
+
+
+def test_a_systems_plan_is_played_at_any_depth_but_not_where_it_is_unwanted():
+    system = scene(points=(3, 1, 3), action="joint")
+    public = beliefs(system, 2)
+    policy = Lookahead(50)
+    policy.begin(system, 2, None)
+    assert (policy.act(public, None, None) == system.plan(public, 50)[0]).all()
+    with pytest.raises(InputError, match=r"81\^12 sequences"):
+        Lookahead(50, fused=False).begin(system, 2, None)
+    with pytest.raises(InputError, match=r"81\^12 sequences"):
+        policy.act(public, None, np.ones((len(public.step), 81), bool))
+    shallow, mask = Lookahead(2), np.ones((len(public.step), 81), bool)
+    shallow.begin(system, 2, None)
+    free = shallow.act(public, None, None)
+    mask[np.arange(len(free)), free] = False
+    masked = shallow.act(public, None, mask)
+    assert mask[np.arange(len(free)), masked].all()
+    assert (masked == foreseen_masked(system, public, mask)).all()
+
+
+def foreseen_masked(system, public, mask):
+    """The first action of the cheapest two, the first of them masked."""
+    cost = foreseen(system, public, 2)[0].min(axis=2)
+    return np.where(mask, cost, np.inf).argmin(axis=1)
+
+
+def test_an_exhaustive_search_goes_before_a_plan():
+    class Both(KershawEvansPosition):
+        def plan(self, public, depth):
+            raise AssertionError
+
+    system = Both(durations=(10e-6, 50e-6, 300e-6), sweeps=(0.0, 1e6, -1e6))
+    public = system.begin(oracles.worlds(system, 3)).public
+    policy = Lookahead(2)
+    policy.begin(system, 3, None)
+    assert (policy.act(public, None, None) == system.best_sequence(public, 2)[0]).all()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import oracles
 import pytest
+from rf_eo_scenes import beliefs, scene
 from scheduler_systems import CA, Ladder, Start
 
 from wavegym.errors import InputError
@@ -85,3 +88,64 @@ def test_an_own_objective_and_an_unknown_one():
     assert (policy.act(public, None, None) == 55).all()
     with pytest.raises(InputError, match="did you mean 'determinant'"):
         Myopic("determinent")
+
+
+@pytest.mark.parametrize("far", [False, True])
+@pytest.mark.parametrize("margin", [0.0, 2.0])
+@pytest.mark.parametrize(
+    ("platforms", "targets", "points"),
+    [(1, 1, (8, 2, 8)), (1, 3, (8, 1, 8)), (2, 2, (4, 1, 4)), (2, 3, (4, 1, 4)), (3, 1, (3, 1, 3)), (3, 3, (3, 1, 3))],
+)
+def test_a_search_platform_after_platform_is_nearly_the_best_of_all_settings(far, margin, platforms, targets, points):
+    """Of one platform it is the best; of several, over these beliefs, with two targets in 19 of 20 cases, with three in
+    3 of 4, where it is off by 0.5 percent in the mean (of two platforms by 2 at most, of three once by 16).
+    """
+    system = scene(far, platforms, targets, points=points, action="joint", margin=margin)
+    public = beliefs(system)
+    costs = []
+    for fused in (True, False):
+        policy = Myopic(fused=fused)
+        policy.begin(system, len(public.step), None)
+        costs.append(system.cost(system.imagine(public, policy.act(public, None, None))))
+    off = costs[0] / costs[1] - 1
+    assert off.min() > -1e-9
+    assert off.max() < (1e-9, 0.02, 0.2)[platforms - 1]
+    assert off.mean() < 0.005
+    assert (off < 1e-9).mean() > (0.95 if targets < 3 else 0.75)
+
+
+def test_a_systems_own_search_needs_no_candidates():
+    class Own(KershawEvansPosition):
+        def candidates(self):
+            raise AssertionError
+
+        def best_action(self, public):
+            return np.full(len(public.step), 7)
+
+    system = Own()
+    public = system.begin(oracles.worlds(system, 3)).public
+    policy = Myopic()
+    policy.begin(system, 3, None)
+    assert policy.act(public, None, None).tolist() == [7, 7, 7]
+    with pytest.raises(AssertionError):
+        policy.act(public, None, np.ones((3, 56), bool))
+
+
+def test_a_margin_of_foresight_replaces_the_systems_own():
+    system = scene(True, margin=0.0)
+    public = beliefs(system, 3, 4)
+    chosen = {}
+    for margin in (None, 0.0, 2.0):
+        policy = Myopic(margin=margin)
+        policy.begin(system, len(public.step), None)
+        chosen[margin] = policy.act(public, None, None)
+    assert (chosen[None] == chosen[0.0]).all()
+    assert (chosen[2.0] == dataclasses.replace(system, margin=2.0).best_action(public)).all()
+    assert (chosen[2.0] != chosen[0.0]).any()
+
+
+def test_margins_that_cannot_be_are_refused():
+    with pytest.raises(InputError, match="margin is -1, expected a finite number >= 0"):
+        Myopic(margin=-1)
+    with pytest.raises(InputError, match="'myopic-margin:2' cannot be computed for KershawEvans: it has no margin"):
+        Myopic(margin=2.0).begin(KershawEvans(), 1, None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import oracles
 import pytest
@@ -10,6 +12,7 @@ from scipy.stats import chi2
 
 from wavegym.errors import InputError
 from wavegym.schedulers import Fixed, Policy, RandomChoice, RoundRobin
+from wavegym.systems.contract import System
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 
 SYSTEM, BOX = KershawEvansPosition(), KershawEvansPosition(action="box")
@@ -46,10 +49,14 @@ def test_random_follows_its_generator():
     assert (first != other).any()
 
 
-def test_random_in_a_box_takes_the_librarys_points():
-    actions = ready(RandomChoice(), BOX).act(public_of(BOX, 50), None, None)
-    assert actions.shape == (50, 2)
-    assert all((BOX.candidates() == action).all(axis=1).any() for action in actions)
+def test_random_in_a_box_is_uniform_over_the_whole_of_it():
+    count, cells = 64_000, 8
+    actions = ready(RandomChoice(), BOX).act(public_of(SYSTEM, 1)._replace(step=np.zeros(count, int)), None, None)
+    assert actions.shape == (count, 2)
+    assert (np.abs(actions) <= 1).all()
+    tally = np.histogram2d(*actions.T, bins=cells, range=[[-1, 1], [-1, 1]])[0]
+    expected = count / cells**2
+    assert (np.square(tally - expected) / expected).sum() < chi2.ppf(1 - 1e-6, cells**2 - 1)
 
 
 def test_fixed_never_changes():
@@ -58,6 +65,37 @@ def test_fixed_never_changes():
     for index, nearest in ((-1, 0), (56, 55)):
         with pytest.raises(InputError, match=f"expected 0 to 55 .nearest: {nearest}"):
             ready(Fixed(index), SYSTEM)
+
+
+@dataclass(frozen=True)
+class Named(KershawEvansPosition):
+    """A constant that is no candidate, and one that is."""
+
+    def named_constants(self):
+        if self.action == "box":
+            return {"published": np.array([0.25, -0.5]), "short": self.constants()[0]}
+        return {"published": np.array(9), "short": np.array(0)}
+
+
+def test_a_constant_may_have_a_name():
+    assert System().named_constants() == {}
+    system = Named()
+    assert (ready(Fixed("published"), system).act(public_of(system, 3), None, None) == 9).all()
+    mask = np.ones((3, 56), bool)
+    mask[1, 9] = False
+    assert ready(Fixed("published"), system).act(public_of(system, 3), None, mask).tolist() == [9, 10, 9]
+    system = Named(action="box")
+    actions = ready(Fixed("published"), system).act(public_of(system, 3), None, None)
+    assert actions.tolist() == [[0.25, -0.5]] * 3
+
+
+def test_an_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(InputError, match=r"^fixed:publishd is no constant .* 'short'; did you mean 'published'.$"):
+        ready(Fixed("publishd"), Named())
+    with pytest.raises(InputError, match=r"^fixed:56 .* 0 to 55, 'published', 'short' .nearest: 55.$"):
+        ready(Fixed(56), Named())
+    with pytest.raises(InputError, match=r"^fixed:published is no constant action, expected 0 to 55$"):
+        ready(Fixed("published"), SYSTEM)
 
 
 def test_fixed_takes_the_next_allowed_one_in_cyclic_order():

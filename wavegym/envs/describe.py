@@ -40,6 +40,7 @@ INFO_AT_TIMES = {
     "final_obs": 'with `autoreset_mode="SameStep"`: last observation of an episode that ended in this step',
     "final_info": 'with `autoreset_mode="SameStep"`: last info of that episode',
 }
+MOST_ROWS = 100  # of a joint form's table: a longer one says nothing that its rule does not
 FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system has those it accepts
 SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps")
 
@@ -114,6 +115,8 @@ def _actions(form: str, system: System) -> str:
     elif isinstance(actions, JointLibrary):
         space = f"`Discrete({len(labelled)})`, {_combinations(actions)}"
         head = ("index", "waveforms")
+        if len(labelled) > MOST_ROWS:
+            return f"{prefix}{space}"
     else:
         space = f"`Discrete({len(labelled)})`."
     return f"{prefix}{space}\n\n" + table(head, labelled)
@@ -151,9 +154,9 @@ def _info(env: Any, system: System) -> str:
     env.reset(seed=0)
     env.action_space.seed(0)
     info = env.step(env.action_space.sample())[-1]
-    boxed = any(isinstance(form.actions, ParameterBox) for form in _forms(system).values())
-    indices = INFO_PER_SENSOR if isinstance(system.actions, PerSensor) else {}
-    known = {**INFO, **indices, **(INFO_BOX if boxed else {}), **INFO_AT_TIMES}
+    forms = [form.actions for form in _forms(system).values()]
+    boxed, several = (any(isinstance(actions, kind) for actions in forms) for kind in (ParameterBox, PerSensor))
+    known = {**INFO, **(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {}), **INFO_AT_TIMES}
     figures = " ".join((type(system).metrics.__doc__ or "").split())
     rows = [(f"`{key}`", _kind(value), known.pop(key, "key figure, see below")) for key, value in info.items()]
     rows += [(f"`{key}`", "", meaning) for key, meaning in known.items()]

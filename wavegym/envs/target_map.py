@@ -1,4 +1,4 @@
-"""Map of targets before distant sensors: trails, error ellipses, and the lines of sight."""
+"""Maps of targets: trails and error ellipses to scale, and the lines of sight to distant sensors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[Any]
 PLANE = slice(0, 2)  # x and y among [x y xdot ydot]
 COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")  # C0, C1, ... are sensors
 PARTICLE: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 2.5, "markeredgewidth": 0, "alpha": 0.2}
-SPARE = 1.2  # of the map's extent, for the names of the sensors
+SPARE = 1.2  # of the map's extent, for names
 
 
 def colour(target: int) -> str:
@@ -50,13 +50,29 @@ def draw_map(axes: Axes, system: AgileClutter, moment: Moment) -> None:
         truth = KILO * np.array([state.hidden.truth[0, t, PLANE] for state in since])
         mean = KILO * np.array([state.public.mean[0, t, PLANE] for state in since])
         draw_particles(axes, now, t, np.zeros(2), KILO)
-        axes.plot(*truth.T, color=colour(t), linewidth=0.8)
-        axes.plot(*mean.T, ".", color=colour(t), markersize=3.5)
-        axes.plot(*_outline(now, t), color=colour(t), linewidth=1.4)
-        axes.plot(*truth[-1:].T, **cross(t))
-        axes.annotate(
-            str(t + 1), truth[-1], (7, 3), textcoords="offset points", color=colour(t), fontsize=10, fontweight="bold"
-        )
+        draw_track(axes, t, truth, mean, _outline(now, t))
+
+
+def draw_track(axes: Axes, target: int, truth: Array, mean: Array, outline: Array) -> None:
+    """A target's true path and estimates, (step, 2) each, the error ellipse (2, point) and its number."""
+    shade = colour(target)
+    axes.plot(*truth.T, color=shade, linewidth=0.8)
+    axes.plot(*mean.T, ".", color=shade, markersize=3.5)
+    axes.plot(*outline, color=shade, linewidth=1.4)
+    axes.plot(*truth[-1:].T, **cross(target))
+    style: dict[str, Any] = {"color": shade, "fontsize": 10, "fontweight": "bold"}
+    axes.annotate(str(target + 1), truth[-1], (7, 3), textcoords="offset points", **style)
+
+
+def to_scale(axes: Axes, points: Array) -> Array:
+    """Limits around points (2, point), x and y to the same scale; their middle (2,)."""
+    low, high = points.min(axis=1), points.max(axis=1)
+    pixels = np.array([axes.bbox.width, axes.bbox.height])
+    half = 0.5 * SPARE * pixels * ((high - low) / pixels).max()
+    middle = 0.5 * (low + high)
+    (left, bottom), (right, top) = middle - half, middle + half
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    return middle
 
 
 def draw_particles(axes: Axes, now: State, target: int, origin: Array, scale: float = 1.0) -> None:
@@ -76,13 +92,7 @@ def _fit(axes: Axes, system: AgileClutter, now: State, known: list[int]) -> Arra
     """Limits around all of the episode's true paths and the present ellipses; the centre of what is known, km."""
     until = [min(system.lifetime, max(system.horizon - birth, 0)) + 1 for birth in system.births]
     paths = [KILO * now.hidden.path[0, t, :end, PLANE].T for t, end in enumerate(until)]
-    points = np.concatenate([*paths, *(_outline(now, t) for t in known)], axis=1)
-    low, high = points.min(axis=1), points.max(axis=1)
-    pixels = np.array([axes.bbox.width, axes.bbox.height])
-    half = 0.5 * SPARE * pixels * ((high - low) / pixels).max()
-    middle = 0.5 * (low + high)
-    (left, bottom), (right, top) = middle - half, middle + half
-    axes.set(xlim=(left, right), ylim=(bottom, top))
+    middle = to_scale(axes, np.concatenate([*paths, *(_outline(now, t) for t in known)], axis=1))
     return KILO * now.public.mean[0, known, PLANE].mean(axis=0) if known else middle
 
 

@@ -82,11 +82,11 @@ def draw_foreseen(axes: Axes, moment: Moment) -> None:
     if moment.actions:
         action = moment.actions[-1]
         cost = moment.system.cost(moment.system.imagine(public, action[:, None]))[0]
-        if isinstance(moment.system.actions, ParameterBox):
-            axes.axhline(cost[0], color=CHOSEN, linewidth=1)
+        same = np.flatnonzero((candidates.reshape(len(candidates), -1) == action.reshape(1, -1)).all(axis=1))[:1]
+        if same.size:
+            axes.plot(same, cost, "o", color=CHOSEN, markersize=4)
         else:
-            same = (candidates.reshape(len(candidates), -1) == action.reshape(1, -1)).all(axis=1)
-            axes.plot(np.flatnonzero(same)[:1], cost, "o", color=CHOSEN, markersize=4)
+            axes.axhline(cost[0], color=CHOSEN, linewidth=1)
         title += f", chosen ● {_above(float(cost[0]), float(foreseen[least]))}"
         shown = np.append(foreseen, cost)
     axes.title.set_text(title)

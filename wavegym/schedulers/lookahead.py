@@ -19,15 +19,17 @@ SEQUENCES = 1_000_000  # tried for one decision: enough for 88 candidates three 
 
 
 class Lookahead:
-    """Tries every sequence of ``depth`` candidates by repeated ``imagine``; shorter ones towards the episode's end.
+    """The first choice of the best sequence of ``depth`` candidates; shorter ones towards the episode's end.
 
-    A system may offer ``best_sequence(public, depth)``, the same search fused into a kernel; it is used when it is
-    there and nothing is masked. Otherwise the tree is searched in chunks of at most ``NODES`` beliefs.
+    A system may offer its own search, which is used when nothing is masked: ``best_sequence(public, depth)``, the same
+    as here fused into a kernel, or ``plan(public, depth) -> (first actions (env, ...), foreseen cost (env,))``, a good
+    sequence found by a local search, of any depth. Otherwise every sequence is tried by repeated ``imagine``, in chunks
+    of at most ``NODES`` beliefs.
 
     Args:
         depth: steps ahead; 1 is the myopic scheduler.
         fused: whether the system's own search may be used.
-        most: sequences of several steps that may be tried for one decision.
+        most: sequences of several steps that may be tried for one decision; a ``plan`` has no limit.
 
     Raises:
         InputError: a depth below 1.
@@ -40,7 +42,30 @@ class Lookahead:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where there are more than ``most`` sequences (nearest depth named)."""
-        self._system, self._candidates = system, system.candidates()
+        self._system: Any = system
+        self._listed = self.fused and hasattr(system, "best_sequence")
+        self._planned = self.fused and hasattr(system, "plan") and not self._listed
+        self._ready = False
+        if not self._planned:
+            self._enumerate()
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``. Where a mask forbids the system's plan, raises as ``begin`` does."""
+        if self._planned and mask is None:
+            actions: Array = self._system.plan(public, self.depth)[0]
+            return actions
+        if not self._ready:
+            self._enumerate()
+        if self._listed and mask is None:
+            first, _ = self._system.best_sequence(public, self.depth)
+        else:
+            first = np.argmin(self._values(public, self.depth, mask), axis=1)
+        return self._candidates[first]
+
+    def _enumerate(self) -> None:
+        """List the candidates; an InputError where they make too many sequences."""
+        system = self._system
+        self._candidates = system.candidates()
         count, steps, possible = len(self._candidates), min(self.depth, system.horizon), 1
         while possible < steps and count ** (possible + 1) <= self.most:
             possible += 1
@@ -49,14 +74,7 @@ class Lookahead:
             hint = "; action='joint', where a system has it, has fewer candidates" if joint else ""
             what = f"lookahead depth is {self.depth}, which makes {count}^{steps} sequences a decision"
             raise InputError(f"{what}, expected at most {self.most} (nearest: {possible}){hint}")
-
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``."""
-        if self.fused and mask is None and hasattr(self._system, "best_sequence"):
-            first, _ = self._system.best_sequence(public, self.depth)
-        else:
-            first = np.argmin(self._values(public, self.depth, mask), axis=1)
-        return self._candidates[first]
+        self._ready = True
 
     def _values(self, public: Any, depth: int, mask: Array | None) -> Array:
         """Cost of the best sequence that starts with each candidate, (env, candidate)."""

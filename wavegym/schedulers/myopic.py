@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.errors import choice
+from wavegym.errors import InputError, choice, non_negative
 from wavegym.systems.contract import System
 
 Array = NDArray[Any]
@@ -48,23 +49,40 @@ class Myopic:
     Args:
         objective: "trace", "determinant" or "gate", or a function of (system, public, candidates).
         fused: whether the system's own search may be used.
+        margin: for systems with a ``margin``: how many standard deviations of a predicted quantity foresight wants it
+            inside the field of view, in place of the system's own number.
+
+    Raises:
+        InputError: an unknown objective, a margin that is negative or not finite.
     """
 
-    def __init__(self, objective: str | Objective = "trace", fused: bool = True) -> None:
+    def __init__(self, objective: str | Objective = "trace", fused: bool = True, margin: float | None = None) -> None:
         if isinstance(objective, str):
             objective = OBJECTIVES[choice("objective", objective, OBJECTIVES)]
         self.objective: Objective = objective
         self.fused = fused
+        self.margin = None if margin is None else non_negative("margin", margin)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``."""
+        """See ``Policy``. Raises an InputError where a margin is asked for and the system has none."""
         self._system: Any = system
-        self._candidates = system.candidates()
+        if self.margin is not None:
+            if not hasattr(system, "margin"):
+                raise impossible(f"myopic-margin:{self.margin:g}", system, "it has no margin")
+            self._system = replace(system, margin=self.margin)  # type: ignore[type-var]
+        self._candidates: Array | None = None  # asked for when they are needed: the system's own search may do without
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
         if self.fused and mask is None and self.objective is trace and hasattr(self._system, "best_action"):
             with suppress(NotImplementedError):
                 return self._system.best_action(public)
+        if self._candidates is None:
+            self._candidates = self._system.candidates()
         values = self.objective(self._system, public, self._candidates[None])
         return self._candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]
+
+
+def impossible(name: str, system: System, why: str) -> InputError:
+    """The error of a scheduler that this system cannot have."""
+    return InputError(f"policy {name!r} cannot be computed for {type(system).__name__}: {why}; nearest: 'myopic'")

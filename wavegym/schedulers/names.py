@@ -6,15 +6,19 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from wavegym.errors import InputError, choice
 from wavegym.schedulers.closed_form import MyopicClosedForm
+from wavegym.schedulers.constrained import Continuous, MyopicInformation
+from wavegym.schedulers.cycle import best_cycle
 from wavegym.schedulers.lookahead import Lookahead
-from wavegym.schedulers.myopic import Myopic
+from wavegym.schedulers.myopic import Myopic, impossible
 from wavegym.schedulers.optimum import Optimum
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.progressive import Progressive
-from wavegym.schedulers.simple import Fixed, RandomChoice, RoundRobin
-from wavegym.schedulers.tuning import best_fixed
+from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
+from wavegym.schedulers.tuning import best_constant, best_fixed
 from wavegym.systems.contract import System
 
 
@@ -22,18 +26,28 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
     """The scheduler called ``name``.
 
     Args:
-        name: ``random``, ``round-robin``, ``fixed:K`` (the constant K), ``best-fixed`` (found on ``tuning_worlds``),
-            ``myopic``, ``myopic:exhaustive`` (without the system's own search), ``myopic:determinant``,
-            ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for action="box", with Gaussian or
-            generalised chirps), ``lookahead:H`` (steps; up to a million sequences), or ``optimum`` (clairvoyant).
+        name: ``random``, ``round-robin``, ``fixed:K`` (the constant K), ``fixed:NAME`` (one of the system's named
+            constants), ``best-fixed`` (the best of the constants, found on ``tuning_worlds``), ``tuned-constant`` (the
+            same, polished where actions are a box), ``tuned-cycle`` (the best schedule of one, two or three slots that
+            a search on ``tuning_worlds`` finds), ``myopic``, ``myopic:exhaustive`` (without the system's own search),
+            ``myopic:determinant``, ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for
+            action="box", with Gaussian or generalised chirps), ``myopic:slsqp`` or ``myopic:polish`` (for
+            action="box": a search by gradients from 8 drawn points, or from the grid's choice), ``myopic-information``
+            (the most information of which every target has the system's threshold; also with ``:slsqp`` or
+            ``:polish``), ``myopic-margin:M`` (foresight wants M standard deviations inside the field of view),
+            ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum`` (clairvoyant).
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 
     Raises:
-        InputError: an unknown name (nearest named), a K or H that is not an integer in range, or a scheduler that this
-            system cannot have.
+        InputError: an unknown name (nearest named), a K or H that is not an integer in range, an M that is no number
+            >= 0, a NAME that the system lacks, or a scheduler that this system cannot have.
     """
     family, _, argument = name.partition(":")
+    if family == "fixed":
+        return _fixed(name, argument, system)
+    if family == "myopic-margin":
+        return _ready(Myopic(margin=_decimal(name, family, argument)), system)
     if family in NUMBERED:
         return NUMBERED[family](_integer(name, family, argument))
     return PLAIN[choice("policy", name, FORMS)](system, tuning_worlds)
@@ -41,44 +55,70 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
 
 def is_scheduler(name: str) -> bool:
     """Whether ``name`` is a scheduler's rather than, say, a folder's."""
-    return name in PLAIN or name.partition(":")[0] in NUMBERED
+    return name in PLAIN or name.partition(":")[0] in ("fixed", "myopic-margin", *NUMBERED)
+
+
+def _fixed(name: str, argument: str, system: System) -> Policy:
+    """Told apart here and looked up at once: a mistake shows before anything is tuned."""
+    is_name = bool(system.named_constants()) and not INTEGER.fullmatch(argument)
+    constant = argument if is_name else _integer(name, "fixed", argument)
+    constant_action(system, constant)
+    return Fixed(constant)
 
 
 def _integer(name: str, family: str, argument: str) -> int:
-    if not re.fullmatch(r"-?\d+", argument):
+    if not INTEGER.fullmatch(argument):
         number = float(argument) if re.fullmatch(r"-?\d*\.?\d+", argument) else 2
         wanted = f"{family}: and an integer (nearest: '{family}:{round(number)}')"
         raise InputError(f"policy is {name!r}, expected {wanted}")
     return int(argument)
 
 
+def _decimal(name: str, family: str, argument: str) -> float:
+    if not DECIMAL.fullmatch(argument):
+        nearest = 0 if DECIMAL.fullmatch(argument.removeprefix("-")) else 2
+        raise InputError(f"policy is {name!r}, expected {family}: and a number >= 0 (nearest: '{family}:{nearest}')")
+    return float(argument)
+
+
+def _ready(policy: Policy, system: System) -> Policy:
+    """Begun once, so that a system it is not for shows before anything is played."""
+    policy.begin(system, 1, np.random.default_rng(0))
+    return policy
+
+
 def _determinant(system: System, worlds: Any) -> Policy:
     if not hasattr(system.begin(worlds).public, "covariance"):
-        raise _impossible("myopic:determinant", system, "its belief has no single covariance")
+        raise impossible("myopic:determinant", system, "its belief has no single covariance")
     return Myopic("determinant")
 
 
 def _gate(system: System, worlds: Any) -> Policy:
     if not hasattr(system, "innovation_covariance"):
-        raise _impossible("myopic:gate", system, "it has no innovation_covariance")
+        raise impossible("myopic:gate", system, "it has no innovation_covariance")
     return Myopic("gate")
 
 
-def _impossible(name: str, system: System, why: str) -> InputError:
-    return InputError(f"policy {name!r} cannot be computed for {type(system).__name__}: {why}; nearest: 'myopic'")
-
-
-NUMBERED: dict[str, Callable[[int], Policy]] = {"fixed": Fixed, "lookahead": Lookahead}
+INTEGER, DECIMAL = re.compile(r"-?\d+"), re.compile(r"\d+\.?\d*|\.\d+")
+STARTS = 8  # of SLSQP
+NUMBERED: dict[str, Callable[[int], Policy]] = {"lookahead": Lookahead}
 PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "random": lambda system, worlds: RandomChoice(),
     "round-robin": lambda system, worlds: RoundRobin(),
     "best-fixed": lambda system, worlds: Fixed(best_fixed(system, worlds)),
+    "tuned-constant": lambda system, worlds: Cycle(best_constant(system, worlds)[None]),
+    "tuned-cycle": lambda system, worlds: Cycle(best_cycle(system, worlds)),
     "myopic": lambda system, worlds: Myopic(),
     "myopic:exhaustive": lambda system, worlds: Myopic(fused=False),
     "myopic:determinant": _determinant,
     "myopic:gate": _gate,
     "myopic:closed-form": lambda system, worlds: MyopicClosedForm(),
     "myopic:progressive": lambda system, worlds: Progressive(),
+    "myopic:slsqp": lambda system, worlds: _ready(Continuous(starts=STARTS), system),
+    "myopic:polish": lambda system, worlds: _ready(Continuous(), system),
+    "myopic-information": lambda system, worlds: _ready(MyopicInformation(), system),
+    "myopic-information:slsqp": lambda system, worlds: _ready(Continuous("information", STARTS), system),
+    "myopic-information:polish": lambda system, worlds: _ready(Continuous("information"), system),
     "optimum": lambda system, worlds: Optimum(),
 }
-FORMS = (*PLAIN, "fixed:K", "lookahead:H")
+FORMS = (*PLAIN, "fixed:K", "fixed:NAME", "myopic-margin:M", "lookahead:H")

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
+from wavegym.errors import InputError, nearest
 from wavegym.systems.contract import System
+from wavegym.waveforms import ParameterBox
 
 Array = NDArray[Any]
 
@@ -16,14 +17,19 @@ FEW = 1024  # candidates: up to here a random choice draws one number for each, 
 
 
 class RandomChoice:
-    """Uniform over the allowed candidates."""
+    """Uniform over the allowed candidates; with a ParameterBox, over the whole box [-1, 1]^d."""
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._candidates, self._rng = system.candidates(), rng
+        self._rng, actions = rng, system.actions
+        self._box = actions if isinstance(actions, ParameterBox) else None
+        if self._box is None:
+            self._candidates = system.candidates()
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``: the largest of one uniform draw per candidate; of many unmasked ones, an index drawn."""
+        if self._box is not None:
+            return self._rng.uniform(-1.0, 1.0, (len(public.step), len(self._box)))
         count = len(self._candidates)
         if mask is None and count > FEW:
             return self._candidates[self._rng.integers(count, size=len(public.step))]
@@ -31,28 +37,79 @@ class RandomChoice:
         return self._candidates[np.argmax(draws if mask is None else np.where(mask, draws, -1.0), axis=1)]
 
 
+class Cycle:
+    """A periodic schedule: step t transmits slot t modulo the number of slots.
+
+    Where an index is not allowed, the next constant in cyclic order that is, as ``Fixed``; one that is no constant is
+    followed by the first. Masks are for indices, so all else is transmitted as it is.
+
+    Args:
+        actions: one action for each slot, (slots,) indices, (slots, sensor) indices or (slots, d) points of a box.
+
+    Raises:
+        InputError: no slot.
+    """
+
+    def __init__(self, actions: ArrayLike) -> None:
+        self.actions = np.asarray(actions)
+        if self.actions.ndim == 0 or not len(self.actions):
+            raise InputError(f"actions of a cycle are {actions!r}, expected one action or more, axis 0 = slot")
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self._constants = system.constants()
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        wanted = self.wanted(public)
+        if mask is None or wanted.ndim > 1:
+            return wanted
+        at = np.argmax(wanted[:, None] == self._constants, axis=1)
+        is_allowed = np.take_along_axis(mask, wanted[:, None], axis=1)[:, 0]
+        return np.where(is_allowed, wanted, _first_allowed(at, self._constants, mask))
+
+    def wanted(self, public: Any) -> Array:
+        """What each environment's slot holds, allowed or not, (env, ...)."""
+        return self.actions[public.step % len(self.actions)]
+
+
 class Fixed:
     """Always the same constant; where that is not allowed, the next one in cyclic order that is, as ``RoundRobin``.
 
     Args:
-        index: which of ``system.constants()``.
+        constant: which of ``system.constants()``, or the name of one of ``system.named_constants()``.
     """
 
-    def __init__(self, index: int) -> None:
-        self.index = index
+    def __init__(self, constant: int | str) -> None:
+        self.constant = constant
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where there is no such constant."""
-        constants = system.constants()
-        if not 0 <= self.index < len(constants):
-            last = len(constants) - 1
-            nearest = min(max(self.index, 0), last)
-            raise InputError(f"fixed:{self.index} is no constant action, expected 0 to {last} (nearest: {nearest})")
-        self._constants = constants
+        self._cycle = Cycle(constant_action(system, self.constant)[None])
+        self._cycle.begin(system, num_envs, rng)
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        return _first_allowed(np.full(len(public.step), self.index), self._constants, mask)
+        return self._cycle.act(public, observation, mask)
+
+
+def constant_action(system: System, constant: int | str) -> Array:
+    """The action that an index into ``system.constants()`` or a name in ``system.named_constants()`` stands for, (...).
+
+    Raises:
+        InputError: there is none; says the range of the indices and the names, and the nearest.
+    """
+    constants, named = system.constants(), system.named_constants()
+    if isinstance(constant, str):
+        if constant in named:
+            return np.asarray(named[constant])
+        hint = nearest(constant, named)
+    else:
+        if 0 <= constant < len(constants):
+            return np.asarray(constants[constant])
+        hint = f" (nearest: {min(max(constant, 0), len(constants) - 1)})"
+    names = f", {', '.join(map(repr, named))}" if named else ""
+    raise InputError(f"fixed:{constant} is no constant action, expected 0 to {len(constants) - 1}{names}{hint}")
 
 
 class RoundRobin:

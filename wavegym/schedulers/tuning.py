@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
 from tqdm import tqdm
 
+from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.rollout import rollout
-from wavegym.schedulers.simple import Fixed
+from wavegym.schedulers.simple import Cycle, Fixed
 from wavegym.systems.contract import System
+from wavegym.waveforms import ParameterBox
+
+Array = NDArray[Any]
+
+POLISHING = 200  # rollouts that one polish may take
+TOLERANCE = 1e-3  # of an action in [-1, 1]: a simplex this small ends a polish
+REACH = 0.2  # edges of the first simplex
+
+
+def tuning_costs(system: System, policy: Policy, worlds: Any, groups: int = 1) -> Array:
+    """Mean over worlds of the mean cost per step; infinite where that is not a finite number (a filter diverged).
+
+    Args:
+        system, policy, worlds: what is rolled out.
+        groups: so many groups of equally many worlds have a mean each.
+
+    Returns:
+        (groups,).
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        means = rollout(system, policy, worlds).mean_cost.reshape(groups, -1).mean(axis=1)
+    return np.where(np.isfinite(means), means, np.inf)
 
 
 def best_fixed(system: System, worlds: Any) -> int:
@@ -25,5 +51,64 @@ def best_fixed(system: System, worlds: Any) -> int:
         Index into ``system.constants()``.
     """
     constants = tqdm(range(len(system.constants())), "tuning best-fixed", disable=None, leave=False)
-    means = np.array([rollout(system, Fixed(k), worlds).mean_cost.mean() for k in constants])
-    return int(np.argmin(np.where(np.isnan(means), np.inf, means)))
+    return int(np.argmin([tuning_costs(system, Fixed(k), worlds) for k in constants]))
+
+
+def best_constant(system: System, worlds: Any) -> Array:
+    """The best constant action: that of ``best_fixed``, polished over the whole box where actions are a ParameterBox.
+
+    Args:
+        system: the closed loop.
+        worlds: tapes for tuning, axis 0 = world.
+
+    Returns:
+        The action, (), (sensor,) or (d,).
+    """
+    start: Array = np.asarray(system.constants()[best_fixed(system, worlds)])
+    if not isinstance(system.actions, ParameterBox):
+        return start
+    with tqdm(desc="tuning tuned-constant", total=POLISHING, disable=None, leave=False) as bar:
+
+        def cost(actions: Array) -> float:
+            bar.update()
+            return float(tuning_costs(system, Cycle(actions), worlds)[0])
+
+        return polished(cost, start[None])[0]
+
+
+def polished(cost: Callable[[Array], float], start: Array) -> Array:
+    """A local minimum of ``cost`` over a box, by Nelder and Mead's simplex, restarted until that gains nothing.
+
+    The simplex compares costs and never calculates with them, so heavy tails and infinite costs do no harm, it reaches
+    the box's faces exactly, and the result is never worse than ``start``. Bounded
+    Powell stops short of the faces: for three slots of KershawEvansPosition it took 471 rollouts against 208, for a
+    constant of RfEo, inside the box, it came as far in as many.
+
+    Args:
+        cost: of points shaped as ``start``.
+        start: point of [-1, 1]^d, any shape; returned as it is where its cost is infinite.
+
+    Returns:
+        The best point seen within ``POLISHING`` evaluations, a simplex of size ``TOLERANCE`` around it unless they ran
+        out.
+    """
+    best, least, left = start.ravel(), cost(start), POLISHING - 1
+    while left > best.size and np.isfinite(least):
+        inward = np.where(best > 0.0, -REACH, REACH)
+        options = {
+            "initial_simplex": np.vstack([best, best + np.diag(inward)]),
+            "xatol": TOLERANCE,
+            "fatol": np.inf,
+            "maxfev": left,
+            "adaptive": True,
+        }
+        bounds = [(-1.0, 1.0)] * best.size
+        found = minimize(
+            lambda x: cost(x.reshape(start.shape)), best, method="Nelder-Mead", bounds=bounds, options=options
+        )
+        left -= found.nfev
+        gained = found.fun < least
+        best, least = found.x, found.fun
+        if not gained:
+            break
+    return best.reshape(start.shape)

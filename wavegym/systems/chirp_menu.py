@@ -52,10 +52,14 @@ class ChirpMenu:
         return trapezoid_chirp_library(self.laws, self.durations, self.sweeps)
 
     @cached_property
+    def widest(self) -> Library:
+        """Every law and direction at the longest duration and the widest sweep."""
+        return trapezoid_chirp_library(self.laws, (max(self.durations),), (max(self.sweeps),))
+
+    @cached_property
     def joint(self) -> JointLibrary:
-        """Every law and direction at the longest duration and the widest sweep, in all combinations of the sensors."""
-        widest = trapezoid_chirp_library(self.laws, (max(self.durations),), (max(self.sweeps),))
-        return JointLibrary(widest, self.sensors)
+        """The widest waveforms in all combinations of the sensors."""
+        return JointLibrary(self.widest, self.sensors)
 
     @cached_property
     def box(self) -> ParameterBox:
@@ -79,7 +83,7 @@ class ChirpMenu:
     @property
     def options(self) -> Library:
         """What one sensor may transmit in an enumerating scheduler's eyes."""
-        return self.joint.library if self.form == "joint" else self.library
+        return self.widest if self.form == "joint" else self.library
 
     @cached_property
     def option_covariances(self) -> Array:

@@ -158,3 +158,11 @@ class System:
         one of them must always be allowed.
         """
         return self.candidates()
+
+    def named_constants(self) -> dict[str, Array]:
+        """Constant actions that have a name, e.g. a paper's own setting; ``fixed:NAME`` transmits one. Default: none.
+
+        They need not be among ``constants()``. A name holds no comma, because policies are listed with commas, and is
+        no integer, because ``fixed:K`` is a number's.
+        """
+        return {}

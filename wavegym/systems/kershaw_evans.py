@@ -19,6 +19,7 @@ from wavegym.errors import InputError, non_negative, ordered, positive, within
 from wavegym.sensors import range_law_snr
 from wavegym.systems import kershaw_evans_kernels as kernels
 from wavegym.systems.contract import Element, State, System
+from wavegym.systems.costs import trace_cost
 from wavegym.systems.gaussian_menu import GaussianMenu
 from wavegym.systems.line_of_sight import Hidden, PathSource, Public, World, covariance_elements, path_source
 from wavegym.systems.recursion import Recursion
@@ -240,12 +241,7 @@ class KershawEvans(System):
 
     def cost(self, public: Public) -> Array:
         """trace(Lambda P)."""
-        P = public.covariance
-        if P.ndim == 3:
-            cost = np.empty(len(P))
-            kernels.weighted_trace(P, self._weights, cost)
-            return cost
-        return self.cost(public._replace(covariance=P.reshape(-1, *P.shape[-2:]))).reshape(P.shape[:-2])
+        return trace_cost(public.covariance[..., None, :, :], self._weights)
 
     @cached_property
     def _weights(self) -> Array:

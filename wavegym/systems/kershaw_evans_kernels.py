@@ -93,16 +93,6 @@ def measure(mean, P, truth, out):
 
 
 @kernel
-def weighted_trace(P, weights, out):
-    """out (e,) = trace(Lambda P), Lambda = diag(weights)."""
-    for e in range(P.shape[0]):
-        total = 0.0
-        for i in range(weights.shape[0]):
-            total += weights[i] * P[e, i, i]
-        out[e] = total
-
-
-@kernel
 def foreseen_scales(e, mean, levels, F, r0, nearest, scale, nn):
     """scale[l] = 1 / eta at the mean predicted l + 1 steps ahead of mean[e]."""
     now, ahead = mean[e : e + 1].copy(), np.empty((1, len(nn)))

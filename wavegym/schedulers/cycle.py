@@ -1,0 +1,171 @@
+"""The best periodic schedule of a few slots, found on worlds that are for tuning and never on those of the test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from wavegym.schedulers.simple import Cycle
+from wavegym.schedulers.tuning import POLISHING, best_constant, polished, tuning_costs
+from wavegym.systems import trees
+from wavegym.systems.contract import System
+from wavegym.waveforms import JointLibrary, ParameterBox
+
+Array = NDArray[Any]
+Descent = Generator[list[Array], list[float], Array]  # yields cycles, is sent their costs, returns where it ends
+
+PERIODS = (2, 3)  # slots
+COMMON = 6  # slots, of which every period is a divisor
+DRAWN = 4  # drawn starts for each period
+ROLLOUTS = 1200  # of the descents, beyond those of the constants
+WORLDS = 16  # that they take them on
+TOGETHER = 16  # cycles that are rolled out as one batch
+
+
+def best_cycle(system: System, worlds: Any) -> Array:
+    """The best schedule found of one, two or three slots that are transmitted in turn, for ever.
+
+    Coordinate descent on the first ``WORLDS`` worlds: one coordinate of one slot at a time (a parameter of a box, a
+    sensor's waveform, or the whole of a plain index) takes whichever of the levels found in ``constants()`` costs
+    least, until a sweep improves nothing. Members of a good cycle may each be bad constants, so none is shortlisted.
+    Descents start, for two and three slots each, at the best constant repeated, at the best schedule so far, and at
+    ``DRAWN`` drawn ones, half of which have the best constant in all slots but one. All that they end at are compared
+    on all worlds; in a box the best is polished (``tuning.polished``) and compared once more, and with
+    ``best_constant``, so that on the tuning worlds a cycle never loses to a constant.
+
+    Args:
+        system: the closed loop.
+        worlds: tapes for tuning, axis 0 = world.
+
+    Returns:
+        The actions, (slots,), (slots, sensor) or (slots, d), with as few slots as that cost takes.
+    """
+    points, encode = _coordinates(system)
+    budget = len(points) + ROLLOUTS
+    few = trees.tree_map(lambda leaf: leaf[:WORLDS], worlds)
+    with tqdm(desc="tuning tuned-cycle", total=budget + POLISHING, disable=None, leave=False) as bar:
+        search = _Search(system, few, encode, bar, budget)
+
+        def best(cycles: list[Array]) -> Array:
+            return cycles[int(np.argmin([tuning_costs(system, Cycle(encode(slots)), worlds) for slots in cycles]))]
+
+        found = best(_ends(search, points))
+        if isinstance(system.actions, ParameterBox):
+            search.left = POLISHING
+            constant = best_constant(system, worlds)[None]
+            found = best([constant, found, polished(lambda slots: search([slots])[0], found)])
+    return encode(found)
+
+
+class _CycleEach(Cycle):
+    """Another cycle in each environment, actions (env, slots, ...)."""
+
+    def wanted(self, public: Any) -> Array:
+        """See ``Cycle``."""
+        return self.actions[np.arange(len(public.step)), public.step % self.actions.shape[1]]
+
+
+@dataclass
+class _Search:
+    """The costs of cycles, each rolled out once, several as one batch; infinite when no rollout is left.
+
+    Args:
+        system, worlds: what is rolled out.
+        encode: from coordinates (slots, k) to actions (slots, ...).
+        bar: moves with every rollout.
+        left: rollouts that may still be made.
+    """
+
+    system: System
+    worlds: Any
+    encode: Callable[[Array], Array]
+    bar: Any
+    left: int
+    seen: dict[bytes, float] = field(default_factory=dict)
+
+    def __call__(self, cycles: list[Array]) -> list[float]:
+        """The cost of each cycle (slots, k)."""
+        keys = [_shortest(slots).tobytes() for slots in cycles]
+        fresh = {key: slots for key, slots in zip(keys, cycles, strict=True) if key not in self.seen}
+        chosen = list(fresh.items())[: self.left]
+        self.left -= len(chosen)
+        for at in range(0, len(chosen), TOGETHER):
+            part = dict(chosen[at : at + TOGETHER])
+            self.seen.update(zip(part, self._costs(list(part.values())), strict=True))
+            self.bar.update(len(part))
+        return [self.seen.get(key, np.inf) for key in keys]
+
+    def _costs(self, cycles: list[Array]) -> list[float]:
+        count = len(self.system.begin(self.worlds).public.step)
+        worlds = trees.take(self.worlds, np.tile(np.arange(count), len(cycles)))
+        actions = np.stack([self.encode(np.resize(slots, (COMMON, slots.shape[1]))) for slots in cycles])
+        policy = _CycleEach(np.repeat(actions, count, axis=0))
+        costs: list[float] = tuning_costs(self.system, policy, worlds, len(cycles)).tolist()
+        return costs
+
+
+def _ends(search: _Search, points: Array) -> list[Array]:
+    """Where the descents end, distinct, those of fewest slots first; ``points`` (C, k) are the constants."""
+    levels = [np.unique(column) for column in points.T]
+    constant = points[[int(np.argmin(search(list(points[:, None]))))]]
+    rng, ends = np.random.default_rng(0), []
+    starts = [np.repeat(constant, period, axis=0) for period in (1, *PERIODS)]
+    ends += _together(search, [_descent(start, levels) for start in starts])
+    best = ends[int(np.argmin(search(ends)))]
+    starts = [np.resize(best, (period, points.shape[1])) for period in PERIODS]
+    for k in range(DRAWN):
+        for period in PERIODS:
+            start = points[rng.integers(len(points), size=period)]
+            start[1:] = constant if k % 2 == 0 else start[1:]
+            starts.append(start)
+    ends += _together(search, [_descent(start, levels) for start in starts])
+    return sorted({end.tobytes(): end for end in map(_shortest, ends)}.values(), key=len)
+
+
+def _together(search: _Search, descents: Iterable[Descent]) -> list[Array]:
+    """Where ``descents`` end: they take their steps together, so that their trials fill the batches."""
+    ends, waiting = [], [(descent, next(descent)) for descent in descents]
+    while waiting:
+        costs = iter(search([slots for _, trials in waiting for slots in trials]))
+        moving, waiting = waiting, []
+        for descent, trials in moving:
+            try:
+                waiting.append((descent, descent.send([next(costs) for _ in trials])))
+            except StopIteration as end:
+                ends.append(end.value)
+    return ends
+
+
+def _descent(slots: Array, levels: list[Array]) -> Descent:
+    """Coordinate descent from ``slots`` (slots, k) over ``levels``, one array for each of the k coordinates."""
+    least, improving = (yield [slots])[0], True
+    while improving:
+        improving = False
+        for n, c in np.ndindex(*slots.shape):
+            trials = np.repeat(slots[None], len(levels[c]), axis=0)
+            trials[:, n, c] = levels[c]
+            costs = yield list(trials)
+            if min(costs) < least:
+                slots, least, improving = trials[int(np.argmin(costs))], min(costs), True
+    return slots
+
+
+def _coordinates(system: System) -> tuple[Array, Callable[[Array], Array]]:
+    """The constants as points (C, k) whose coordinates change one at a time, and the way back to actions."""
+    constants, actions = system.constants(), system.actions
+    if isinstance(actions, JointLibrary):
+        shape = (len(actions.library),) * actions.sensors
+        return actions.indices[constants], lambda points: np.ravel_multi_index(tuple(points.T), shape)
+    if constants.ndim == 1:
+        return constants[:, None], lambda points: points[:, 0]
+    return constants, lambda points: points
+
+
+def _shortest(slots: Array) -> Array:
+    """One slot where all are the same."""
+    return slots[:1] if (slots == slots[0]).all() else slots
