@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.timing import cpu_us
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Lookahead, Myopic, Policy
+from wavegym.systems.contract import System
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 
 
@@ -21,9 +22,9 @@ class Decision(NamedTuple):
     peak_mib: float  # Python-side allocations beyond what was there before
 
 
-def measure(policy: Policy, batch: int) -> Decision:
+def measure(policy: Policy, batch: int, system: System | None = None) -> Decision:
     """CPU time and peak memory per decision of a batch."""
-    system = KershawEvansPosition()
+    system = system or KershawEvansPosition()
     public = system.begin(draw_worlds(system, world_seeds(0, "test", batch))).public
     policy.begin(system, batch, np.random.default_rng(0))
     policy.act(public, None, None)

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import torch
 
-from benchmarks import association, kalman, particle, planners, scheduling, training
+from benchmarks import association, kalman, particle, planners, rf_eo, scheduling, training
 
 PEERS = (
-    ("filterpy", kalman),
-    ("Stone Soup", association),
-    ("NumPy + filterpy resampling", particle),
-    ("filterpy", scheduling),
+    ("filterpy", kalman.run),
+    ("Stone Soup", association.run),
+    ("NumPy + filterpy resampling", particle.run),
+    ("filterpy", scheduling.run),
+    ("filterpy", rf_eo.against_filterpy),
+    ("Stone Soup", rf_eo.against_stone_soup),
 )
 
 
@@ -21,16 +23,17 @@ def main() -> None:
     """Print Markdown."""
     torch.set_num_threads(1)
     print("| work | ours (us) | peer (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
-    for peer, module in PEERS:
-        for name, (r, wanted) in module.run().items():
+    for peer, measure in PEERS:
+        for name, (r, wanted) in measure().items():
             row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
             print(f"| {name}; {peer} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |")
     print("\n| planner | batch | us per decision | peak MiB |\n|---|---|---|---|")
-    for name, decisions in planners.run().items():
+    for name, decisions in (planners.run() | rf_eo.lookaheads()).items():
         for d in decisions:
             print(f"| {name} | {d.batch} | {d.cpu_us:.1f} | {d.peak_mib:.1f} |")
+    print(f"\nOne-step decision of RfEo on its grid, single: {rf_eo.decision_us():.0f} us, wanted <= 1000 us.")
     share, speed = training.run()
-    print(f"\nThe environment's share of PPO's wall time at 64 environments: {share:.1%}, wanted <= 10 %.")
+    print(f"The environment's share of PPO's wall time at 64 environments: {share:.1%}, wanted <= 10 %.")
     print(f"Training speed: {speed:.0f} steps/s.")
 
 

@@ -56,9 +56,16 @@ def test_nothing_is_tuned_on_the_worlds_of_the_test(monkeypatch):
     draw = module.draw_worlds
     monkeypatch.setattr(module, "draw_worlds", lambda system, seeds: drawn.extend(seeds) or draw(system, seeds))
     comparison = compare("tests/Uneven-v0", {"best-fixed": None}, worlds=30, jobs=1)
-    assert len(drawn) == module.TUNING_WORLDS
+    assert len(drawn) == module.tuning_worlds(comparison.task.system)
     assert not set(drawn) & set(comparison.seeds)
     np.testing.assert_array_equal(comparison.cost("best-fixed"), comparison.cost("myopic"))  # both transmit gain 1
+
+
+def test_long_episodes_are_tuned_on_fewer_worlds():
+    counts = [
+        module.tuning_worlds(make_task(POSITION, {"horizon": steps}).system) for steps in (50, 100, 200, 1000, 9999)
+    ]
+    assert counts == [200, 200, 100, 20, 20]
 
 
 def test_settings_reach_the_system():

@@ -25,7 +25,7 @@ Factory = Callable[[System], Policy | Sequence[Policy]]  # several are the train
 BASELINE = "myopic"
 FLOOR = "random"
 CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network's last bits depend on its batch
-TUNING_WORLDS = 200
+TUNING_STEPS, LEAST_WORLDS, MOST_WORLDS = 20_000, 20, 200  # of tuning: long episodes say more each
 
 
 @dataclass(frozen=True)
@@ -110,11 +110,16 @@ def _check_finite(comparison: Comparison) -> None:
             )
 
 
+def tuning_worlds(system: System) -> int:
+    """How many worlds policies are tuned on: TUNING_STEPS steps' worth of whole episodes, within bounds."""
+    return min(max(TUNING_STEPS // system.horizon, LEAST_WORLDS), MOST_WORLDS)
+
+
 def _members(task: Task, policies: Mapping[str, Factory | None], root: int) -> dict[str, Sequence[Policy]]:
     """Every policy's members, each tried for one step: mistakes show before the work begins, and kernels get compiled
     here, not by several processes at once.
     """
-    tuning = draw_worlds(task.system, world_seeds(root, "tune", TUNING_WORLDS))
+    tuning = draw_worlds(task.system, world_seeds(root, "tune", tuning_worlds(task.system)))
     members: dict[str, Sequence[Policy]] = {}
     for name, factory in policies.items():
         try:
