@@ -50,15 +50,18 @@ docs: $(READY)
 results: $(READY)
 	$(BIN)/python -m agents.study $(STUDIES)
 
-# Rebuild the papers' figures, with the fast tracker; PAGE=1: as docs/reproduce.md has them, and renew that page.
+# Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: as the docs have them, and renew their pages.
 reproduce: $(READY)
 	$(BIN)/python -m wavegym.reproduce agile_clutter $(if $(PAGE),--runs 500 --tracker both) --out $(OUT)/agile_clutter
+	$(BIN)/python -m wavegym.reproduce rf_eo --out $(OUT)/rf_eo
 ifdef PAGE
-	mkdir -p results/agile_clutter
+	mkdir -p results/agile_clutter results/rf_eo
 	cp $(addprefix $(OUT)/agile_clutter/,summary.json figure2.csv figure3.csv) results/agile_clutter/
-	cp $(OUT)/agile_clutter/figure2.png docs/images/agile_clutter_figure2.png
-	cp $(OUT)/agile_clutter/figure3.png docs/images/agile_clutter_figure3.png
+	cp $(addprefix $(OUT)/rf_eo/,summary.json figure2.csv figure3.csv figure4.csv) results/rf_eo/
+	for f in 2 3; do cp $(OUT)/agile_clutter/figure$$f.png docs/images/agile_clutter_figure$$f.png || exit; done
+	for f in 2 3 4; do cp $(OUT)/rf_eo/figure$$f.png docs/images/rf_eo_figure$$f.png || exit; done
 	$(BIN)/python -m wavegym.reproduce.page results/agile_clutter/summary.json docs/reproduce.md
+	$(BIN)/python -m wavegym.reproduce.page results/rf_eo/summary.json docs/reproduce_rf_eo.md
 endif
 
 benchmarks: $(READY)

@@ -10,7 +10,7 @@ import pytest
 
 from wavegym.errors import InputError
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.reproduce import agile_clutter, agile_clutter_numbers
+from wavegym.reproduce import agile_clutter
 from wavegym.reproduce.agile_clutter import (
     AGILE,
     BEST_FIXED,
@@ -30,6 +30,7 @@ from wavegym.reproduce.agile_clutter import (
 from wavegym.reproduce.agile_clutter_findings import findings
 from wavegym.reproduce.agile_clutter_numbers import DROP, JUMP, WINDOWS, curve, shares, summarise, typical
 from wavegym.reproduce.agile_clutter_table import markdown
+from wavegym.reproduce.estimates import share_estimate
 from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
 from wavegym.schedulers.tuning import best_fixed
 from wavegym.systems.agile_clutter import AgileClutter
@@ -204,9 +205,9 @@ def test_intervals_of_shares_are_exact_where_a_bootstrap_knows_nothing(summary):
     assert told["policies"][FULL]["kept"] == {"mean": 1.0, "ci": pytest.approx([1 - bound, 1.0])}
     assert told["choices"][FULL]["linear"]["ci"] == pytest.approx([0.0, bound])
     assert told["choices"][FULL]["kind"]["late"]["LFM"]["ci"] == pytest.approx([0.0, bound])
-    half = agile_clutter_numbers._share(np.full(RUNS, 0.5), 0)
+    half = share_estimate(np.full(RUNS, 0.5), 0)
     assert half == (0.5, pytest.approx((0.5 - bound / 2, 0.5 + bound / 2)))
-    low, high = agile_clutter_numbers._share(np.array([1.0] * 7 + [0.0] * 3), 0).ci
+    low, high = share_estimate(np.array([1.0] * 7 + [0.0] * 3), 0).ci
     at_most = sum(math.comb(10, i) * high**i * (1 - high) ** (10 - i) for i in range(8))
     at_least = sum(math.comb(10, i) * low**i * (1 - low) ** (10 - i) for i in range(7, 11))
     assert (at_most, at_least) == pytest.approx((0.025, 0.025))

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.reproduce.agile_clutter import BEST_FIXED, BEST_FREE, FREE, FULL, LINEAR, SHAPES
-from wavegym.reproduce.agile_clutter_words import between, commonest, each, never, spans, written
+from wavegym.reproduce.agile_clutter_words import commonest, each, never, spans
 from wavegym.reproduce.page import block, main, renewed
+from wavegym.reproduce.words import between, written
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results" / "agile_clutter" / "summary.json"

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from wavegym.evaluation import statistics
-from wavegym.reproduce import agile_clutter
+from wavegym.reproduce import agile_clutter, contents, rf_eo, rf_eo_files, work
 from wavegym.reproduce.__main__ import main
 from wavegym.reproduce.agile_clutter import FREE, FULL, POLICIES, names
 from wavegym.reproduce.agile_clutter_table import markdown
+from wavegym.reproduce.rf_eo_choices import QUANTILES
+from wavegym.reproduce.rf_eo_numbers import shown
+from wavegym.reproduce.rf_eo_pictures import CURVES, TRACKS
 
 FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json"}
 
@@ -20,6 +23,7 @@ FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.js
 @pytest.fixture
 def quick(monkeypatch):
     monkeypatch.setattr(statistics, "RESAMPLES", 60)
+    monkeypatch.setattr(contents, "DPI", 30)
     monkeypatch.setattr(agile_clutter, "play", partial(agile_clutter.play, tuning=1))
 
 
@@ -56,6 +60,45 @@ def test_the_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, q
         assert (tmp_path / "1" / name).read_bytes().startswith(b"\x89PNG")
 
 
+def without_times(summary):
+    """``summary`` without what a clock told."""
+    if isinstance(summary, dict):
+        return {key: without_times(value) for key, value in summary.items() if key != "us_per_decision"}
+    return summary
+
+
+@pytest.mark.slow
+def test_the_platforms_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+    monkeypatch.setattr(rf_eo, "play", partial(rf_eo.play, tuning=2, horizon=6))
+    for jobs in "12":
+        assert main(["rf_eo", "--runs", "6", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    assert {path.name for path in (tmp_path / "1").iterdir()} == set(rf_eo_files.FILES)
+    first, second = (json.loads((tmp_path / jobs / "summary.json").read_text()) for jobs in "12")
+    assert without_times(first) == without_times(second)
+    for name in rf_eo_files.FILES[:-1]:
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    assert "| lookahead:10 |" in capsys.readouterr().out
+    figure2, figure3, figure4 = (rows(tmp_path / "1" / f"figure{n}.csv") for n in (2, 3, 4))
+    steps = len(shown(6))
+    assert len(figure2) == sum(map(len, TRACKS.values())) * 2 * steps
+    assert len(figure3) == sum(map(len, CURVES.values())) * 2 * steps
+    assert len(figure4) == 2 * 2 * 2 * steps
+    assert all(float(row["low"]) <= float(row["rms"]) <= float(row["high"]) for row in figure3)
+    assert [f"{q:.0%}".rstrip("%") for q in QUANTILES] == ["10", "50", "90"]
+    for row in figure4:
+        assert float(row["pixel_angle_10"]) <= float(row["pixel_angle_50"]) <= float(row["pixel_angle_90"])
+
+
+def test_an_interrupted_command_keeps_what_is_done(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(rf_eo, "POLICIES", {rf_eo.PUBLISHED: (rf_eo.ADAPTIVE,), rf_eo.FAR: (rf_eo.ADAPTIVE,)})
+    monkeypatch.setattr(rf_eo, "play", partial(rf_eo.play, tuning=2, horizon=2))
+    assert main(["rf_eo", "--runs", "1", "--jobs", "1", "--out", str(tmp_path)]) != 0  # fewer policies than are drawn
+    (store,) = tmp_path.iterdir()
+    assert store.name.startswith(work.PREFIX)
+    assert list(store.rglob("output.pkl"))
+    assert capsys.readouterr().err.startswith("error: ")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -66,6 +109,10 @@ def test_the_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, q
         (["agile_clutter", "--jobs", "-2"], "jobs is -2"),
         (["agile_clutter", "--seed", "-1"], "seed is -1"),
         (["agile_clutter", "--run", "5"], "did you mean '--runs'"),
+        (["rf_eo", "--runs", "0"], "runs is 0"),
+        (["rf_eo", "--jobs", "0"], "jobs is 0"),
+        (["rf_eo", "--seed", "-1"], "seed is -1"),
+        (["rf_eo", "--tracker", "jpda"], "--tracker is 'jpda'"),
         ([], "PAPER"),
     ],
 )

@@ -5,18 +5,18 @@ The draws of a world depend neither on the chirps allowed nor on the clutter's d
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from wavegym.errors import choice, whole
 from wavegym.evaluation.comparison import CHUNK
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.reproduce.work import check_jobs, each
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.progressive import Progressive
@@ -127,8 +127,7 @@ def play(
     """
     whole("runs", runs, 1)
     whole("tuning", tuning, 1)
-    if jobs != -1:
-        whole("jobs", jobs, 1)
+    check_jobs(jobs)
     for tracker in trackers:
         choice("tracker", tracker, TRACKERS)
     seeds = world_seeds(root, "test", runs)
@@ -203,7 +202,7 @@ def _ranked(costs: Mapping[tuple[Case, int], float], case: Case) -> list[int]:
 
 def _costs(constants: Sequence[tuple[Case, int]], seeds: Sequence[int], jobs: int) -> dict[tuple[Case, int], float]:
     """Predicted cost of constants, each a case and an index."""
-    return dict(zip(constants, _each(jobs, "tuning", [delayed(_cost)(*c, seeds) for c in constants]), strict=True))
+    return dict(zip(constants, each(jobs, "tuning", [delayed(_cost)(*c, seeds) for c in constants]), strict=True))
 
 
 def _cost(case: Case, index: int, seeds: Sequence[int]) -> float:
@@ -216,7 +215,7 @@ def _all_runs(cases: Sequence[tuple[Case, Sequence[int]]], fixed: Mapping[Case, 
     batches = [(case, seeds[start : start + CHUNK]) for case, seeds in cases for start in range(0, len(seeds), CHUNK)]
     work = [delayed(_play)(case, fixed.get(case, 0), seeds) for case, seeds in batches]
     parts: dict[Case, list[Runs]] = {}
-    for (case, _), part in zip(batches, _each(jobs, "playing", work), strict=True):
+    for (case, _), part in zip(batches, each(jobs, "playing", work), strict=True):
         parts.setdefault(case, []).append(part)
     return {case: Runs(*(np.concatenate(a) for a in zip(*played, strict=True))) for case, played in parts.items()}
 
@@ -243,9 +242,3 @@ def _play(case: Case, fixed: int, seeds: Sequence[int], steps: int | None = None
         kept.append((squared, system.cost(state.public), nees, laws(system, action), figures["clutter"]))
     squared_error, cost, nees, law, clutter = (np.stack(arrays, axis=1) for arrays in zip(*kept, strict=True))
     return Runs(squared_error, cost, nees, law, clutter, figures["lost"])
-
-
-def _each(jobs: int, title: str, work: Sequence[Any]) -> list[Any]:
-    """The results of joblib's delayed calls in their order, with a bar on a terminal."""
-    results: Iterable[Any] = Parallel(n_jobs=jobs, return_as="generator")(work)
-    return list(tqdm(results, total=len(work), desc=title, unit="batch", disable=None))

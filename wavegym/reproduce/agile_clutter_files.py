@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,8 +10,10 @@ from wavegym.evaluation.files import write_whole
 from wavegym.reproduce.agile_clutter import FREE, FULL, Case, Study, names
 from wavegym.reproduce.agile_clutter_numbers import curve, shares, summarise, typical
 from wavegym.reproduce.agile_clutter_pictures import SENSORS, draw_errors, draw_laws
+from wavegym.reproduce.contents import csv_bytes, json_bytes
 
 FIGURE2 = ("policy", "clutter", "tracker", "k", "mse", "low", "high", "kept")
+FILES = ("figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json")
 FIGURE3 = ("tracker", "policy", "k", "sensor", "law", "share", "typical")
 
 
@@ -26,14 +25,14 @@ def write(study: Study, folder: Path) -> dict[str, Any]:
     """
     curves = {case: curve(study, runs) for case, runs in study.runs.items()}
     summary = summarise(study)
-    contents = {
-        "figure2.csv": _csv(FIGURE2, _errors(study, curves)),
-        "figure3.csv": _csv(FIGURE3, _choices(study)),
-        "figure2.png": draw_errors(study, curves),
-        "figure3.png": draw_laws(study),
-        "summary.json": (json.dumps(summary, indent=2, allow_nan=False) + "\n").encode(),
-    }
-    write_whole(folder, contents)
+    contents = (
+        csv_bytes(FIGURE2, _errors(study, curves)),
+        csv_bytes(FIGURE3, _choices(study)),
+        draw_errors(study, curves),
+        draw_laws(study),
+        json_bytes(summary),
+    )
+    write_whole(folder, dict(zip(FILES, contents, strict=True)))
     return summary
 
 
@@ -54,11 +53,3 @@ def _choices(study: Study) -> Iterable[Sequence[Any]]:
                 for i in range(run.shape[1]):
                     for j, law in enumerate(laws):
                         yield tracker, policy, k + 1, SENSORS[i], law, share[k, i, j], int(run[k, i] == j)
-
-
-def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return text.getvalue().encode()

@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import Any
 
 from wavegym.reproduce.agile_clutter import BEST_FIXED, BEST_FREE, FREE, FULL, LIBRARY, LINEAR
 from wavegym.reproduce.agile_clutter_numbers import DROP, JUMP, WINDOWS
-from wavegym.reproduce.agile_clutter_words import (
-    area,
-    commonest,
-    compared,
-    each,
-    geometric,
-    mean,
-    never,
-    ratio,
-    share,
-    spans,
-    written,
-)
+from wavegym.reproduce.agile_clutter_words import area, commonest, each, never, spans
+from wavegym.reproduce.words import bullet, compared, geometric, mean, ratio, share, written
 
 FACTOR = 4.0  # by which the agile scheduler is expected to beat the agile LFM chirp in clutter
-WIDTH = 118
 
 
 def findings(summary: dict[str, Any]) -> str:
@@ -34,7 +21,7 @@ def findings(summary: dict[str, Any]) -> str:
         "What the paper does not ask": (_fixed, _kinds, _trackers),
     }
     return "\n\n".join(
-        f"### {heading}\n\n" + "\n".join(_bullet(line) for line in (tell(summary) for tell in tellers) if line)
+        f"### {heading}\n\n" + "\n".join(bullet(line) for line in (tell(summary) for tell in tellers) if line)
         for heading, tellers in parts.items()
     )
 
@@ -218,7 +205,3 @@ def _median(found: dict[str, Any]) -> str:
 def _steps(window: str) -> str:
     first, last = WINDOWS[window]
     return f"{first} to {last}"
-
-
-def _bullet(text: str) -> str:
-    return textwrap.fill(f"- {text}", WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

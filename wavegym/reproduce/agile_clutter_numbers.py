@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.evaluation import statistics
-from wavegym.evaluation.statistics import LEVEL, Estimate
+from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.summary import versions
-from wavegym.evaluation.worlds import word
 from wavegym.reproduce.agile_clutter import BEST_FREE, CLUTTER, FREE, FULL, Runs, Study, names, scene
+from wavegym.reproduce.estimates import mean_estimate, plain, ratio_estimates, share_estimate
 from wavegym.systems.agile_clutter import AgileClutter
 
 Array = NDArray[Any]
@@ -73,7 +73,7 @@ def summarise(study: Study) -> dict[str, Any]:
 def curve(study: Study, runs: Runs) -> list[Estimate]:
     """The squared error summed over targets, mean over kept runs: an estimate for each step."""
     summed = runs.summed[runs.kept]
-    return [_mean(summed[:, k], study.root) for k in range(summed.shape[1])]
+    return [mean_estimate(summed[:, k], study.root) for k in range(summed.shape[1])]
 
 
 def shares(runs: Runs, count: int) -> Array:
@@ -109,8 +109,8 @@ def _setting(study: Study, tracker: str, clutter: str) -> dict[str, Any]:
         },
         "policies": {name: _policy(runs, None if name == FULL else full, root) for name, runs in played.items()},
         "best_free": _ratios(played[BEST_FREE], played[FREE], root),
-        "jump": _ratio(summed[:, JUMP - 1], summed[:, JUMP - 2], root),
-        "drop": _ratio(summed[:, DROP - 1], summed[:, DROP - 2], root),
+        "jump": ratio_estimates(summed[:, JUMP - 1], summed[:, JUMP - 2], root),
+        "drop": ratio_estimates(summed[:, DROP - 1], summed[:, DROP - 2], root),
         "choices": {name: _choices(played[name], names(name), root) for name in (FULL, FREE)},
     }
 
@@ -119,10 +119,10 @@ def _policy(runs: Runs, full: Runs | None, root: int) -> dict[str, Any]:
     own = runs.kept
     return {
         **_errors(runs, root),
-        "nees": _plain(_mean(np.nanmean(runs.nees[own], axis=(1, 2)), root)),
-        "predicted": _plain(_mean(runs.cost[own].sum(axis=1), root)),
-        "clutter": _plain(_mean(runs.clutter.mean(axis=1), root)),
-        "clutter_1": _plain(_mean(runs.clutter[:, 0], root)),
+        "nees": plain(mean_estimate(np.nanmean(runs.nees[own], axis=(1, 2)), root)),
+        "predicted": plain(mean_estimate(runs.cost[own].sum(axis=1), root)),
+        "clutter": plain(mean_estimate(runs.clutter.mean(axis=1), root)),
+        "clutter_1": plain(mean_estimate(runs.clutter[:, 0], root)),
         **({"ratio_kept": None, "ratio_all": None} if full is None else _ratios(runs, full, root)),
     }
 
@@ -130,15 +130,15 @@ def _policy(runs: Runs, full: Runs | None, root: int) -> dict[str, Any]:
 def _ratios(runs: Runs, others: Runs, root: int) -> dict[str, Any]:
     total, reference, both = runs.summed.sum(axis=1), others.summed.sum(axis=1), runs.kept & others.kept
     return {
-        "ratio_kept": _ratio(total[both], reference[both], root),
-        "ratio_all": _ratio(total, reference, root),
+        "ratio_kept": ratio_estimates(total[both], reference[both], root),
+        "ratio_all": ratio_estimates(total, reference, root),
     }
 
 
 def _errors(runs: Runs, root: int) -> dict[str, Any]:
     total = runs.summed.sum(axis=1)
     return {
-        "kept": _plain(_share(runs.kept.astype(float), root)),
+        "kept": plain(share_estimate(runs.kept.astype(float), root)),
         "mse_kept": _error(total[runs.kept], root),
         "mse_all": _error(total, root),
     }
@@ -158,7 +158,7 @@ def _choices(runs: Runs, offered: tuple[str, ...], root: int) -> dict[str, Any]:
             "of": linear.size,
             "runs": int(some.sum()),
             "kept": len(some),
-            "ci": _plain(_share(some.astype(float), root))["ci"],
+            "ci": plain(share_estimate(some.astype(float), root))["ci"],
         },
         "typical": [[offered[j] if j >= 0 else "" for j in sensor] for sensor in typical(runs).T],
     }
@@ -168,7 +168,7 @@ def _windows(law: Array, labels: tuple[str, ...], root: int) -> dict[str, dict[s
     """Share of each label by window of steps, from indices (run, k, sensor)."""
     return {
         window: {
-            label: _plain(_share((law[:, first - 1 : last] == index).mean(axis=(1, 2)), root))
+            label: plain(share_estimate((law[:, first - 1 : last] == index).mean(axis=(1, 2)), root))
             for index, label in enumerate(labels)
         }
         for window, (first, last) in WINDOWS.items()
@@ -177,49 +177,4 @@ def _windows(law: Array, labels: tuple[str, ...], root: int) -> dict[str, dict[s
 
 def _error(values: Array, root: int) -> dict[str, Any]:
     median = statistics.median(values) if len(values) else None
-    return {**_plain(_mean(values, root)), "median": median, "runs": len(values)}
-
-
-def _mean(values: Array, root: int) -> Estimate:
-    """Of (run,) values, each time with the same resamples: an interval does not depend on what else is estimated."""
-    return statistics.mean(values[None], _generator(root)) if len(values) else Estimate(None, None)
-
-
-def _share(values: Array, root: int) -> Estimate:
-    """Of (run,) shares. Where all runs agree, or each has 0 or 1, a bootstrap knows too little.
-
-    The interval is then exact, of a count of n runs; and where all agree on a share between, it is what the mean could
-    be if as many runs had any other share as 0 of n allow.
-    """
-    if not len(values) or not (np.isin(values, (0.0, 1.0)).all() or (values == values[0]).all()):
-        return _mean(values, root)
-    from scipy.stats import binomtest  # half a second that a worker process need not spend
-
-    share = float(values.mean())
-    if 0.0 < share < 1.0 and (values == values[0]).all():
-        other = float(binomtest(0, len(values)).proportion_ci(LEVEL, method="exact").high)
-        return Estimate(share, (share * (1.0 - other), share + (1.0 - share) * other))
-    exact = binomtest(int(values.sum()), len(values)).proportion_ci(LEVEL, method="exact")
-    return Estimate(share, (float(exact.low), float(exact.high)))
-
-
-def _ratio(values: Array, reference: Array, root: int) -> dict[str, Any]:
-    """Of the means, and the geometric mean of the runs' ratios, with paired intervals; both arguments (run,)."""
-    if not len(values):
-        return {"ratio": None, "ci": None, "geometric": None, "geometric_ci": None, "runs": 0}
-    found = statistics.difference(values[None], reference[None], _generator(root))
-    (ratio, ci), (geometric, geometric_ci) = (_from_percent(estimate) for estimate in found)
-    return {"ratio": ratio, "ci": ci, "geometric": geometric, "geometric_ci": geometric_ci, "runs": len(values)}
-
-
-def _from_percent(estimate: Estimate) -> tuple[float | None, list[float] | None]:
-    value, ci = estimate
-    return None if value is None else 1.0 + value / 100.0, None if ci is None else [1.0 + end / 100.0 for end in ci]
-
-
-def _generator(root: int) -> np.random.Generator:
-    return np.random.default_rng([root, word("bootstrap")])
-
-
-def _plain(estimate: Estimate) -> dict[str, Any]:
-    return {"mean": estimate.value, "ci": None if estimate.ci is None else list(estimate.ci)}
+    return {**plain(mean_estimate(values, root)), "median": median, "runs": len(values)}

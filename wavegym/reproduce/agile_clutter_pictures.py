@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import string
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -15,10 +14,10 @@ from numpy.typing import NDArray
 from wavegym.evaluation.statistics import Estimate
 from wavegym.reproduce.agile_clutter import FREE, FULL, POLICIES, Case, Study, names, scene
 from wavegym.reproduce.agile_clutter_numbers import DROP, JUMP, kind, shares, typical
+from wavegym.reproduce.contents import new_figure, png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Array = NDArray[Any]
 
@@ -30,13 +29,12 @@ LINES = ("-", "--", "-", "-", "-", "-", "-.", "-.", ":")
 KIND_COLOURS = {"LFM": "#d55e00", "PFM": "#0072b2", "HFM": "#009e73", "EFM": "#cc79a7"}
 SETTINGS = {"clutter": "clutter, density 10⁻⁴", "no clutter": "no clutter"}
 TRACKER_NAMES = {"jpda": "JPDA", "particle": "particle filter"}
-DPI = 150
 
 
 def draw_errors(study: Study, curves: Mapping[Case, Sequence[Estimate]]) -> bytes:
     """Figure 2: squared error against time, mean over kept runs with its 95 % band; a row for each tracker."""
     trackers = _trackers(study)
-    figure = _figure(11.0, 0.9 + 3.9 * len(trackers))
+    figure = new_figure(11.0, 0.9 + 3.9 * len(trackers))
     grid = figure.subplots(len(trackers), 2, sharex=True, sharey=True, squeeze=False)
     for row, tracker in zip(grid, trackers, strict=True):
         for axes, (clutter, title) in zip(row, SETTINGS.items(), strict=True):
@@ -51,13 +49,13 @@ def draw_errors(study: Study, curves: Mapping[Case, Sequence[Estimate]]) -> byte
     for axes in grid[-1]:
         axes.set_xlabel("step k")
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize="small")
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def draw_laws(study: Study) -> bytes:
     """Figure 3: the phase functions chosen in clutter; a typical run, shares of the kept runs, and shapes set free."""
     trackers = _trackers(study)
-    figure = _figure(5.8 * len(trackers), 11.0)
+    figure = new_figure(5.8 * len(trackers), 11.0)
     grid = figure.subplots(5, len(trackers), sharex=True, squeeze=False, height_ratios=(1.2, 1, 1, 1, 1))
     for column, tracker in zip(grid.T, trackers, strict=True):
         _draw_typical(column[0], typical(study.runs[Case(tracker, "clutter", FULL)]), TRACKER_NAMES[tracker])
@@ -69,7 +67,7 @@ def draw_laws(study: Study) -> bytes:
         column[-1].set_xlabel("step k")
     handles, labels = grid[-1, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=7, fontsize="small")
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def _draw_curve(axes: Axes, policy: str, estimates: Sequence[Estimate], place: int) -> None:
@@ -142,18 +140,3 @@ def _trackers(study: Study) -> list[str]:
 
 def _dt(study: Study) -> float:
     return scene(next(iter(study.runs))).dt
-
-
-def _figure(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _png(figure: Figure) -> bytes:
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=DPI, metadata={"Software": None})
-    return png.getvalue()

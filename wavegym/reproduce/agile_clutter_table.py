@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wavegym.envs.describe import table
-from wavegym.reproduce.agile_clutter_words import NONE, between, between_percent, percent, written
+from wavegym.reproduce.words import NONE, between, between_percent, percent, written
 
 HEAD = (
     "tracker", "", "policy", "kept %", "95 %", "MSE, kept runs", "95 %", "NEES, kept runs", "95 %", "MSE, all runs",

@@ -1,13 +1,13 @@
-"""How the agile chirps' numbers are written: intervals rounded outwards, never inwards."""
+"""How the agile chirps' numbers are written."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from itertools import groupby
 from typing import Any
 
-NONE = "–"  # where there is nothing to tell
+from wavegym.reproduce.words import NONE, between_percent, mean, percent
+
 TRACKERS = {"jpda": "JPDA", "particle": "the particle filter"}
 NAMED = 0.005  # shares from here on are named
 
@@ -25,58 +25,9 @@ def each(summary: dict[str, Any], tell: Callable[[Any], str], *keys: str, clutte
     return " and ".join(f"{text} with {tracker}" for tracker, text in told.items())
 
 
-def written(value: float | None, digits: int, way: Callable[[float], float] = round) -> str:
-    """A number with so many digits after the point, rounded by ``way``; ``NONE`` for None."""
-    if value is None:
-        return NONE
-    return f"{way(round(value * 10**digits, 6)) / 10**digits:.{digits}f}"
-
-
-def between(ci: Sequence[float] | None, digits: int) -> str:
-    """LOW to HIGH, rounded outwards."""
-    return NONE if ci is None else f"{written(ci[0], digits, math.floor)} to {written(ci[1], digits, math.ceil)}"
-
-
-def percent(share: float | None, digits: int = 1) -> str:
-    """A share in percent."""
-    return written(None if share is None else 100.0 * share, digits)
-
-
-def between_percent(ci: Sequence[float] | None, digits: int = 1) -> str:
-    """An interval of a share in percent."""
-    return between(None if ci is None else [100.0 * end for end in ci], digits)
-
-
-def ratio(found: dict[str, Any]) -> str:
-    """A ratio of means."""
-    return _with(written(found["ratio"], 2), between(found["ci"], 2))
-
-
-def geometric(found: dict[str, Any]) -> str:
-    """A geometric mean of ratios."""
-    return _with(written(found["geometric"], 2), between(found["geometric_ci"], 2))
-
-
-def compared(found: dict[str, Any]) -> str:
-    """A ratio of means, and a word where its interval holds 1."""
-    ci = found["ci"]
-    tie = ci is not None and ci[0] <= 1.0 <= ci[1]
-    return _with(written(found["ratio"], 2), between(ci, 2) + (", no difference to be told" if tie else ""))
-
-
-def share(found: dict[str, Any]) -> str:
-    """A share in percent."""
-    return _with(f"{percent(found['mean'])} %", between_percent(found["ci"]))
-
-
-def mean(found: dict[str, Any], digits: int = 0) -> str:
-    """A mean."""
-    return _with(written(found["mean"], digits), between(found["ci"], digits))
-
-
 def area(found: dict[str, Any]) -> str:
     """A mean in m²."""
-    return _with(f"{written(found['mean'], 0)} m²", between(found["ci"], 0))
+    return mean(found, unit=" m²")
 
 
 def never(linear: dict[str, Any]) -> str:
@@ -103,7 +54,3 @@ def _spans(laws: Iterable[str]) -> Iterable[str]:
     for law, steps in groupby(enumerate(laws, 1), key=lambda step: step[1]):
         k = [step for step, _ in steps]
         yield f"{law} at k = {k[0]}" + (f" to {k[-1]}" if k[1:] else "")
-
-
-def _with(value: str, interval: str) -> str:
-    return value if interval.startswith(NONE) else f"{value} ({interval})"

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from wavegym.errors import InputError
 from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
-from wavegym.reproduce.agile_clutter_findings import findings
-from wavegym.reproduce.agile_clutter_table import markdown
+from wavegym.reproduce import agile_clutter_findings, agile_clutter_table, rf_eo_findings, rf_eo_table
 
+PAPERS: dict[str, tuple[Callable[..., str], Callable[..., str]]] = {  # table and findings
+    "agile_clutter": (agile_clutter_table.markdown, agile_clutter_findings.findings),
+    "rf_eo": (rf_eo_table.markdown, rf_eo_findings.findings),
+}
 START, END = "<!-- made by `make reproduce PAGE=1`: -->", "<!-- to here -->"
 
 
 def block(summary: dict[str, Any]) -> str:
     """What stands between the markers: the command, the table, the findings."""
+    markdown, findings = PAPERS[summary["command"].split()[3]]  # python -m wavegym.reproduce PAPER ...
     command = f"```\n{summary['command']}\n```"
     return f"{START}\n\n{command}\n\n{markdown(summary)}\n\n{findings(summary)}\n\n{END}"
 

@@ -1,0 +1,60 @@
+"""Estimates over runs with 95 % intervals, as the papers' ``summary.json`` hold them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.evaluation import statistics
+from wavegym.evaluation.statistics import LEVEL, Estimate
+from wavegym.evaluation.worlds import word
+
+Array = NDArray[Any]
+
+
+def mean_estimate(values: Array, root: int) -> Estimate:
+    """Of (run,) values, each time with the same resamples: an interval does not depend on what else is estimated."""
+    return statistics.mean(values[None], _generator(root)) if len(values) else Estimate(None, None)
+
+
+def share_estimate(values: Array, root: int) -> Estimate:
+    """Of (run,) shares. Where all runs agree, or each has 0 or 1, a bootstrap knows too little.
+
+    The interval is then exact, of a count of n runs; and where all agree on a share between, it is what the mean could
+    be if as many runs had any other share as 0 of n allow.
+    """
+    if not len(values) or not (np.isin(values, (0.0, 1.0)).all() or (values == values[0]).all()):
+        return mean_estimate(values, root)
+    from scipy.stats import binomtest  # half a second that a worker process need not spend
+
+    share = float(values.mean())
+    if 0.0 < share < 1.0 and (values == values[0]).all():
+        other = float(binomtest(0, len(values)).proportion_ci(LEVEL, method="exact").high)
+        return Estimate(share, (share * (1.0 - other), share + (1.0 - share) * other))
+    exact = binomtest(int(values.sum()), len(values)).proportion_ci(LEVEL, method="exact")
+    return Estimate(share, (float(exact.low), float(exact.high)))
+
+
+def ratio_estimates(values: Array, reference: Array, root: int) -> dict[str, Any]:
+    """Of the means, and the geometric mean of the runs' ratios, with paired intervals; both arguments (run,)."""
+    if not len(values):
+        return {"ratio": None, "ci": None, "geometric": None, "geometric_ci": None, "runs": 0}
+    found = statistics.difference(values[None], reference[None], _generator(root))
+    (ratio, ci), (geometric, geometric_ci) = (_from_percent(estimate) for estimate in found)
+    return {"ratio": ratio, "ci": ci, "geometric": geometric, "geometric_ci": geometric_ci, "runs": len(values)}
+
+
+def plain(estimate: Estimate) -> dict[str, Any]:
+    """As JSON has it."""
+    return {"mean": estimate.value, "ci": None if estimate.ci is None else list(estimate.ci)}
+
+
+def _from_percent(estimate: Estimate) -> tuple[float | None, list[float] | None]:
+    value, ci = estimate
+    return None if value is None else 1.0 + value / 100.0, None if ci is None else [1.0 + end / 100.0 for end in ci]
+
+
+def _generator(root: int) -> np.random.Generator:
+    return np.random.default_rng([root, word("bootstrap")])
