@@ -198,8 +198,8 @@ def look(x: Array, P: Array, deviation: Array) -> tuple[Array, float]:
     return np.log10(raw), float((spread / (deviation * deviation)).sum())
 
 
-def simulate(tracker: Tracker, steps: int = SYSTEM.horizon) -> int:
-    """A peer's whole steps: settings, truth, what is in view, the tracker, and what the environment returns."""
+def simulate(tracker: Tracker, steps: int = SYSTEM.horizon, returned: bool = True) -> int:
+    """A peer's whole steps: settings, truth, what is in view, the tracker; and what the environment returns."""
     rng, truth = np.random.default_rng(0), np.array(SYSTEM.starts)
     for _ in range(steps):
         deviation, edge = decode(WIDE)
@@ -208,6 +208,8 @@ def simulate(tracker: Tracker, steps: int = SYSTEM.horizon) -> int:
         seen = np.abs(exact) <= edge
         assert seen.all()  # the settings see everything, so that no peer has to cut its arrays
         tracker.step(list(exact + deviation * rng.standard_normal((2, 6))))
+        if not returned:
+            continue
         observation, promised = [], []
         for x, (mean, P) in zip(truth, tracker.beliefs, strict=True):
             elements, information = look(mean, P, deviation)
@@ -236,6 +238,14 @@ def vector_step(envs: WaveformVectorEnv, actions: Array) -> int:
     return SYSTEM.horizon * len(actions)
 
 
+def advance(envs: WaveformVectorEnv, actions: Array, repeats: int = 200) -> int:
+    """World and trackers of a batch, without observations, rewards, info and resets."""
+    system, state, world = envs.system, envs.episodes.state, envs.world
+    for _ in range(repeats):
+        system.advance(state, actions, world)
+    return repeats * len(actions)
+
+
 def against_filterpy() -> dict[str, tuple[Ratio, float | None]]:
     """Each measurement with the ratio wanted, if any."""
     env, envs = WaveformEnv(RfEo), WaveformVectorEnv(RfEo, BATCH)
@@ -249,6 +259,10 @@ def against_filterpy() -> dict[str, tuple[Ratio, float | None]]:
         f"RfEo step with info and resets, batch of {BATCH}": (
             compare(lambda: vector_step(envs, actions), lambda: simulate(Filterpy())),
             200.0,
+        ),
+        f"RfEo world and trackers alone, batch of {BATCH}; the same of": (
+            compare(lambda: advance(envs, actions), lambda: simulate(Filterpy(), returned=False)),
+            None,
         ),
     }
 

@@ -32,9 +32,10 @@ def main() -> None:
         for d in decisions:
             print(f"| {name} | {d.batch} | {d.cpu_us:.1f} | {d.peak_mib:.1f} |")
     print(f"\nOne-step decision of RfEo on its grid, single: {rf_eo.decision_us():.0f} us, wanted <= 1000 us.")
-    share, speed = training.run()
-    print(f"The environment's share of PPO's wall time at 64 environments: {share:.1%}, wanted <= 10 %.")
-    print(f"Training speed: {speed:.0f} steps/s.")
+    for name in ("KershawEvansPosition-v0", "RfEo-v0"):
+        share, speed = training.run(f"wavegym/{name}")
+        print(f"The share of {name} in PPO's wall time at 64 environments: {share:.1%}, wanted <= 10 %;")
+        print(f"training speed: {speed:.0f} steps/s.")
 
 
 if __name__ == "__main__":

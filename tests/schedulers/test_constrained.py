@@ -271,3 +271,11 @@ def test_impossible_searches_are_refused():
         Continuous("traces")
     with pytest.raises(InputError, match="starts is -1, expected an integer >= 0"):
         Continuous(starts=-1)
+
+
+def test_a_threshold_that_is_no_number_is_refused():
+    system = scene(False)
+    public = beliefs(system, 1, 1)
+    for threshold in (-1.0, np.nan):
+        with pytest.raises(InputError, match=r"threshold is .* expected a number >= 0"):
+            system.most_information(public, threshold)

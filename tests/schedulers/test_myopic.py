@@ -149,3 +149,13 @@ def test_margins_that_cannot_be_are_refused():
         Myopic(margin=-1)
     with pytest.raises(InputError, match="'myopic-margin:2' cannot be computed for KershawEvans: it has no margin"):
         Myopic(margin=2.0).begin(KershawEvans(), 1, None)
+
+
+def test_the_determinant_of_several_targets_is_their_product():
+    system = scene(False, action="joint", points=(2, 1, 2))
+    public = beliefs(system, 3, 4)
+    policy = Myopic("determinant")
+    policy.begin(system, len(public.step), None)
+    covariance = system.imagine(public, system.candidates()[None]).covariance  # (env, candidate, target, 4, 4)
+    together = np.linalg.slogdet(covariance)[1].sum(axis=2)
+    np.testing.assert_array_equal(policy.act(public, None, None), together.argmin(axis=1))

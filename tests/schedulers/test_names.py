@@ -162,3 +162,8 @@ def test_every_scheduler_gets_through_gymnasiums_loop(name):
 def test_folders_are_no_schedulers():
     assert not any(is_scheduler(name) for name in ("ppo", "runs/ppo", "myopic2", ""))
     assert set(FORMS) > {"optimum", "fixed:K", "fixed:NAME", "tuned-constant", "tuned-cycle", "lookahead:H"}
+
+
+def test_a_name_that_only_the_box_has_is_told_so():
+    with pytest.raises(InputError, match=r"'fixed:proposed', which is a point of the box, expected .*action='box'"):
+        make_policy("fixed:proposed", scene(action="library"), None)

@@ -69,6 +69,7 @@ def field_of_view(system, p):
     """Lower and upper edges, equations (14a), (14b) exchanged and made two-sided, or as printed, and (15)."""
     prf, _, alpha = p
     wavelength, half = LIGHT / system.carrier_hz, system.pixels * alpha / 2
+    half = np.inf if half > np.pi * (1 - 1e-9) else half  # a full circle has no edge to leave
     if system.as_printed:
         return np.array([-np.inf, 0.0, -half]), np.array([wavelength * prf / 2, LIGHT / (2 * prf), half])
     high = np.array([LIGHT / (2 * prf), wavelength * prf / 4, half])
@@ -77,6 +78,8 @@ def field_of_view(system, p):
 
 def penalty(kind, x, low, high, sharpness, gamma):
     """phi(x) of the interval [low, high]: (13) on both sides, and the shapes that the paper names."""
+    if high == np.inf:
+        return 0.0
     if kind == "hard":
         return gamma if x > high or x < low else 0.0
     if kind == "log-barrier":

@@ -234,7 +234,7 @@ def test_more_bandwidth_is_never_worse(seed, kind):
     """In Loewner's order, whatever W: B has no field of view to pay with."""
     rng = np.random.default_rng(seed)
     x, system = rng.normal(size=4) * [3e3, 50, 3e3, 50], RfEo(penalty=kind, starts=ONE)
-    narrow = 10 ** rng.uniform([3, 6, -5], [5, 7, -2.2], (2, 3))
+    narrow = 10 ** rng.uniform([3, 6, -5], [5, 7, -2.21], (2, 3))
     share, covariance = foreseen(system, [x], [NARROW], [narrow, narrow * [1, 2, 1]])
     assert share[1, 0] >= share[0, 0]
     assert loewner(covariance[0, 0], covariance[1, 0])[0] > 1 - 1e-9
@@ -281,7 +281,7 @@ def test_far_targets_and_pairs_are_beyond_the_limit():
 def test_penalties_inside_the_field_of_view(kind):
     """Hard and deadzone: exactly 0. Logistic: 1e-3 of the plain variance up to 0.85 of the edge, of azimuth only from
     1.1e-4 rad on (finer pixels leave 1e-5 rad 11 %). Log-barrier: 0 at the centre only, capped outside."""
-    settings = np.array([(f, 20e6, a) for f in np.geomspace(1e3, 1e5, 9) for a in np.geomspace(1e-5, 2e-3 * np.pi, 9)])
+    settings = np.array([(f, 20e6, a) for f in np.geomspace(1e3, 1e5, 9) for a in np.geomspace(1e-5, 6e-3, 9)])
     plainly, low, high = platform_view(*settings.T, WAVELENGTH, 128, 1000)
     of = (100.0 if kind != "log-barrier" else 1e8, np.array(SYSTEM.height))
     at_share = {s: fov_penalty(kind, s * high, low, high, *of) for s in (0.0, 0.85, 1 - 1e-9, 1 + 1e-9, 2.0)}

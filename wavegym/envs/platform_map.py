@@ -38,16 +38,11 @@ def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
     for t, outline in enumerate(outlines):
         draw_track(axes, t, truth[:, t], mean[:, t], outline)
     for j, place in enumerate(places):
-        c, s = np.cos(looks(system)[j]), np.sin(looks(system)[j])
+        c, s = np.cos(system.places[j, 2]), np.sin(system.places[j, 2])
         dart = DART @ np.array([[c, -s], [s, c]])  # turned clockwise
         axes.plot(*place[:, None], marker=dart, color=f"C{j}", markersize=12, markeredgewidth=0)
         style: dict[str, Any] = {"color": f"C{j}", "fontsize": SMALL, "ha": "center", "va": "top"}
         axes.annotate(f"P{j + 1}", place, (0, -6), textcoords="offset points", **style)
-
-
-def looks(system: RfEo) -> tuple[float, ...]:
-    """Look direction of each platform, rad clockwise from +y."""
-    return system.looks or (0.0,) * len(system.platforms)
 
 
 def _draw_fields(axes: Axes, system: RfEo, moment: Moment, places: Array) -> None:
@@ -61,7 +56,7 @@ def _draw_fields(axes: Axes, system: RfEo, moment: Moment, places: Array) -> Non
     corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
     far = 2.0 * np.hypot(*(corners[:, None] - places).T).max()  # a polygon of this size surrounds the map
     high = system.menu.view(system.menu.settings(moment.actions[-1]))[2][0]
-    for j, (place, look) in enumerate(zip(places, looks(system), strict=True)):
+    for j, (place, look) in enumerate(zip(places, system.places[:, 2], strict=True)):
         edge = min(high[j, 2], np.pi)
         arc = place[:, None] + far * _direction(look + np.linspace(-edge, edge, POINTS))
         fill(axes, np.concatenate([place[:, None], arc], axis=1), color=f"C{j}", **IMAGE)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wavegym.envs.drawings import CROSS, SIGMAS, TRUTH, fill
 from wavegym.envs.moment import Moment
 from wavegym.envs.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
-from wavegym.envs.platform_map import DART, IMAGE, PLANE, UNAMBIGUOUS, draw_platform_map, looks
+from wavegym.envs.platform_map import DART, IMAGE, PLANE, UNAMBIGUOUS, draw_platform_map
 from wavegym.envs.target_map import colour
 from wavegym.sensors import platform_measurement
 from wavegym.systems.rf_eo import RfEo
@@ -130,9 +130,10 @@ class Sight(NamedTuple):
 
 def in_view(system: RfEo, moment: Moment) -> Sight:
     """Where each target truly was before each platform in the last step, and which quantities were in view."""
-    places = np.array([(*place, look) for place, look in zip(system.platforms, looks(system), strict=True)])
+    places = system.places
     value = platform_measurement(moment.states[-1].hidden.truth[0], places[:, None], system.as_printed)
     _, low, high = system.menu.view(system.menu.settings(moment.actions[-1])[0])
+    low[:, 2], high[:, 2] = np.maximum(low[:, 2], -np.pi), np.minimum(high[:, 2], np.pi)  # the full circle
     ahead = moment.states[-2].public.mean[0] @ system.motion.F.T
     predicted = platform_measurement(ahead, places[:, None], system.as_printed)
     blind = np.minimum(value[..., :1], predicted[..., :1]) < system.nearest_range

@@ -21,6 +21,7 @@ Array = NDArray[Any]
 
 COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
 MOST_LABELS = 7
+MOST_NAMED = 6  # lines of a box that have a name: as many as there is room for
 APART = 0.2  # rows between two sensors' marks where both transmit the same waveform
 
 
@@ -43,8 +44,9 @@ class Timelines:
             steps_along(axes, system.horizon)
         if isinstance(system.actions, ParameterBox):
             caption(self._choices, "choices: share of each parameter's range", "step")
-            self._choices.set_ylim(-0.05, 1.45)
-            _name_lines(self._choices, list(system.actions.names))
+            names = list(system.actions.names)[:MOST_NAMED]
+            self._choices.set_ylim(-0.05, 1.1 + 0.25 * -(-len(names) // 2))
+            _name_lines(self._choices, names)
         else:
             caption(self._choices, "choices", "step")
             sensors = sensor_count(system.actions)
@@ -124,8 +126,12 @@ def draw_parameters(axes: Axes, moment: Moment) -> None:
 
 def _name_lines(axes: Axes, names: list[str]) -> None:
     """A lasting legend of lines in the order of the colour cycle."""
-    columns = min(-(-len(names) // 2), 3)
-    legend(axes, "upper left", columns, **{name: {"color": f"C{i}", "marker": "."} for i, name in enumerate(names)})
+    legend(
+        axes,
+        "upper left",
+        min(len(names), 2),
+        **{name: {"color": f"C{i}", "marker": "."} for i, name in enumerate(names)},
+    )
 
 
 def _above(cost: float, least: float) -> str:

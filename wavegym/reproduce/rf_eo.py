@@ -57,7 +57,7 @@ class Runs(NamedTuple):
     cost: Array  # (run, k) trace(W P) summed over the targets, m^2
     error: Array  # (run, k, target) position error, m
     nees: Array  # (run, k, target) normalised estimation error squared, expected 4
-    below: Array  # (run, k) bool: some target was foreseen to get less information than the threshold
+    below: Array  # (run, k) bool: some target was foreseen, with the scene's margin, to get less information than t
     missed: Array  # (run, k) int: quantities in view where the target was predicted, out of view where it was
     settings: Array  # (run, k, platform, 3) PRF in Hz, bandwidth in Hz, pixel angle in rad
     rival: Array  # the same as the paper's objective would have chosen of the same belief; of the trace's runs only
@@ -187,11 +187,24 @@ def _play(case: Case, tuned: Array | None, seeds: Sequence[int], steps: int = 0)
 
 def _missed(loop: RfEo, before: State, after: State, settings: Array) -> Array:
     """Quantities of all targets that were in view as predicted and were not where the target was, (env,) int."""
-    looks = loop.looks or (0.0,) * len(loop.platforms)
-    places = np.array([(*place, look) for place, look in zip(loop.platforms, looks, strict=True)])
-    predicted = before.public.mean @ loop.motion.F.T
-    _, low, high = (edge[:, None] for edge in loop.menu.view(settings))  # (env, 1, platform, 3)
-    there, here = (platform_measurement(x[..., None, :], places) for x in (predicted, after.hidden.truth))
-    lost = (low <= there) & (there <= high) & ~((low <= here) & (here <= high))
-    count: Array = lost.sum(axis=(1, 2, 3))
+    there, here = (in_view(loop, x, settings) for x in (before.public.mean @ loop.motion.F.T, after.hidden.truth))
+    count: Array = (there & ~here).sum(axis=(1, 2, 3))
     return count
+
+
+def in_view(loop: RfEo, x: Array, settings: Array) -> Array:
+    """Which quantities (range, range-rate, azimuth) of states x a platform gets, (env, target, platform, 3) bool.
+
+    By the loop's own rules: nothing from nearer than ``nearest_range``, the misprints of ``as_printed``, and all that
+    is far enough where what is out of view is drawn "inflated".
+
+    Args:
+        loop: the closed loop.
+        x: states (env, target, 4).
+        settings: PRF in Hz, bandwidth in Hz and pixel angle in rad, (env, platform, 3).
+    """
+    _, low, high = (edge[:, None] for edge in loop.menu.view(settings))  # (env, 1, platform, 3)
+    z = platform_measurement(x[..., None, :], loop.places, loop.as_printed)
+    inside = (low <= z) & (z <= high) | (loop.out_of_view == "inflated")
+    seen: Array = inside & (z[..., :1] >= loop.nearest_range)
+    return seen

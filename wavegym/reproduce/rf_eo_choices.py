@@ -13,17 +13,22 @@ from wavegym.systems.rf_eo import RfEo
 
 Array = NDArray[Any]
 
-PRF, BANDWIDTH, ANGLE = range(3)
+PRF, ANGLE = 0, 2
 QUANTILES = (0.1, 0.5, 0.9)
 JUMP = 2.0  # by more than this factor
 
 
-def jumps(runs: Runs, start: int, root: int) -> list[dict[str, Any]]:
-    """Of each platform the share of steps from ``start`` on at which its PRF changes by more than ``JUMP``."""
+def jumps(runs: Runs, start: int, root: int) -> dict[str, Any]:
+    """The share of steps from ``start`` on at which a platform's PRF changes by more than ``JUMP``.
+
+    Keys: ``mean`` and ``ci`` of a run's share over the steps of all its platforms; ``platforms``, a list of the same of
+    each platform.
+    """
     prf = runs.settings[:, start:, :, PRF]
     change = np.maximum(prf[:, 1:] / prf[:, :-1], prf[:, :-1] / prf[:, 1:]) > JUMP
     share = change.mean(axis=1) if change.shape[1] else np.zeros((len(change), change.shape[2]))
-    return [plain(share_estimate(column, root)) for column in share.T]
+    each = [plain(share_estimate(column, root)) for column in share.T]
+    return {**plain(share_estimate(share.mean(axis=1), root)), "platforms": each}
 
 
 def agreement(runs: Runs, root: int) -> dict[str, Any]:
@@ -51,12 +56,10 @@ def adaptation(runs: Runs, loop: RfEo, marks: list[int], root: int) -> dict[str,
         finest: share of runs in which, over the last half, platform 2 has the smaller pixel angle (geometric mean).
         second_over_first: its pixel angle over that of platform 1, both geometric means over the last half.
         narrower: of the steps of the last half at which the pixel angles differ, the share at which the finer one is
-        that of the platform from which the targets keep closer to the look direction. bandwidth_changes: share of
-        steps at which any bandwidth changes.
+        that of the platform from which the targets keep closer to the look direction.
     """
     half, angle = runs.settings.shape[1] // 2, runs.settings[..., ANGLE]
     late = np.exp(np.log(angle[:, half:]).mean(axis=1))
-    changed = np.diff(runs.settings[..., BANDWIDTH], axis=1) != 0.0
     spread = quantiles(runs)[..., ANGLE]
     return {
         "marks": marks,
@@ -66,7 +69,6 @@ def adaptation(runs: Runs, loop: RfEo, marks: list[int], root: int) -> dict[str,
         "finest": plain(share_estimate((late[:, 1] < late[:, 0]).astype(float), root)),
         "second_over_first": ratio_estimates(late[:, 1], late[:, 0], root),
         "narrower": plain(share_estimate(_narrower(runs, loop, half), root)),
-        "bandwidth_changes": plain(share_estimate(changed.any(axis=2).mean(axis=1), root)),
     }
 
 
@@ -77,9 +79,8 @@ def _factors(angle: Array, root: int) -> list[dict[str, Any]]:
 
 def _narrower(runs: Runs, loop: RfEo, start: int) -> Array:
     """(run,) share of steps; runs whose pixel angles never differ are left out."""
-    looks = loop.looks or (0.0,) * len(loop.platforms)
-    offset = runs.truth[:, start:, :, None] - np.array(loop.platforms)  # (run, k, target, platform, 2)
-    azimuth = np.arctan2(offset[..., 0], offset[..., 1]) - np.array(looks)
+    offset = runs.truth[:, start:, :, None] - loop.places[:, :2]  # (run, k, target, platform, 2)
+    azimuth = np.arctan2(offset[..., 0], offset[..., 1]) - loop.places[:, 2]
     widest = np.abs(np.angle(np.exp(1j * azimuth))).max(axis=2)
     angle = runs.settings[:, start:, :, ANGLE]
     differ = angle[..., 0] != angle[..., 1]

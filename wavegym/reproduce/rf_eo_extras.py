@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from wavegym.reproduce.rf_eo import ADAPTIVE, FAR, INFORMATION, MARGIN, PUBLISHED
+from wavegym.reproduce.rf_eo import ADAPTIVE, DEPTHS, FAR, INFORMATION, MARGIN, PUBLISHED
 from wavegym.reproduce.rf_eo_table import places
-from wavegym.reproduce.rf_eo_words import EXTRA, Finding, both, platforms, side
+from wavegym.reproduce.rf_eo_words import EXTRA, Finding, both, side
 from wavegym.reproduce.words import between, compared, mean, percent, share, written
 
+JUDGED = str(DEPTHS[-1])  # the deepest lookahead decides what is said of all
 CONSISTENT = 0.9  # share of steps inside the band that is taken for 95 % of dependent ones
 
 
@@ -19,8 +20,8 @@ def _information(summary: dict[str, Any]) -> Finding:
         return (
             f"In the {scene} scene its cost is {compared(policy['over_myopic'])} times that of the least trace, its "
             f"RMS error over the last half {compared(policy['late_over_myopic'])} times; its PRF jumps at "
-            f"{platforms(policy['jumps'])} of the steps, the least trace's at "
-            f"{platforms(found['policies'][ADAPTIVE]['jumps'])}. Of the same belief both would choose the same at a "
+            f"{share(policy['jumps'])} of the platforms' steps, the least trace's at "
+            f"{share(found['policies'][ADAPTIVE]['jumps'])}. Of the same belief both would choose the same at a "
             f"platform in {share(agree['both'])} of the steps (PRF {share(agree['prf'])}, pixel angle "
             f"{share(agree['angle'])})."
         )
@@ -53,16 +54,17 @@ def _nees(summary: dict[str, Any]) -> Finding:
 
 def _lookahead(summary: dict[str, Any]) -> Finding:
     def told(found: dict[str, dict[str, Any]]) -> str:
-        depths = (f"{written(of['percent'], 1)} % ({between(of['ci'], 1)}) at H = {H}" for H, of in found.items())
-        return ", ".join(depths)
+        depths = sorted(found, key=JUDGED.__ne__)  # the one judged by, then the others
+        return ", ".join(
+            f"{written(found[H]['percent'], 1)} % ({between(found[H]['ci'], 1)}) at H = {H}" for H in depths
+        )
 
-    ends = [max((of["ci"] or [0.0])[0] for of in scene["lookahead"].values()) for scene in summary["scenes"].values()]
-    said = ("gains nothing that can be told", "gains in one scene", "gains in both scenes")[
-        sum(end > 0 for end in ends)
-    ]
+    sides = [side(scene["lookahead"][JUDGED]["ci"], 0.0) for scene in summary["scenes"].values()]
+    said = ("gains nothing that can be told", "gains in one scene", "gains in both scenes")[sides.count("above")]
     return EXTRA, (
-        f"**Lookahead {said}.** Cost below the one-step scheduler's: {both(summary, told, 'lookahead')}. The plan is "
-        "improved one point of the grid at a time, not searched exhaustively; the table has its time."
+        f"**Lookahead {said}.** Cost below the one-step scheduler's: {both(summary, told, 'lookahead')}. Judged by H = "
+        f"{JUDGED}. The plan is improved one point of the grid at a time, not searched exhaustively; the table has its "
+        "time."
     )
 
 
@@ -111,7 +113,7 @@ def _below(summary: dict[str, Any]) -> Finding:
     return EXTRA, (
         "**The least information.** Steps at which a target was foreseen to get less than t = "
         f"{summary['scenes'][PUBLISHED]['threshold']:g}: with the least trace and with the paper's objective, "
-        f"{both(summary, told, 'policies')}."
+        f"{both(summary, told, 'policies')}. Foreseen with the scene's margin."
     )
 
 

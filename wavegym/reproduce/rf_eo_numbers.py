@@ -51,10 +51,11 @@ def summarise(study: Study) -> dict[str, Any]:
         ``nees`` {mean, ci, first, band, inside, inside_settled}: over all steps, at the first step, the 95 % band of
         the mean over runs and targets at one step, and the share of steps whose mean is inside it, from the first and
         after ``SETTLED`` (these have no interval: resampled runs are not independent ones); ``below_threshold``, share
-        of steps; ``missed_first``, share of runs whose first step lost a measurement that was in view as predicted,
-        ``missed``, share of steps that did; ``jumps`` and ``jumps_late``, a list by platform: share of steps at which
-        the PRF changes by more than a factor of two, over the run and its last half; us_per_decision, the only figure
-        taken from a clock.
+        of steps, foreseen with the scene's margin whatever the policy's; ``missed_first``, share of runs whose first
+        step lost a measurement that was in view as predicted, ``missed``, share of steps that did; ``jumps`` and
+        ``jumps_late`` {mean, ci, platforms}: share of the platforms' steps at which the PRF changes by more than a
+        factor of two, and of each platform's, over the run and its last half; us_per_decision, the only figure taken
+        from a clock.
 
         Intervals are [low, high], 95 %: of a BCa bootstrap over runs; of a share that is 0 or 1 in each run, or the
         same in all, from the binomial distribution (Clopper and Pearson).

@@ -45,7 +45,9 @@ def _cells(policy: dict[str, Any]) -> list[str]:
         cells += [written(policy[key]["ratio"], 2), between(policy[key]["ci"], 2)]
     for key in ("rmse", "rmse_late"):
         cells += [written(policy[key]["mean"], 2), between(policy[key]["ci"], 2)]
-    cells += [written(nees["mean"], 2), " / ".join(percent(jumps["mean"]) for jumps in policy["jumps"])]
+    jumps = policy["jumps"]
+    each = " / ".join(percent(found["mean"]) for found in jumps["platforms"])
+    cells += [written(nees["mean"], 2), f"{percent(jumps['mean'])} ({each})"]
     return [*cells, percent(policy["below_threshold"]["mean"]), written(policy["us_per_decision"], 0)]
 
 

@@ -8,12 +8,14 @@ from typing import Any
 from wavegym.reproduce.rf_eo import FAR, PUBLISHED
 from wavegym.reproduce.words import bullet, share, written
 
-HOLDS, PART, NOT, EXTRA = (
+HOLDS, GIVEN, PART, NOT, EXTRA = (
     "What is reproduced",
+    "What holds by construction",
     "What is reproduced only in part",
     "What is not",
     "What the paper does not ask",
 )
+HEADINGS = (HOLDS, GIVEN, PART, NOT, EXTRA)
 Finding = tuple[str, str]  # under which heading, Markdown
 Teller = Callable[[dict[str, Any]], Finding]
 
@@ -21,7 +23,7 @@ Teller = Callable[[dict[str, Any]], Finding]
 def listed(summary: dict[str, Any], tellers: Sequence[Teller]) -> str:
     """Findings under their headings."""
     told = [tell(summary) for tell in tellers]
-    parts = {heading: [text for under, text in told if under == heading] for heading in (HOLDS, PART, NOT, EXTRA)}
+    parts = {heading: [text for under, text in told if under == heading] for heading in HEADINGS}
     return "\n\n".join(
         f"### {heading}\n\n" + "\n".join(map(bullet, texts)) for heading, texts in parts.items() if texts
     )
@@ -55,9 +57,10 @@ def lies(ci: Sequence[float] | None, limit: float) -> str:
     return f"the interval holds {limit:g}" if where == "around" else f"the interval lies {where} {limit:g}"
 
 
-def platforms(shares: Sequence[dict[str, Any]]) -> str:
-    """A share for each platform."""
-    return " and ".join(f"{share(found)} at platform {j}" for j, found in enumerate(shares, 1))
+def jumped(found: dict[str, Any]) -> str:
+    """A share of the platforms' steps, and of each platform's."""
+    each = ", ".join(f"{share(of)} at platform {j}" for j, of in enumerate(found["platforms"], 1))
+    return f"{share(found)}: {each}"
 
 
 def angles(quantiles: Sequence[float]) -> str:

@@ -141,7 +141,7 @@ class _Search:
     def run(self, start: Array) -> None:
         """One search from ``start`` (d,); what lacks of the threshold there comes first."""
         bounds = [(-1.0, 1.0)] * len(start)
-        if self._look(start)[2].min(initial=np.inf) < 0.0:
+        if self._threshold and self._look(start)[2].min(initial=np.inf) < 0.0:
             start = self._lift(start, bounds)
         over = {"type": "ineq", "fun": lambda x: self._look(x)[2] - SLACK, "jac": lambda x: self._look(x)[3]}
         constraints = over if self._threshold else ()

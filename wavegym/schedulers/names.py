@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -61,9 +63,21 @@ def is_scheduler(name: str) -> bool:
 def _fixed(name: str, argument: str, system: System) -> Policy:
     """Told apart here and looked up at once: a mistake shows before anything is tuned."""
     is_name = bool(system.named_constants()) and not INTEGER.fullmatch(argument)
+    if not is_name and argument in _named_in_box(system):
+        raise InputError(f"policy is {name!r}, which is a point of the box, expected an index or action='box'")
     constant = argument if is_name else _integer(name, "fixed", argument)
     constant_action(system, constant)
     return Fixed(constant)
+
+
+def _named_in_box(system: Any) -> dict[str, Any]:
+    """The named constants that the system would have with ``action="box"``."""
+    if getattr(system, "action", "box") == "box" or not dataclasses.is_dataclass(system):
+        return {}
+    with suppress(ValueError):  # a system without that form; pydantic's errors and ours are ValueErrors
+        boxed: Any = dataclasses.replace(system, action="box")  # type: ignore[type-var]
+        return dict(boxed.named_constants())
+    return {}
 
 
 def _integer(name: str, family: str, argument: str) -> int:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError, nearest
 from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox
+from wavegym.waveforms import ParameterBox, PerSensor
 
 Array = NDArray[Any]
 
@@ -17,24 +17,25 @@ FEW = 1024  # candidates: up to here a random choice draws one number for each, 
 
 
 class RandomChoice:
-    """Uniform over the allowed candidates; with a ParameterBox, over the whole box [-1, 1]^d."""
+    """Uniform over the allowed actions; with a ParameterBox, over the whole box [-1, 1]^d."""
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._rng, actions = rng, system.actions
-        self._box = actions if isinstance(actions, ParameterBox) else None
-        if self._box is None:
-            self._candidates = system.candidates()
+        self._rng, self._system = rng, system
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``: the largest of one uniform draw per candidate; of many unmasked ones, an index drawn."""
-        if self._box is not None:
-            return self._rng.uniform(-1.0, 1.0, (len(public.step), len(self._box)))
-        count = len(self._candidates)
+        envs, actions = len(public.step), self._system.actions
+        if isinstance(actions, ParameterBox):
+            return self._rng.uniform(-1.0, 1.0, (envs, len(actions)))
+        if isinstance(actions, PerSensor) and mask is None:
+            return self._rng.integers(len(actions), size=(envs, actions.sensors))
+        candidates = self._system.candidates()
+        count = len(candidates)
         if mask is None and count > FEW:
-            return self._candidates[self._rng.integers(count, size=len(public.step))]
-        draws = self._rng.random((len(public.step), count))
-        return self._candidates[np.argmax(draws if mask is None else np.where(mask, draws, -1.0), axis=1)]
+            return candidates[self._rng.integers(count, size=envs)]
+        draws = self._rng.random((envs, count))
+        return candidates[np.argmax(draws if mask is None else np.where(mask, draws, -1.0), axis=1)]
 
 
 class Cycle:

@@ -40,7 +40,7 @@ def fov_penalty(
     Args:
         kind: one of the above.
         x: the measured quantity, (...).
-        low, high: the interval in its unit, high > 0; low may be -inf. (...).
+        low, high: the interval in its unit, high > 0, (...); low may be -inf, and with high = inf there is no edge.
         sharpness: relative to ``high``, (...).
         height: gamma, in the unit's square, (...).
 
@@ -52,8 +52,8 @@ def fov_penalty(
             do not fit.
     """
     code = KINDS[choice("penalty", kind, PENALTIES)]
-    for name, value in (("high edge of the field of view", high), ("sharpness", sharpness)):
-        every(positive, name, value)
+    every(positive, "sharpness", sharpness)
+    every(positive, "high edge of the field of view", np.minimum(high, np.finfo(float).max))
     every(non_negative, "height", height)
     if np.isnan(x).any():
         raise InputError("x is nan, expected numbers")

@@ -13,6 +13,7 @@ LOGISTIC, HARD, DEADZONE, LOG_BARRIER = 0, 1, 2, 3
 NEGLIGIBLE = 90.0  # e^-90 is 1e-39: of any height less than the rounding of any variance
 CELL = 1.0 / 12.0  # variance of what is uniform in a cell of width 1
 HALF_C = 0.5 * SPEED_OF_LIGHT
+FULL_CIRCLE = np.pi * (1.0 - 1e-9)  # an image that reaches so far to either side, but for rounding, has no edge
 
 
 @inlined
@@ -57,6 +58,8 @@ def polar_rows(x, vx, y, vy, sx, sy, r, rdot, printed, a, H):
 @kernel
 def penalty_one(kind, x, low, high, sharpness, height):
     """phi(x, [low, high]) of ``penalties.fov_penalty``, eq. (13) for the logistic kind."""
+    if high == np.inf:
+        return 0.0
     if kind == HARD:
         return height if x > high or x < low else 0.0
     nu = sharpness / high
@@ -84,6 +87,8 @@ def view_one(prf, bandwidth, pixel_angle, wavelength, fft_length, pixels, printe
     farthest, fastest, edge = HALF_C / prf, 0.25 * wavelength * prf, 0.5 * pixels * pixel_angle
     low[j, 0], low[j, 1], low[j, 2] = -np.inf, -fastest, -edge
     high[j, 0], high[j, 1], high[j, 2] = farthest, fastest, edge
+    if edge >= FULL_CIRCLE:
+        low[j, 2], high[j, 2] = -np.inf, np.inf
     if printed:
         low[j, 1] = 0.0
         high[j, 0], high[j, 1] = 0.5 * wavelength * prf, HALF_C / prf

@@ -17,7 +17,7 @@ class View(NamedTuple):
 
     variance: Array  # (..., 3) of what is in the field of view
     low: Array  # (..., 3) its lower edges; of the range -inf
-    high: Array  # (..., 3) and upper ones
+    high: Array  # (..., 3) and upper ones; of the azimuth -inf and inf where the image is the full circle
 
 
 def platform_view(
@@ -33,7 +33,7 @@ def platform_view(
 
     Errors are uniform in a resolution cell: c / 2B, lambda PRF / (2 Nfft), one pixel (O'Rourke and Swindlehurst,
     section V). In view is what is unambiguous and on the image: r <= c / (2 PRF), |rdot| <= lambda PRF / 4 and
-    |azimuth| <= Npix alpha / 2 (eq. 15).
+    |azimuth| <= Npix alpha / 2 (eq. 15); an image of the full circle has no edge.
 
     Args:
         prf: pulse repetition frequency in Hz, (...).

@@ -124,10 +124,11 @@ class System:
         A PerSensor takes no mask: limits that couple sensors cannot be told sensor by sensor, so they go into the
         joint form. What agents are shown for it is all True, (env, sensors * waveforms), sensor by sensor.
         """
-        if isinstance(self.actions, PerSensor):
-            count = self.actions.sensors * len(self.actions)
+        actions = self.actions
+        if isinstance(actions, PerSensor):
+            count = actions.sensors * len(actions)
         else:
-            count = len(self.candidates())
+            count = len(self.candidates() if isinstance(actions, ParameterBox) else actions.labels)
         return np.ones((len(public.step), count), dtype=np.bool_)
 
     def metrics(self, state: State) -> dict[str, Array]:

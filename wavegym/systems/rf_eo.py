@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
+from wavegym.errors import InputError
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems import rf_eo_foresight_kernels as foresight
 from wavegym.systems import rf_eo_kernels as kernels
@@ -132,7 +133,7 @@ class RfEo(System):
         return self.menu.actions
 
     def candidates(self) -> Array:
-        """Every combination of the library's settings; of very many platforms, the same setting at all of them."""
+        """Every combination of the library's settings; in a box of very many, the same setting at all platforms."""
         return self.menu.candidates
 
     def named_constants(self) -> dict[str, Array]:
@@ -143,15 +144,19 @@ class RfEo(System):
         inside = all(low <= v <= high for row in PROPOSED for v, (low, high) in zip(row, self.menu.ranges, strict=True))
         return {"proposed": self.menu.encode(settings)} if inside else {}
 
+    @property
+    def places(self) -> Array:
+        """(x, y) of every platform in m and its look direction in rad, (platform, 3), a fresh array."""
+        looks = self.looks or (0.0,) * len(self.platforms)
+        return np.column_stack([self.platforms, looks])
+
     @cached_property
     def _scene(self) -> tuple[Any, ...]:
         """Kernel arguments: model, platforms with their look directions, penalties, and the scalars."""
-        looks = self.looks or (0.0,) * len(self.platforms)
-        places = np.array([(*place, look) for place, look in zip(self.platforms, looks, strict=True)])
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
         law = (self.wavelength, self.fft_length, self.pixels, self.out_of_view == "inflated", self.iterations)
         rules = Rules(KINDS[self.penalty], self.nearest_range, self.margin, self.as_printed, *law)
-        return self.motion.F[None].copy(), self.motion.Q[None].copy(), places, fence, rules
+        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self.places, fence, rules
 
     @cached_property
     def _weights(self) -> Array:
@@ -227,8 +232,11 @@ class RfEo(System):
         Returns:
             Actions (env, ...), and whether t was reached, (env,) bool; where not, the worst-off target gets most.
         """
-        chosen = np.empty((len(public.step), len(self.platforms), 2), np.int64)
-        feasible, least = np.empty(len(public.step), np.bool_), self.threshold if threshold is None else threshold
+        feasible = np.empty(len(public.step), np.bool_)
+        chosen = np.empty((len(feasible), len(self.platforms), 2), np.int64)
+        least = self.threshold if threshold is None else threshold
+        if not least >= 0.0:
+            raise InputError(f"threshold is {least}, expected a number >= 0")
         most_information(
             public.mean, public.covariance, self.menu.axes, self.menu.sizes, least, *self._scene, chosen, feasible, NN
         )

@@ -18,9 +18,9 @@ class RfEoFar(RfEo):
     Description
         As wavegym/RfEo-v0 with platforms at (-10, -10) and (10, -10) km and two targets 30 to 40 km away, one receding
         at 230 m/s and one closing at 210 m/s, q = 1 m^2/s^3. r |rdot| is beyond c lambda / 8, so no pulse repetition
-        frequency sees both range and range-rate: 30 kHz is needed for the one, 4 kHz for the other. Schedulers want
-        what they count on two standard deviations inside the field of view (``margin``): without, a first measurement
-        that is missed costs a few episodes a hundred times as much.
+        frequency sees both range and range-rate: at most 4 kHz is needed for the one, 30 kHz for the other. Schedulers
+        want what they count on two standard deviations inside the field of view (``margin``): without, a first
+        measurement that is missed costs a few episodes a hundred times as much.
 
     Rewards
         As wavegym/RfEo-v0.
@@ -30,8 +30,7 @@ class RfEoFar(RfEo):
         (``first_estimate="drawn"``).
 
     Episode end
-        Truncated after 200 steps (``horizon``): later the receding target is beyond the range at which the least pulse
-        repetition frequency, 1 kHz, is unambiguous.
+        Truncated after 200 steps (``horizon``), when the closing target passes between the platforms.
     """
 
     horizon: int = 200

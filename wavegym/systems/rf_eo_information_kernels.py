@@ -15,6 +15,7 @@ from wavegym.systems.rf_eo_search_kernels import SWEEPS, tabulate
 
 STARTS = 12  # platforms' own best, forwards from nothing, backwards, and own best for other weights of the targets
 FORWARDS, BACKWARDS = 1, 2
+LEAST_SHARE = 1e-6  # a target with less counts as one with this much
 
 
 @kernel
@@ -92,7 +93,7 @@ def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, tota
     """The best ``chosen`` (p, 2) of all STARTS; returns its least share, up to the threshold.
 
     The first start has the greatest sum that there is, so nothing else is tried where that is feasible. The later ones
-    weight each target by what the ones before left it short of (a Lagrangian's multipliers).
+    give more weight to targets that got less before (a Lagrangian's multipliers, by and by).
     """
     share, gain = -np.inf, -np.inf
     weights[:] = 1.0
@@ -103,7 +104,7 @@ def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, tota
             own_best(radar, camera, sizes, weights, tried)
             sums(radar, camera, tried, -1, totals)
             for t in range(totals.shape[0]):
-                weights[t] *= np.sqrt(threshold / max(totals[t], 1e-3 * threshold)) if threshold > 0.0 else 1.0
+                weights[t] /= np.sqrt(max(totals[t], LEAST_SHARE))
         ascend(radar, camera, sizes, threshold, start == BACKWARDS, tried, others, totals)
         sums(radar, camera, tried, -1, totals)
         least, total = worth(totals, threshold)

@@ -173,7 +173,7 @@ def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
     """
     n = len(nn)
     prior, at = P[i].copy(), x[i : i + 1].copy()
-    for _ in range(rules.iterations):
+    for spent in range(1, rules.iterations + 1):
         P[i] = prior
         absorb_one(i, P, H, y, R, d, v, nn)
         moved = 0.0
@@ -181,7 +181,7 @@ def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
             step = x[i, k] + d[k] - at[0, k]
             moved = max(moved, step * step / P[i, k, k])
             at[0, k] = x[i, k] + d[k]
-        if moved < CONVERGED * CONVERGED:
+        if moved < CONVERGED * CONVERGED or spent == rules.iterations:
             break
         look_one(0, at, places, rules, h, H)
         residual_one(z, h, y)

@@ -191,8 +191,11 @@ class PlatformMenu:
 
     @cached_property
     def candidates(self) -> Array:
-        """Every combination of the library's settings; of very many, the same one at all platforms."""
+        """Every combination of the library's settings; of very many, the same one at all platforms.
+
+        All of them in the joint form, whose actions they are.
+        """
         count = len(self.library)
-        if count**self.platforms <= FEW:
+        if count**self.platforms <= FEW or self.form == "joint":
             return self.number(PerSensor(self.library, self.platforms).combinations())
         return self.number(np.repeat(np.arange(count)[:, None], self.platforms, axis=1))

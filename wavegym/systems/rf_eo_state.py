@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wavegym.errors import InputError, non_negative, ordered, positive, within
 from wavegym.systems.contract import Element
+from wavegym.waveforms import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
     from wavegym.systems.rf_eo import RfEo
@@ -20,6 +21,8 @@ Triple = tuple[float, float, float]
 Quad = tuple[float, float, float, float]
 
 MOST = 64  # targets, and platforms
+FARTHEST, GREATEST_HZ = 1e9, 1e12  # what double precision can still take apart
+MOST_RATIO = 1e12  # of the prior's variance to a measurement's
 QUANTITIES = (("range", "m", 3.5, 1.0), ("range_rate", "m/s", 0.5, 1.5), ("azimuth", "rad", -0.5, 1.0))
 SPREADS = (("r", "m", 1.0, 1.0), ("rdot", "m/s", -0.5, 1.0), ("az", "rad", -3.0, 1.5))
 
@@ -76,10 +79,28 @@ def platform_elements(targets: int, platforms: int) -> tuple[Element, ...]:
 
 def check_scenario(system: RfEo) -> None:
     """InputError for numbers, targets, platforms or settings that make no scenario."""
+    _check_numbers(system)
+    for name, rows in (("platforms", system.platforms), ("starts", system.starts)):
+        within(f"number of {name}", len(rows), 1, MOST)
+        if not np.isfinite(np.array(rows)).all():
+            raise InputError(f"{name} is {rows}, expected finite numbers")
+        for value in np.ravel(rows):
+            within(f"number in {name}", float(value), -FARTHEST, FARTHEST, "m or m/s")
+    if system.looks and len(system.looks) != len(system.platforms):
+        raise InputError(f"looks is {system.looks}, expected {len(system.platforms)} angles, one for each platform")
+    for look in system.looks:
+        within("look direction", look, -math.pi, math.pi, "rad")
+    _check_optics(system)
+
+
+def _check_numbers(system: RfEo) -> None:
+    """InputError for single numbers out of range."""
     for name in ("dt", "carrier_hz", "nearest_range"):
         positive(name, getattr(system, name))
     for name in ("q", "margin", "threshold"):
         non_negative(name, getattr(system, name))
+    for name, most in (("dt", 1e6), ("carrier_hz", 1e15), ("q", 1e12), ("nearest_range", 1e9)):
+        within(name, getattr(system, name), 0, most)
     for name in ("horizon", "iterations", "fft_length", "pixels"):
         within(name, getattr(system, name), 1, 1_000_000)
     for name, check in (("prior_variance", positive), ("weights", non_negative), ("height", non_negative)):
@@ -88,15 +109,6 @@ def check_scenario(system: RfEo) -> None:
     positive("sum of weights", sum(system.weights))
     for value in system.sharpness or ():
         positive("sharpness", value)
-    for name, rows in (("platforms", system.platforms), ("starts", system.starts)):
-        within(f"number of {name}", len(rows), 1, MOST)
-        if not np.isfinite(np.array(rows)).all():
-            raise InputError(f"{name} is {rows}, expected finite numbers")
-    if system.looks and len(system.looks) != len(system.platforms):
-        raise InputError(f"looks is {system.looks}, expected {len(system.platforms)} angles, one for each platform")
-    for look in system.looks:
-        within("look direction", look, -math.pi, math.pi, "rad")
-    _check_optics(system)
 
 
 def _check_optics(system: RfEo) -> None:
@@ -107,10 +119,17 @@ def _check_optics(system: RfEo) -> None:
         positive(f"low of {name}", low)
         if low == high:
             raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
+        within(f"high of {name}", high, 0, GREATEST_HZ)
     widest = 2.0 * math.pi / system.pixels
     if system.pixel_angle[1] > widest * (1.0 + 1e-9):
         wanted = f"at most 2 pi / pixels, the full circle (nearest: {widest:.6g})"
         raise InputError(f"high of pixel_angle is {system.pixel_angle[1]:g} rad, expected {wanted}")
+    finest = 0.5 * SPEED_OF_LIGHT / system.bandwidth[1]
+    ratio = max(system.prior_variance) / (finest * finest / 12.0)
+    if ratio > MOST_RATIO:  # an update keeps 1e-16 times this of its precision
+        least = max(system.prior_variance) * MOST_RATIO / ratio
+        wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
+        raise InputError(f"prior_variance is up to {max(system.prior_variance):g}, expected {wanted}")
     dwell = system.fft_length / system.prf[0]
     if dwell > system.dt:
         wanted = f"at most dt = {system.dt:g} s (nearest prf: {system.fft_length / system.dt:g} Hz)"
