@@ -239,10 +239,11 @@ def vector_step(envs: WaveformVectorEnv, actions: Array) -> int:
 
 
 def advance(envs: WaveformVectorEnv, actions: Array, repeats: int = 200) -> int:
-    """World and trackers of a batch, without observations, rewards, info and resets."""
-    system, state, world = envs.system, envs.episodes.state, envs.world
+    """World and trackers of a batch from its first step on, without observations, rewards, info and resets."""
+    system, world = envs.system, envs.world
+    state = system.begin(world)
     for _ in range(repeats):
-        system.advance(state, actions, world)
+        state = system.advance(state, actions, world)
     return repeats * len(actions)
 
 
@@ -260,7 +261,7 @@ def against_filterpy() -> dict[str, tuple[Ratio, float | None]]:
             compare(lambda: vector_step(envs, actions), lambda: simulate(Filterpy())),
             200.0,
         ),
-        f"RfEo world and trackers alone, batch of {BATCH}; the same of": (
+        f"RfEo world and trackers alone, batch of {BATCH}": (
             compare(lambda: advance(envs, actions), lambda: simulate(Filterpy(), returned=False)),
             None,
         ),
