@@ -19,6 +19,24 @@ def rows(batch, index):
     return type(batch)(*(a[index] for a in batch))
 
 
+def in_step(single, batch, steps, seed=5):
+    """Play drawn actions in a single environment and in all of a batch, which has to show the same in row 0.
+
+    Yields k from 1 on, and what either gave.
+    """
+    single.action_space.seed(1)
+    seen, _ = single.reset(seed=seed)
+    shown, _ = batch.reset(seed=seed)
+    np.testing.assert_array_equal(seen, shown[0])
+    for k in range(1, steps + 1):
+        action = single.action_space.sample()
+        one, many = single.step(action), batch.step(np.stack([action] * batch.num_envs))
+        np.testing.assert_array_equal(one[0], many[0][0])
+        assert one[1:4] == (many[1][0], many[2][0], many[3][0])
+        assert np.isfinite(one[0]).all()
+        yield k, one, many
+
+
 def random_covariance(rng, n, lead=()):
     """Positive definite matrices with standard deviations over two decades."""
     root = rng.standard_normal((*lead, n, 2 * n)) * 10 ** rng.uniform(-1, 1, (*lead, n, 1))

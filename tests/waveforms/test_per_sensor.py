@@ -27,6 +27,7 @@ def test_every_combination_comes_once_and_the_first_sensor_slowest(count, sensor
     assert (len(each), each.labels) == (count, library.labels)
     assert len(joint) == len(joint.labels) == len(want)
     assert joint.labels == tuple(" | ".join(library.labels[i] for i in row) for row in want)
+    assert joint.encode(np.array(want)).tolist() == list(range(len(want)))
 
 
 def test_the_combinations_are_the_callers_own():

@@ -22,6 +22,8 @@ class RandomChoice:
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         self._rng, self._system = rng, system
+        enumerated = not isinstance(system.actions, (ParameterBox, PerSensor))
+        self._candidates = system.candidates() if enumerated else None
 
     def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``: the largest of one uniform draw per candidate; of many unmasked ones, an index drawn."""
@@ -30,7 +32,7 @@ class RandomChoice:
             return self._rng.uniform(-1.0, 1.0, (envs, len(actions)))
         if isinstance(actions, PerSensor) and mask is None:
             return self._rng.integers(len(actions), size=(envs, actions.sensors))
-        candidates = self._system.candidates()
+        candidates = self._system.candidates() if self._candidates is None else self._candidates
         count = len(candidates)
         if mask is None and count > FEW:
             return candidates[self._rng.integers(count, size=envs)]

@@ -101,8 +101,7 @@ class ChirpMenu:
         if self.form == "library":
             return choices
         if self.form == "joint":
-            weights = len(self.options) ** np.arange(self.sensors)[::-1]
-            return (choices * weights).sum(axis=-1)
+            return self.joint.encode(choices)
         return self.encode_chirps(*self._option_chirps[:, choices])
 
     def encode_chirps(self, law: Array, duration: Array, sweep: Array) -> Array:

@@ -185,9 +185,7 @@ class PlatformMenu:
         """Actions of one setting of the library for every platform, (..., platform) int."""
         if self.form == "box":
             return self.encode(self._library_settings[indices])
-        if self.form == "library":
-            return indices
-        return (indices * len(self.library) ** np.arange(self.platforms)[::-1]).sum(axis=-1)
+        return self.joint.encode(indices) if self.form == "joint" else indices
 
     @cached_property
     def candidates(self) -> Array:

@@ -82,6 +82,11 @@ class JointLibrary(_AtEverySensor):
         """``"a | b"`` for each joint action."""
         return tuple(SEPARATOR.join(labels) for labels in product(self.library.labels, repeat=self.sensors))
 
+    def encode(self, choices: Array) -> Array:
+        """Joint actions (...) of an index into the library for every sensor, (..., sensor): undoes ``indices``."""
+        weights = len(self.library) ** np.arange(self.sensors)[::-1]
+        return (choices * weights).sum(axis=-1)
+
     @cached_property
     def indices(self) -> Array:
         """``combinations()``, made once: (joint action, sensor)."""
