@@ -102,10 +102,10 @@ def test_imagine_is_equations_13_and_14_mended(action, given):
     rng = np.random.default_rng(2)
     for public in beliefs(system):
         actions = random_actions(system, rng, 3)
-        outcome = rng.random((3, 2, 2)) < 0.5 if given else None
+        outcome = rng.integers(2, size=(3, 2, 2)).astype(float) if given else None  # 0: detected, 1: missed
         C, got = transmitted(system, actions), system.imagine(public, actions, outcome)
         for e in range(3):
-            told = outcome[e] if given else None
+            told = outcome[e] == 0.0 if given else None
             x, P = plain.foreseen(system, public.step[e], public.mean[e], public.covariance[e], C[e], told)
             one = got._replace(mean=got.mean[e], covariance=got.covariance[e])
             assert apart(one, plain.Step(x, P, np.zeros(2), 0, 0)) < 1e-9
@@ -131,7 +131,7 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(action, tracker):
     rng = np.random.default_rng(3)
     for public in beliefs(system, steps=(0, 7)):
         actions = np.stack([random_actions(system, rng, 3) for _ in range(6)], axis=1)
-        outcome = rng.random((3, 6, 2, 2)) < 0.5
+        outcome = rng.integers(2, size=(3, 6, 2, 2)).astype(float)
         for told in (None, outcome):
             many = system.imagine(public, actions, told)
             cost = system.cost(many)

@@ -57,7 +57,7 @@ class IndexReader:
             wrong = array[(array < 0) | (array >= self.count)][0]
             nearest = min(max(int(wrong), 0), self.count - 1)
             raise InputError(f"action is {wrong}, expected an index in [0, {self.count - 1}] (nearest: {nearest})")
-        mask = allowed(self.system, public)
+        mask = allowed(self.system, public) if self.system.strict else None
         if mask is not None:
             _check_mask(array, mask, ignored)
         return array

@@ -10,15 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.errors import InputError, choice
+from wavegym.errors import InputError, choice, whole
 from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.constrained import Continuous, MyopicInformation
 from wavegym.schedulers.cycle import best_cycle
 from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.myopic import Myopic, impossible
 from wavegym.schedulers.optimum import Optimum
+from wavegym.schedulers.planners.beam import BeamSearch
+from wavegym.schedulers.planners.mcts import MonteCarloTree
+from wavegym.schedulers.planners.replan import PlanOnce, Replan
+from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.progressive import Progressive
+from wavegym.schedulers.rules.families import FAMILIES
+from wavegym.schedulers.rules.l_step import Gain
+from wavegym.schedulers.settled import PLANNER, SIMPLE, planner_name, rule
 from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
 from wavegym.schedulers.tuning import best_constant, best_fixed
 from wavegym.systems.contract import System
@@ -38,12 +45,17 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
             (the most information of which every target has the system's threshold; also with ``:slsqp`` or
             ``:polish``), ``myopic-margin:M`` (foresight wants M standard deviations inside the field of view),
             ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum`` (clairvoyant).
+            Rules, with the constants recorded for the suite's systems (``wavegym.schedulers.settled``) and otherwise
+            tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``, ``priced``,
+            ``adaptive-price``, ``paced``, ``cycle`` and ``best-simple``, the best of them and of ``myopic``. Planners,
+            with ``best-simple`` as their base policy: ``plan-once``, ``rollout:H``, ``replan``, ``beam:W``, ``mcts:N``,
+            ``tree:H`` and ``best-planner``, the one recorded as the best.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 
     Raises:
-        InputError: an unknown name (nearest named), a K or H that is not an integer in range, an M that is no number
-            >= 0, a NAME that the system lacks, or a scheduler that this system cannot have.
+        InputError: an unknown name (nearest named), a number after the colon that is no integer in range, an M that is
+            no number >= 0, a NAME that the system lacks, or a scheduler that this system cannot have.
     """
     family, _, argument = name.partition(":")
     if family == "fixed":
@@ -52,12 +64,14 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
         return _ready(Myopic(margin=_decimal(name, family, argument)), system)
     if family in NUMBERED:
         return NUMBERED[family](_integer(name, family, argument))
+    if family in PLANNERS:
+        return _planner(name, system, tuning_worlds)
     return PLAIN[choice("policy", name, FORMS)](system, tuning_worlds)
 
 
 def is_scheduler(name: str) -> bool:
     """Whether ``name`` is a scheduler's rather than, say, a folder's."""
-    return name in PLAIN or name.partition(":")[0] in ("fixed", "myopic-margin", *NUMBERED)
+    return name in PLAIN or name.partition(":")[0] in ("fixed", "myopic-margin", *NUMBERED, *PLANNERS)
 
 
 def _fixed(name: str, argument: str, system: System) -> Policy:
@@ -113,9 +127,27 @@ def _gate(system: System, worlds: Any) -> Policy:
     return Myopic("gate")
 
 
+def _rule(name: str) -> Callable[[System, Any], Policy]:
+    return lambda system, worlds: _ready(rule(name, system, worlds), system)
+
+
+def _planner(name: str, system: System, worlds: Any) -> Policy:
+    """A planner that simulates futures of ``best-simple``."""
+    family, _, argument = name.partition(":")
+    number = _integer(name, family, argument)
+    whole(f"{family}:", number, 1)
+    return PLANNERS[family](rule(SIMPLE, system, worlds), number)
+
+
 INTEGER, DECIMAL = re.compile(r"-?\d+"), re.compile(r"\d+\.?\d*|\.\d+")
 STARTS = 8  # of SLSQP
-NUMBERED: dict[str, Callable[[int], Policy]] = {"lookahead": Lookahead}
+NUMBERED: dict[str, Callable[[int], Policy]] = {"lookahead": Lookahead, "gain": Gain}
+PLANNERS: dict[str, Callable[[Policy, int], Policy]] = {
+    "rollout": lambda base, depth: RolloutPlanner(base, depth),
+    "tree": lambda base, depth: TreeSearch(base, levels=depth),
+    "beam": lambda base, width: BeamSearch(base, width),
+    "mcts": lambda base, simulations: MonteCarloTree(base, simulations),
+}
 PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "random": lambda system, worlds: RandomChoice(),
     "round-robin": lambda system, worlds: RoundRobin(),
@@ -134,5 +166,20 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "myopic-information:slsqp": lambda system, worlds: _ready(Continuous("information", STARTS), system),
     "myopic-information:polish": lambda system, worlds: _ready(Continuous("information"), system),
     "optimum": lambda system, worlds: Optimum(),
+    **{name: _rule(name) for name in (*FAMILIES, SIMPLE) if name not in ("myopic", "gain")},
+    "replan": lambda system, worlds: Replan(rule(SIMPLE, system, worlds)),
+    "plan-once": lambda system, worlds: PlanOnce(rule(SIMPLE, system, worlds)),
+    PLANNER: lambda system, worlds: make_policy(planner_name(system), system, worlds),
 }
-FORMS = (*PLAIN, "fixed:K", "fixed:NAME", "myopic-margin:M", "lookahead:H")
+FORMS = (
+    *PLAIN,
+    "fixed:K",
+    "fixed:NAME",
+    "myopic-margin:M",
+    "lookahead:H",
+    "gain:L",
+    "rollout:H",
+    "tree:H",
+    "beam:W",
+    "mcts:N",
+)

@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import InputError, non_negative, positive, within
+from wavegym.errors import InputError, within
 from wavegym.sensors import gate_probability
 from wavegym.systems import agile_clutter_foresight_kernels as foresight
 from wavegym.systems import agile_clutter_kernels as kernels
+from wavegym.systems import trees
 from wavegym.systems.chirp_menu import ChirpMenu
 from wavegym.systems.contract import Element, State, System
 from wavegym.systems.several_targets import (
     Ahead,
     Hidden,
     Public,
+    Pulse,
     World,
+    check_numbers,
     check_scenario,
     first_gate_volume,
     target_elements,
@@ -104,19 +107,8 @@ class AgileClutter(System):
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
-        for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "gate"):
-            positive(name, getattr(self, name))
-        non_negative("q", self.q)
-        for name in ("prior_variance", "weights"):
-            for value in getattr(self, name):
-                (positive if name == "prior_variance" else non_negative)(name, value)
-        positive("sum of weights", sum(self.weights))
-        for sweep in self.sweeps:
-            positive("sweep", sweep, "Hz")
-        if not 0.0 < self.false_alarm < 1.0:
-            raise InputError(f"false_alarm is {self.false_alarm!r}, expected a probability between 0 and 1, exclusive")
+        check_numbers(self)
         check_scenario(self.sensors, self.starts, self.births, self.lifetime, self.horizon)
-        within("particles", self.particles, 2, 1_000_000)
         C, snr = self.menu.option_covariances, (self.reference_range, self.nearest_range)
         volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
         within("clutter_density", self.clutter_density, 0, float(f"{kernels.MOST_CLUTTER / volume:.3g}"), "per m (m/s)")
@@ -187,15 +179,19 @@ class AgileClutter(System):
 
     def advance(self, state: State, action: Array, world: World) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
-        hidden, (step, mean, covariance, particles) = state
-        C = self.menu.unit_covariance(action)
+        return self._advance(state, self._pulse(state.public, action[:, None]), world)
+
+    def _advance(self, state: State, pulse: Pulse, world: World) -> State:
+        """``advance`` with any pulse: for systems that add a resource."""
+        hidden, (step, mean, covariance, particles) = state.hidden, state.public[:4]
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         outside, scan = hidden.outside.copy(), np.zeros(hidden.scan.shape)
         X, V = particles or (np.empty((len(step), 0, *shape[1:])) for shape in (mean.shape, covariance.shape))
         X_out, V_out = np.empty(X.shape), np.empty(V.shape)
         kernels.advance(
-            step, mean, covariance, X, V, hidden.path, hidden.first, world.detection, world.error, world.key, C,
-            self._targets, *self._model, self._radar, x, P, X_out, V_out, truth, outside, scan, NN
+            step, mean, covariance, X, V, hidden.path, hidden.first, world.detection, world.error, world.key,
+            pulse.rows((len(step), 1)), self._targets, *self._model, self._radar, x, P, X_out, V_out, truth, outside,
+            scan, NN
         )  # fmt: skip
         if np.isnan(scan).any():
             where = f"environment {np.argmax(np.isnan(scan).any(axis=1))} at step {step[np.isnan(scan).any(axis=1)][0]}"
@@ -207,24 +203,45 @@ class AgileClutter(System):
     def imagine(self, public: Public, actions: Array, outcome: Array | None = None) -> Public:
         """The belief after one pulse of every sensor: predicted means, covariances of eqs. (13) and (14).
 
-        ``outcome``: whether each sensor detects each target, bool (env, sensor, target) or (env, candidate, ...): q2/Pd
+        ``outcome``: uniform draws (env, sensor, target) or (env, candidate, ...), a detection where below Pd: q2/Pd
         instead of q2 for a detection, no update for a miss. A tracker in clutter is not told which of them happened.
         """
         several = actions.ndim == (2 if self.action == "joint" else 3)
-        C = self.menu.unit_covariance(actions if several else actions[:, None])
-        shape = (len(public.step), C.shape[1])
-        C = np.array(np.broadcast_to(C, shape + C.shape[2:])).reshape(-1, *C.shape[2:])
-        seen = np.full((*shape, len(self.sensors), len(self.starts)), -1)
+        pulse = self._pulse(public, actions if several else actions[:, None])
+        if outcome is not None and not several:
+            outcome = outcome[:, None]
+        ahead = self._imagine(public, pulse, max(a.shape[1] for a in pulse), outcome)
+        return ahead if several else trees.tree_map(lambda leaf: leaf[:, 0], ahead)
+
+    def _imagine(self, public: Public, pulse: Pulse, candidates: int, outcome: Array | None) -> Public:
+        """``imagine`` with any pulse, (env, candidate, ...), for systems that add a resource."""
+        shape = (len(public.step), candidates)
+        draws = -self._everywhere[1][0]  # negative: none
         if outcome is not None:
-            seen[...] = outcome if several else outcome[:, None]
-        step, mean, covariance = (np.repeat(a, shape[1], axis=0) for a in public[:3])
+            draws = np.ascontiguousarray(np.broadcast_to(outcome, shape + self.chances), float)
+            draws = draws.reshape(-1, *self.chances)
+        step, mean, covariance = (np.repeat(a, candidates, axis=0) for a in public[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         foresight.imagine(
-            step, mean, covariance, C, seen.reshape(-1, *seen.shape[2:]), self._targets, *self._model, self._radar,
+            step, mean, covariance, pulse.rows(shape), draws, self._targets, *self._model, self._radar,
             reduction_table(), x, P, NN
         )  # fmt: skip
-        lead: tuple[int, ...] = shape if several else shape[:1]
-        return Public((step + 1).reshape(lead), x.reshape(*lead, -1, 4), P.reshape(*lead, -1, 4, 4), None)
+        return Public((step + 1).reshape(shape), x.reshape(*shape, -1, 4), P.reshape(*shape, -1, 4, 4), None)
+
+    def _pulse(self, public: Public, actions: Array) -> Pulse:
+        """What ``actions`` (env or 1, candidate, ...) transmit: here every sensor looks at all targets."""
+        return Pulse(self.menu.unit_covariance(actions), *self._everywhere)
+
+    @cached_property
+    def _everywhere(self) -> tuple[Array, Array]:
+        """Strength 1 and chance 1 for all."""
+        sensors, targets = len(self.sensors), len(self.starts)
+        return np.ones((1, 1, sensors)), np.ones((1, 1, sensors, targets))
+
+    @property
+    def chances(self) -> tuple[int, int]:
+        """A draw for every sensor and target: whether it is detected."""
+        return len(self.sensors), len(self.starts)
 
     def ahead(self, public: Public) -> Ahead:
         """The belief that the next pulse meets."""

@@ -12,7 +12,7 @@ import numpy as np
 from wavegym.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.kernels import inverse_snr
-from wavegym.systems.agile_clutter_kernels import is_present, predict_targets
+from wavegym.systems.agile_clutter_kernels import is_lit, is_present, predict_targets, row, weakness_one
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.kernels import squared_mahalanobis_one
 from wavegym.trackers.reduction_kernels import GATE, reduction_one
@@ -30,45 +30,47 @@ def reduction(pd, S, radar, q2):
 
 
 @kernel
-def information(pd, S, radar, q2, seen):
-    """The share of the full update foreseen: q2 (seen -1), q2 / Pd where a detection is given (1), 0 for a miss (0)."""
-    if seen == 0:
-        return 0.0
-    share = reduction(pd, S, radar, q2)
-    return share if seen < 0 else share / pd
+def information(pd, chance, S, radar, q2, draw):
+    """The share of the full update foreseen: q2 times the chance to see, or, of a uniform draw, q2 / Pd or nothing."""
+    if draw < 0.0:
+        return chance * reduction(pd, S, radar, q2)
+    return reduction(pd, S, radar, q2) / pd if draw < chance * pd else 0.0
 
 
 @kernel
-def foresee_sensor(e, i, x, P, present, C, seen, radar, q2, A, z, S, G, K, nn):
-    """P (t, n, n) after sensor i's pulse with C[e, i]; seen[e, i, t]: -1 expected, 0 missed, 1 detected."""
-    sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
-    for t in range(len(present)):
-        if present[t]:
+def foresee_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
+    """P (t, n, n) after sensor i's pulse; draws[e, i, t]: uniform, or negative for the expected outcome."""
+    sensors, log_pf = radar[0], radar[3]
+    C, strength, chance = pulse
+    for t in range(len(lit)):
+        if lit[t]:
             foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
-            weakness = inverse_snr(z[t, 0], reference, nearest)
+            weakness = weakness_one(e, i, z[t, 0], strength, radar)
             for a in range(2):
                 for b in range(2):
-                    S[t, a, b] += weakness * C[e, i, a, b]
+                    S[t, a, b] += weakness * C[row(e, C), i, a, b]
             entries = (S[t, 0, 0], S[t, 0, 1], S[t, 1, 1])
-            share = information(detection(1.0 / weakness, log_pf), entries, radar, q2, seen[e, i, t])
+            pd, seen = detection(1.0 / weakness, log_pf), chance[row(e, chance), i, t]
+            share = information(pd, seen, entries, radar, q2, draws[row(e, draws), i, t])
             gain_one(t, G, S, K, nn)
             shrink_one(t, P, K, share * entries[0], share * entries[1], share * entries[2], nn)
 
 
 @kernel
-def imagine(step, mean, covariance, C, seen, targets, F, Q, radar, q2, x_out, P_out, nn):
+def imagine(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_out, P_out, nn):
     """One step ahead: predicted means, covariances after all sensors' pulses. All arrays with one flat axis e."""
     birth, lifetime = targets
     count_t, n = len(birth), len(nn)
-    present = np.empty(count_t, np.bool_)
+    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K = np.empty((count_t, n, 2)), np.empty((n, 2))
     for e in range(len(step)):
         is_present(step[e] + 1, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
-        for i in range(C.shape[1]):
-            foresee_sensor(e, i, x, P, present, C, seen, radar, q2, A, z, S, G, K, nn)
+        for i in range(len(radar[0])):
+            is_lit(e, i, present, pulse[2], lit)
+            foresee_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn)
         for t in range(count_t):
             for a in range(n):
                 x_out[e, t, a] = x[t, a]
@@ -126,17 +128,18 @@ def after_sensor(i, x, P, present, C, radar, q2, P_out, nn):
     count_t, n = present.shape[1], len(nn)
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K = np.empty((count_t, n, 2)), np.empty((n, 2))
-    seen = np.full((1, i + 1, count_t), -1)
-    pulse = np.empty((1, i + 1, 2, 2))
+    draws = np.full((1, i + 1, count_t), -1.0)
+    own = np.empty((1, i + 1, 2, 2))
+    pulse = (own, np.ones((1, i + 1)), np.ones((1, i + 1, count_t)))
     for e in range(len(x)):
         for a in range(2):
             for b in range(2):
-                pulse[0, i, a, b] = C[e, a, b]
+                own[0, i, a, b] = C[e, a, b]
         for t in range(count_t):
             for a in range(n):
                 for b in range(n):
                     P_out[e, t, a, b] = P[e, t, a, b]
-        foresee_sensor(0, i, x[e], P_out[e], present[e], pulse, seen, radar, q2, A, z, S, G, K, nn)
+        foresee_sensor(0, i, x[e], P_out[e], present[e], pulse, draws, radar, q2, A, z, S, G, K, nn)
 
 
 @kernel

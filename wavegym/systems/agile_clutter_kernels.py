@@ -4,6 +4,8 @@ Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (`
 ``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
 ``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability);
 ``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
+``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0 that multiplies the SNR, chance (e, i, t) that a sensor
+looks at a target and can see it); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -12,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.counter_kernels import stream
-from wavegym.kernels import kernel
+from wavegym.kernels import inlined, kernel
 from wavegym.sensors.clutter_kernels import add_clutter, room
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
@@ -34,6 +36,25 @@ MOST_CLUTTER = 1e6
 """Points in one gate; a step that would need more is not made, and its clutter count is NaN."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where there is none: every return must then be a target's, if one can explain it."""
+
+
+@inlined
+def row(e, array):
+    """Where ``array`` holds what belongs to environment e."""
+    return e if len(array) > 1 else 0
+
+
+@inlined
+def weakness_one(e, i, r, strength, radar):
+    """1 / eta of a target at range r."""
+    return inverse_snr(r, radar[1], radar[2]) / strength[row(e, strength), i]
+
+
+@kernel
+def is_lit(e, i, present, chance, lit):
+    """lit (t,): whether sensor i looks at each slot and a target may be seen there."""
+    for t in range(len(present)):
+        lit[t] = present[t] and chance[row(e, chance), i, t] > 0.0
 
 
 @kernel
@@ -70,52 +91,55 @@ def workspace(count_t, nn):
 
 
 @kernel
-def foresee_scan(e, i, x, P, present, C, radar, work, nn):
-    """Fill ``work`` with what sensor i expects of its pulse: S = Pzz + N, N = C[e, i] / eta, at predicted ranges."""
+def foresee_scan(e, i, x, P, lit, pulse, radar, work, nn):
+    """Fill ``work`` with what sensor i expects of its pulse: S = Pzz + N, N = C / eta, at predicted ranges."""
     centre, S, L, G, N, pd, scratch = work
-    sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
-    for t in range(len(present)):
-        if present[t]:
+    sensors, log_pf = radar[0], radar[3]
+    C, strength, chance = pulse
+    for t in range(len(lit)):
+        if lit[t]:
             foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
-            weakness = inverse_snr(centre[t, 0], reference, nearest)
-            pd[t] = detection(1.0 / weakness, log_pf)
+            weakness = weakness_one(e, i, centre[t, 0], strength, radar)
+            pd[t] = chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf)
             for a in range(2):
                 for b in range(2):
-                    N[t, a, b] = weakness * C[e, i, a, b]
+                    N[t, a, b] = weakness * C[row(e, C), i, a, b]
                     S[t, a, b] += N[t, a, b]
             factor_one(t, S, L)
 
 
 @kernel
-def receive(e, i, k, present, path, birth, uniform, error, C, radar, work, z, outside, scan):
+def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan):
     """Fill z with the targets' returns that lie in a gate; how many.
 
     outside[e, t] counts returns outside their own target's gate, scan[e, 0] detections. The truth sets eta, Pd and
     the error's covariance.
     """
-    sensors, reference, nearest, log_pf, gate = radar[0], radar[1], radar[2], radar[3], radar[5]
+    sensors, log_pf, gate = radar[0], radar[3], radar[5]
     centre, L = work[0], work[2]
-    c0 = np.sqrt(C[e, i, 0, 0])
-    c1 = C[e, i, 1, 0] / c0
-    c2 = np.sqrt(C[e, i, 1, 1] - c1 * c1)
+    C, strength, chance = pulse
+    own_row = row(e, C)
+    c0 = np.sqrt(C[own_row, i, 0, 0])
+    c1 = C[own_row, i, 1, 0] / c0
+    c2 = np.sqrt(C[own_row, i, 1, 1] - c1 * c1)
     count = 0
-    for t in range(len(present)):
-        if not present[t]:
+    for t in range(len(lit)):
+        if not lit[t]:
             continue
         age = k - birth[t]
         r, v = range_and_rate(
             path[e, t, age, 0], path[e, t, age, 1], path[e, t, age, 2], path[e, t, age, 3], sensors[i, 0], sensors[i, 1]
         )
-        weakness = inverse_snr(r, reference, nearest)
-        if uniform[e, k - 1, i, t] >= detection(1.0 / weakness, log_pf):
+        weakness = weakness_one(e, i, r, strength, radar)
+        if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf):
             continue
         scan[e, 0] += 1
         spread = np.sqrt(weakness)
         z0 = r + spread * c0 * error[e, k - 1, i, t, 0]
         z1 = v + spread * (c1 * error[e, k - 1, i, t, 0] + c2 * error[e, k - 1, i, t, 1])
         own, some = False, False
-        for s in range(len(present)):
-            if present[s] and in_gate(s, z0, z1, centre, L, gate):
+        for s in range(len(lit)):
+            if lit[s] and in_gate(s, z0, z1, centre, L, gate):
                 some = True
                 own = own or s == t
         outside[e, t] += not own
@@ -126,9 +150,9 @@ def receive(e, i, k, present, path, birth, uniform, error, C, radar, work, z, ou
 
 
 @kernel
-def advance(step, mean, covariance, X, V, path, first, uniform, error, key, C, targets, F, Q, radar,
+def advance(step, mean, covariance, X, V, path, first, uniform, error, key, pulse, targets, F, Q, radar,
             mean_out, covariance_out, X_out, V_out, truth, outside, scan, nn):  # fmt: skip
-    """One step of every environment, sensor after sensor; C (e, i, 2, 2) at unit SNR, tapes read at [e, step].
+    """One step of every environment, sensor after sensor; tapes read at [e, step].
 
     X (e, particle, t, n), V (e, particle, t, n, n): where there are particles they are the tracker, and mean and
     covariance are their moments; otherwise JPDA is. outside (e, t) is counted up; scan (e, 4): detections, clutter
@@ -136,7 +160,8 @@ def advance(step, mean, covariance, X, V, path, first, uniform, error, key, C, t
     """
     (birth, lifetime), sensors = targets, radar[0]
     count_t, particles, n = len(birth), X.shape[1], len(nn)
-    present, work, z = np.empty(count_t, np.bool_), workspace(count_t, nn), np.empty((64, 2))
+    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    work, z = workspace(count_t, nn), np.empty((64, 2))
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
     Y, U = np.empty((particles, count_t, n)), np.empty((particles, count_t, n, n))
     weight = np.empty(particles)
@@ -148,15 +173,16 @@ def advance(step, mean, covariance, X, V, path, first, uniform, error, key, C, t
         predict_particles(X[e], V[e], present, F, Q, Y, U, nn)
         log_weight = np.zeros(particles)
         for i in range(len(sensors)):
-            foresee_scan(e, i, x, P, present, C, radar, work, nn)
+            is_lit(e, i, present, pulse[2], lit)
+            foresee_scan(e, i, x, P, lit, pulse, radar, work, nn)
             z = room(z, count_t)
-            returns = receive(e, i, k, present, path, birth, uniform, error, C, radar, work, z, outside, scan)
-            if not most_clutter(present, work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
+            returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan)
+            if not most_clutter(lit, work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
                 scan[e, 1] = np.nan
                 break
-            z, count = add_clutter(stream(own, i), work[0], work[2], present, radar[5], radar[4], z, returns)
+            z, count = add_clutter(stream(own, i), work[0], work[2], lit, radar[5], radar[4], z, returns)
             scan[e, 1] += count - returns
-            track(i, own, present, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
+            track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
         if particles:
             scan[e, 2] = normalise(log_weight, weight)
             scan[e, 3] = resample(stream(own, 2 * len(sensors)), weight, Y, U, X_out[e], V_out[e], nn)
@@ -190,16 +216,16 @@ def most_clutter(present, L, gate, density):
 
 
 @kernel
-def track(i, own, present, x, P, Y, U, log_weight, weight, z, count, radar, work, nn):
+def track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn):
     """Update the belief x (t, n), P (t, n, n) with sensor i's scan z[: count]; particles Y, U if there are any."""
     centre, S, L, G, N, pd, _ = work
     sensors, density, gate, gate_probability = radar[0], max(radar[4], LEAST_DENSITY), radar[5], radar[6]
     if len(weight):
         update_particles(
-            stream(own, len(sensors) + i), present, Y, U, log_weight, z, count, pd, N,
+            stream(own, len(sensors) + i), lit, Y, U, log_weight, z, count, pd, N,
             sensors[i, 0], sensors[i, 1], (centre, L, gate, gate_probability), density, nn
         )  # fmt: skip
         normalise(log_weight, weight)
         mixture(weight, Y, U, present, x, P, nn)
     else:
-        update_targets(present, x, P, z, count, pd, centre, L, S, G, gate, gate_probability, density, nn)
+        update_targets(lit, x, P, z, count, pd, centre, L, S, G, gate, gate_probability, density, nn)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,20 @@ from wavegym.waveforms.contract import quantity
 from wavegym.waveforms.per_sensor import SEPARATOR
 
 Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Menu:
+    """A finite action set that is a plain list of names; an action is an index.
+
+    Args:
+        labels: a short name for each action.
+    """
+
+    labels: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.labels)
 
 
 def sensor_count(actions: Choices | PerSensor) -> int:

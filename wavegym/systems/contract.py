@@ -62,11 +62,20 @@ class System:
         elements: the observation's elements, in order.
         terminates: True for a finite-horizon task (its end is a termination, the time left is observed), False for a
             monitoring task cut off after ``horizon`` steps (its end is a truncation).
+        strict: whether the shells refuse an action that is masked. With False the system takes it, transmits something
+            allowed in its place, in ``advance`` and ``imagine`` alike, and says so in the metric ``replaced``.
+        chances: the shape of the uniform draws that the outcome of one step takes in ``imagine``; (0,) for none.
     """
 
     horizon: int
     dt: float
     terminates: ClassVar[bool] = True
+    strict: ClassVar[bool] = True
+
+    @property
+    def chances(self) -> tuple[int, ...]:
+        """The shape of one step's outcome."""
+        return (0,)
 
     @property
     def actions(self) -> Choices | PerSensor | ParameterBox:
@@ -102,7 +111,9 @@ class System:
             actions: (env,), or (env, candidate) in which case every array of the result gains the axis ``candidate``;
                 axis 0 may be 1 where all environments share their candidates. A box adds its axis d at the end, a
                 PerSensor its axis sensor.
-            outcome: None for the expected outcome, or a given detection outcome.
+            outcome: None for the expected outcome, or uniform draws in [0, 1], (env, *chances) or (env, candidate,
+                *chances): an event, such as a detection, happens where its draw is below its probability as the belief
+                predicts it. So 0 makes happen whatever can, 1 nothing.
         """
         raise NotImplementedError
 
@@ -130,6 +141,12 @@ class System:
         else:
             count = len(self.candidates() if isinstance(actions, ParameterBox) else actions.labels)
         return np.ones((len(public.step), count), dtype=np.bool_)
+
+    @property
+    def transition(self) -> Array:
+        """F of the targets' motion, (n, n), for rules that look ahead: by default that of the attribute ``motion``."""
+        F: Array = self.motion.F  # type: ignore[attr-defined]
+        return F
 
     def metrics(self, state: State) -> dict[str, Array]:
         """Key figures of the state, each (env, ...); may look at what is hidden, and is never observed.

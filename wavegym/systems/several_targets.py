@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, within
+from wavegym.errors import InputError, non_negative, positive, within
 from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.contract import Element
 from wavegym.trackers import Particles
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT
+
+if TYPE_CHECKING:
+    from wavegym.systems.agile_clutter import AgileClutter
 
 Array = NDArray[Any]
 
@@ -48,6 +51,25 @@ class Public(NamedTuple):
     particles: Particles | None  # (env, particle, target, ...) each; None with tracker="jpda" and in foresight
 
 
+class Pulse(NamedTuple):
+    """What the sensors transmit and where they look; axes 0 and 1 may be 1 where all share it."""
+
+    C: Array  # (env, candidate, sensor, 2, 2) measurement covariance at unit SNR
+    strength: Array  # (env, candidate, sensor) > 0: the SNR is so many times that of the range law
+    chance: Array  # (env, candidate, sensor, target) that a target is looked at and can be seen; 0 opens no gate
+
+    def rows(self, shape: tuple[int, int]) -> tuple[Array, ...]:
+        """With one flat axis for (env, candidate) of ``shape``, or of length 1 where all share it."""
+        flat = []
+        for array in self:
+            if array.shape[:2] == (1, 1):
+                flat.append(array[0])
+            else:
+                full = np.broadcast_to(array, shape + array.shape[2:])
+                flat.append(np.ascontiguousarray(full).reshape(-1, *array.shape[2:]))
+        return tuple(flat)
+
+
 class Ahead(NamedTuple):
     """The belief that the next pulse meets, for scheduling sensor by sensor."""
 
@@ -75,6 +97,22 @@ def target_elements(targets: int, sensors: int) -> tuple[Element, ...]:
                 Element(f"correlation_{at}", "1", 0.0, 0.5, f"correlation of range and range-rate {where}"),
             ]
     return tuple(listed)
+
+
+def check_numbers(system: AgileClutter) -> None:
+    """InputError for single numbers out of range."""
+    for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "gate"):
+        positive(name, getattr(system, name))
+    non_negative("q", system.q)
+    for name, check in (("prior_variance", positive), ("weights", non_negative)):
+        for value in getattr(system, name):
+            check(name, value)
+    positive("sum of weights", sum(system.weights))
+    for sweep in system.sweeps:
+        positive("sweep", sweep, "Hz")
+    if not 0.0 < system.false_alarm < 1.0:
+        raise InputError(f"false_alarm is {system.false_alarm!r}, expected a probability between 0 and 1, exclusive")
+    within("particles", system.particles, 2, 1_000_000)
 
 
 def check_scenario(

@@ -1,0 +1,211 @@
+"""A small system with every delayed cost at once, in plain NumPy: set-up, energy, known hiding, missed pulses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.schedulers.rules.gain import horizon_weights
+from wavegym.systems import trees
+from wavegym.systems.choices import Menu
+from wavegym.systems.contract import Element, State, System
+
+Array = NDArray[Any]
+
+TARGETS = 2
+CANDIDATES = ("A short", "A long", "B short", "B long", "silence")
+TARGET = np.array([0, 0, 1, 1, -1])  # of each candidate
+VARIANCE = np.array([4.0, 1.0, 4.0, 1.0, 1.0])  # of its measurement
+SPENDING = np.array([0.4, 1.0, 0.4, 1.0, 0.0])
+
+
+class DelayWorld(NamedTuple):
+    """One episode's numbers."""
+
+    start: Array  # (target, 2)
+    noise: Array  # (target,), process noise
+    hidden: Array  # (target,), the first of three steps at which it is hidden
+    detection: Array  # (H, 1), uniform
+    measurement: Array  # (H,), standard normal
+    process: Array  # (H, target), standard normal
+
+
+class DelayHidden(NamedTuple):
+    """The truth."""
+
+    state: Array  # (env, target, 2)
+
+
+class DelayPublic(NamedTuple):
+    """The belief and the resources."""
+
+    step: Array  # (env,)
+    mean: Array  # (env, target, 2)
+    covariance: Array  # (env, target, 2, 2)
+    noise: Array  # (env, target)
+    pointing: Array  # (env,) which target the sensor is set up for
+    dead: Array  # (env,) steps that the set-up still takes
+    energy: Array  # (env,)
+    visible: Array  # (env, H, target) bool
+
+
+@dataclass(frozen=True)
+class DelaySystem(System):
+    """Two targets on lines and one sensor, which takes ``setup`` steps to turn to the other target.
+
+    Whoever chooses a target for which the sensor is not set up gets a step without a pulse; after ``setup`` such steps
+    the pulse is sent, which takes energy, and detects with probability ``pd`` a target that is visible.
+    """
+
+    horizon: int = 12
+    dt: float = 1.0
+    setup: int = 2
+    budget: float = 4.0
+    pd: float = 0.8
+    weights: tuple[float, float] = (1.0, 0.5)
+
+    @property
+    def chances(self) -> tuple[int, ...]:
+        return (1,)
+
+    @property
+    def actions(self) -> Menu:
+        return Menu(CANDIDATES)
+
+    @property
+    def spending(self) -> Array:
+        return SPENDING
+
+    @property
+    def transition(self) -> Array:
+        return np.array([[1.0, self.dt], [0.0, 1.0]])
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        names = ("step", "pointing", "dead", "energy", "cost A", "cost B")
+        return tuple(Element(name, "1", 0.0, 1.0, name) for name in names)
+
+    def draw_world(self, rng: np.random.Generator) -> DelayWorld:
+        return DelayWorld(
+            rng.normal(size=(TARGETS, 2)),
+            np.exp(rng.uniform(np.log(0.05), np.log(1.0), TARGETS)),
+            rng.integers(1, self.horizon, TARGETS),
+            rng.random((self.horizon, 1)),
+            rng.normal(size=self.horizon),
+            rng.normal(size=(self.horizon, TARGETS)),
+        )
+
+    def begin(self, world: DelayWorld) -> State:
+        count = len(world.start)
+        since = np.arange(self.horizon)[:, None] - world.hidden[:, None]  # (env, H, target)
+        public = DelayPublic(
+            np.zeros(count, np.int64),
+            np.zeros((count, TARGETS, 2)),
+            np.tile(np.eye(2), (count, TARGETS, 1, 1)),
+            world.noise.copy(),
+            np.zeros(count, np.int64),
+            np.zeros(count, np.int64),
+            np.full(count, self.budget),
+            (since < 0) | (since > 2),
+        )
+        return State(DelayHidden(world.start.copy()), public)
+
+    def advance(self, state: State, action: Array, world: DelayWorld) -> State:
+        public = state.public
+        rows, at = np.arange(len(public.step)), np.minimum(public.step, self.horizon - 1)
+        kick = np.array([self.dt**2 / 2, self.dt]) * (np.sqrt(public.noise) * world.process[rows, at])[..., None]
+        truth = (self.transition @ state.hidden.state[..., None])[..., 0] + kick
+        fresh, gains = self._step(public, action, world.detection[rows, at])
+        seen, target = truth[rows, TARGET[action], 0], TARGET[action]
+        reading = seen + np.sqrt(VARIANCE[action]) * world.measurement[rows, at]
+        innovation = reading - fresh.mean[rows, target, 0]
+        fresh.mean[rows, target] += gains * innovation[:, None]
+        return State(DelayHidden(truth), fresh)
+
+    def imagine(self, public: DelayPublic, actions: Array, outcome: Array | None = None) -> DelayPublic:
+        actions = np.asarray(actions)
+        if actions.ndim == 1:
+            return self._step(public, actions, outcome)[0]
+        envs, count = len(public.step), actions.shape[1]
+        rows = trees.take(public, np.repeat(np.arange(envs), count))
+        draws = None if outcome is None else outcome.reshape(envs * count, 1)
+        stepped, _ = self._step(rows, np.broadcast_to(actions, (envs, count)).ravel(), draws)
+        return trees.tree_map(lambda leaf: leaf.reshape(envs, count, *leaf.shape[1:]), stepped)
+
+    def _step(self, public: DelayPublic, action: Array, draw: Array | None) -> tuple[DelayPublic, Array]:
+        """The belief a step on, and the Kalman gain (env, 2) of the target pointed at, 0 where there is no reading."""
+        rows, target, F = np.arange(len(public.step)), TARGET[action], self.transition
+        at = np.minimum(public.step, self.horizon - 1)
+        dead = self._to_wait(public)[rows, action]
+        sends = (target >= 0) & (dead == 0)
+        chance = np.where(sends, self.pd * public.visible[rows, at, target], 0.0)
+        share = chance if draw is None else (draw[:, 0] < chance).astype(np.float64)
+        mean = (F @ public.mean[..., None])[..., 0]
+        covariance = F @ public.covariance @ F.T + public.noise[..., None, None] * self._noise()
+        own = covariance[rows, target]
+        gains = own[:, :, 0] / (own[:, 0, 0] + VARIANCE[action])[:, None]
+        covariance[rows, target] = own - (share[:, None] * gains)[:, :, None] * own[:, None, 0, :]
+        fresh = public._replace(
+            step=public.step + 1,
+            mean=mean,
+            covariance=covariance,
+            pointing=np.where(target >= 0, target, public.pointing),
+            dead=np.where(target >= 0, np.maximum(dead - 1, 0), public.dead),
+            energy=public.energy - np.where(sends, SPENDING[action], 0.0),
+        )
+        return fresh, share[:, None] * gains
+
+    def delay(self, public: DelayPublic) -> Array:
+        return self._to_wait(public)
+
+    def _to_wait(self, public: DelayPublic) -> Array:
+        """Steps without a pulse before each candidate's, (env, candidate); none for silence."""
+        same = public.pointing[:, None] == TARGET
+        return np.where(TARGET < 0, 0, np.where(same, public.dead[:, None], self.setup))
+
+    def gain(self, public: DelayPublic, wait: Array | int, ahead: int) -> Array:
+        waits = np.broadcast_to(np.asarray(wait), (len(public.step), len(TARGET)))
+        at = public.step[:, None] + waits
+        steps = np.minimum(waits, self.horizon) + 1
+        powers, noises = self._powers()
+        rows = np.arange(len(public.step))[:, None]
+        own = powers[steps] @ public.covariance[rows, TARGET] @ powers[steps].swapaxes(2, 3)
+        own = own + public.noise[rows, TARGET][..., None, None] * noises[steps]
+        shown = public.visible[rows, np.minimum(at, self.horizon - 1), TARGET] & (at < self.horizon) & (TARGET >= 0)
+        M = horizon_weights(self.transition, self.weights, ahead)
+        column = own[..., 0]
+        worth = (column * (M[:, 0] * column[..., :1] + M[:, 1] * column[..., 1:])).sum(axis=2)
+        return np.where(shown, self.pd * worth / (own[..., 0, 0] + VARIANCE), 0.0)
+
+    def mask(self, public: DelayPublic) -> Array:
+        return public.energy[:, None] + 1e-9 >= SPENDING
+
+    def cost(self, public: DelayPublic) -> Array:
+        diagonal = np.diagonal(public.covariance, axis1=-2, axis2=-1)
+        return (diagonal * np.asarray(self.weights)).sum(axis=-1).sum(axis=-1)
+
+    def observe(self, public: DelayPublic) -> Array:
+        diagonal = np.diagonal(public.covariance, axis1=-2, axis2=-1)
+        costs = (diagonal * np.asarray(self.weights)).sum(axis=-1)
+        return np.column_stack([public.step, public.pointing, public.dead, public.energy, costs]).astype(np.float64)
+
+    def _noise(self) -> Array:
+        dt = self.dt
+        return np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
+
+    def _powers(self) -> tuple[Array, Array]:
+        """F^k and the process noise of k steps at power 1, k = 0 .. horizon + 1, (k, 2, 2) each."""
+        F, powers, noises = self.transition, [np.eye(2)], [np.zeros((2, 2))]
+        for _ in range(self.horizon + 1):
+            powers.append(F @ powers[-1])
+            noises.append(F @ noises[-1] @ F.T + self._noise())
+        return np.array(powers), np.array(noises)
+
+
+def delay_worlds(system: System, count: int, seed: int = 0) -> Any:
+    """``count`` tapes, axis 0 = world."""
+    rng = np.random.default_rng(seed)
+    return trees.stack([system.draw_world(rng) for _ in range(count)])

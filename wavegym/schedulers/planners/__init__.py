@@ -1,0 +1,9 @@
+"""Planners: they simulate futures with sampled outcomes and leave their base policy only for a significant gain."""
+
+from wavegym.schedulers.planners.base import Planner
+from wavegym.schedulers.planners.beam import BeamSearch
+from wavegym.schedulers.planners.mcts import MonteCarloTree
+from wavegym.schedulers.planners.replan import PlanOnce, Replan
+from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
+
+__all__ = ["BeamSearch", "MonteCarloTree", "PlanOnce", "Planner", "Replan", "RolloutPlanner", "TreeSearch"]

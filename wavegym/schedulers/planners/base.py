@@ -1,0 +1,116 @@
+"""What all planners share: a base policy, futures, and the rule for leaving the one because of the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import non_negative
+from wavegym.schedulers.planners.futures import Futures, significant
+from wavegym.schedulers.policy import Policy
+from wavegym.systems import trees
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+FUTURES = 32
+ERRORS = 1.0
+SHORTLIST = 16  # candidates of many that are worth following: those of least one-step cost
+
+
+class Planner:
+    """Plays its base policy, except where a plan's mean paired gain over it is ``errors`` standard errors above 0.
+
+    The gains are those of sampled futures; the same outcomes are drawn for the base and for all plans.
+
+    Args:
+        base: the policy to improve on, which also follows every plan to the end of its futures.
+        depth: steps of a future.
+        futures: how many are sampled.
+        errors: standard errors that a gain must exceed.
+        shortlist: of more candidates than this only those of least one-step cost are looked at.
+
+    Raises:
+        InputError: a number out of range.
+    """
+
+    def __init__(
+        self,
+        base: Policy,
+        depth: int = 20,
+        futures: int = FUTURES,
+        errors: float = ERRORS,
+        shortlist: int = SHORTLIST,
+    ) -> None:
+        self.futures = Futures(base, depth, futures)
+        self.errors, self.shortlist = non_negative("errors", errors), shortlist
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self.futures.begin(system, num_envs, rng)
+        self.system, self.candidates, self.rng = system, system.candidates(), rng
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        settled = self.futures.base.settle(public)
+        action: Array = self.futures.base.choose(public, mask, settled)
+        live = ~self.system.ended(public)
+        if live.any():
+            if not live.all():
+                public = trees.take(public, live)
+                settled = None if settled is None else settled[live]
+                mask = None if mask is None else mask[live]
+            better = self.improved(public, action[live], mask, settled, np.flatnonzero(live))
+            action = action.astype(np.result_type(action, better))
+            action[live] = better
+        return action
+
+    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+        """Actions (env, ...) for beliefs whose episodes go on.
+
+        Args:
+            public: the beliefs.
+            own: the base policy's actions.
+            mask: allowed actions, or None.
+            settled: what the base has settled.
+            rows: which environments of the batch these are.
+        """
+        raise NotImplementedError
+
+    def options(self, public: Any, mask: Array | None) -> tuple[Array, Array]:
+        """First actions worth following, (env, option, ...), and which of them are allowed, (env, option)."""
+        envs, count = len(public.step), len(self.candidates)
+        if count <= self.shortlist:
+            listed = np.broadcast_to(self.candidates, (envs, *self.candidates.shape))
+            return listed, np.ones((envs, count), np.bool_) if mask is None else mask
+        costs = self.system.cost(self.system.imagine(public, self.candidates[None]))
+        if mask is not None:
+            costs = np.where(mask, costs, np.inf)
+        best = np.argsort(costs, axis=1, kind="stable")[:, : self.shortlist]
+        return self.candidates[best], np.isfinite(np.take_along_axis(costs, best, axis=1))
+
+    def chosen(
+        self, public: Any, own: Array, plans: Array, permitted: Array, settled: Array | None, few: int = 0
+    ) -> Array:
+        """First actions of the plans that beat the base significantly, or the base's own, (env, ...).
+
+        Args:
+            public, own, settled: see ``improved``.
+            plans: (env, plan, steps, ...).
+            permitted: which plans may be taken, (env, plan).
+            few: if not 0, all plans but the ``few`` best in the first quarter of the futures are given up there.
+        """
+        draws = self.futures.draw(len(public.step))
+        if few and draws is not None and plans.shape[1] > few:
+            quick = self.futures.costs(public, plans, settled, draws[:, :, : max(2, draws.shape[2] // 4)]).mean(axis=2)
+            best = np.argsort(np.where(permitted, quick, np.inf), axis=1, kind="stable")[:, :few]
+            at = np.arange(len(best))[:, None]
+            plans, permitted = plans[at, best], permitted[at, best]
+        base = self.futures.costs(public, None, settled, draws)
+        costs = np.where(permitted[:, :, None], self.futures.costs(public, plans, settled, draws), np.inf)
+        taken = significant(costs, base, self.errors)
+        first = plans[np.arange(len(taken)), np.maximum(taken, 0), 0]
+        shape = (-1,) + (1,) * (first.ndim - 1)
+        return np.where((taken >= 0).reshape(shape), first, own)

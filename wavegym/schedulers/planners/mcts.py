@@ -1,0 +1,150 @@
+"""Monte-Carlo tree search over choices and their outcomes (Kocsis & Szepesvari 2006), the base policy at the leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import whole
+from wavegym.schedulers.myopic import impossible
+from wavegym.schedulers.planners.base import Planner
+from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.rollout import allowed
+from wavegym.systems import trees
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+EXPLORATION = 2.0  # spreads of the returns seen at the root: less settles on one choice before others were followed up
+LINE = 4  # choices of the principal variation
+TRIED = 8  # visits that make a choice part of it
+
+
+@dataclass
+class _Node:
+    """A history of choices and outcomes."""
+
+    permitted: Array  # (option,) bool
+    visits: Array = field(init=False)
+    total: Array = field(init=False)
+    children: dict[tuple[int, bytes], _Node] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.visits, self.total = np.zeros(len(self.permitted), np.int64), np.zeros(len(self.permitted))
+
+    def option(self, own: int, spread: float) -> int:
+        """The base's own first, every other one, then the one of the least optimistic cost."""
+        if not self.visits[own]:
+            return own
+        untried = self.permitted & (self.visits == 0)
+        if untried.any():
+            return int(untried.argmax())
+        bound = self.total / np.maximum(self.visits, 1)
+        bound = bound - spread * np.sqrt(np.log(self.visits.sum()) / np.maximum(self.visits, 1))
+        return int(np.where(self.permitted, bound, np.inf).argmin())
+
+
+def _line(root: _Node, options: Array) -> Array:
+    """The principal variation, (LINE,): the choices visited most, after the outcomes seen most; -1 where it ends."""
+    line, node = np.full(LINE, -1), root
+    for t in range(LINE):
+        if t and node.visits.sum() < TRIED:
+            break
+        option = int(node.visits.argmax())
+        line[t] = options[option]
+        below = [child for (choice, _), child in node.children.items() if choice == option]
+        if not below:
+            break
+        node = max(below, key=lambda child: int(child.visits.sum()))
+    return line
+
+
+class MonteCarloTree(Planner):
+    """``simulations`` futures, each of which goes down the tree by upper confidence bounds and adds one node to it.
+
+    A node is a history of choices and of what was detected; below the tree the base policy goes on. The choices visited
+    most, down the tree as far as it was tried, are then compared with the base in fresh futures that both share: the
+    first of them by itself, and all of them as a plan. For actions that are indices.
+
+    Args:
+        base, depth, futures, errors: see ``Planner``.
+        simulations: of a decision.
+        exploration: of the confidence bound, in spreads of the returns.
+    """
+
+    def __init__(
+        self, base: Policy, simulations: int, depth: int = 20, exploration: float = EXPLORATION, **settings: Any
+    ) -> None:
+        super().__init__(base, depth, **settings)
+        self.simulations, self.exploration = whole("simulations", simulations, 1), exploration
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``. Raises an InputError for actions that are no indices."""
+        if system.candidates().ndim > 1:
+            raise impossible("mcts", system, "its actions are no single indices")
+        super().begin(system, num_envs, rng)
+
+    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+        """See ``Planner``."""
+        options, permitted = self.options(public, mask)
+        roots = [_Node(row) for row in permitted]
+        returns: list[Array] = []
+        for _ in range(self.simulations):
+            spread = np.std(returns, axis=0) if len(returns) > 1 else np.zeros(len(roots))
+            returns.append(self._simulate(public, options, settled, roots, self.exploration * spread))
+        lines = np.stack([_line(root, own) for root, own in zip(roots, options, strict=True)])
+        first = np.where(np.arange(LINE) == 0, lines, -1)
+        may = np.take_along_axis(permitted, (options == lines[:, :1]).argmax(axis=1)[:, None], axis=1)
+        return self.chosen(public, own, np.stack([first, lines], axis=1), np.repeat(may, 2, axis=1), settled)
+
+    def _simulate(self, public: Any, options: Array, settled: Array | None, roots: list[_Node], spread: Array) -> Array:
+        """One future of every environment, (env,) summed costs; adds what it found to the trees."""
+        system, base, draws = self.system, self.futures.base, self.futures.draw(len(roots), 1)
+        here, total, at = public, np.zeros(len(roots)), np.arange(len(roots))
+        nodes: list[_Node | None] = list(roots)
+        paths: list[list[tuple[_Node, int, float]]] = [[] for _ in roots]
+        for t in range(self.futures.depth):
+            over = system.ended(here)
+            if over.all():
+                break
+            mask = allowed(system, here)
+            action = base.choose(here, mask, settled)
+            inside = [e for e, node in enumerate(nodes) if node is not None and not over[e]]
+            picked = {e: self._picked(nodes[e], options[e], action[e], spread[e]) for e in inside}
+            for e, option in picked.items():
+                node = nodes[e]
+                assert node is not None
+                action[e] = options[e, option]
+                paths[e].append((node, option, total[e]))
+            following = system.imagine(here, action, None if draws is None else draws[t, :, 0])
+            here = trees.merged(following, over, here)
+            total = total + np.where(over, 0.0, system.cost(here))
+            self._descend(here, options, nodes, picked)
+        for e, path in enumerate(paths):
+            for node, option, before in path:
+                node.visits[option] += 1
+                node.total[option] += total[e] - before
+        return total[at]
+
+    def _picked(self, node: _Node | None, options: Array, own: Array, spread: float) -> int:
+        assert node is not None
+        same = np.flatnonzero(options == own)
+        return node.option(int(same[0]) if same.size else int(node.permitted.argmax()), float(spread))
+
+    def _descend(self, here: Any, options: Array, nodes: list[_Node | None], picked: dict[int, int]) -> None:
+        """From each node to the child of what was chosen and seen; a new child ends the way down."""
+        mask = allowed(self.system, here) if picked else None
+        for e, option in picked.items():
+            node = nodes[e]
+            assert node is not None
+            key = (option, here.covariance[e].tobytes())
+            if key in node.children:
+                nodes[e] = node.children[key]
+                continue
+            permitted = np.ones(len(options[e]), np.bool_)
+            if mask is not None:
+                permitted = mask[e, options[e]]
+            node.children[key], nodes[e] = _Node(permitted), None

@@ -1,0 +1,128 @@
+"""The rules by name, each with the grid over which its constants are tuned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavegym.errors import InputError
+from wavegym.schedulers.myopic import Myopic
+from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.rules.base import Held, Rule
+from wavegym.schedulers.rules.dwell import best_dwell
+from wavegym.schedulers.rules.index import AwareGreedy, CostOfDelay, Greedy
+from wavegym.schedulers.rules.l_step import Gain
+from wavegym.schedulers.rules.price import AdaptivePrice, Paced, Priced
+from wavegym.schedulers.rules.tuned import Constants, Grid, log_cost, tuned
+from wavegym.schedulers.simple import Cycle
+from wavegym.systems import trees
+from wavegym.systems.contract import System
+
+AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
+DEARLY = 32  # worlds on which a rule that looks to the episode's end is tuned
+
+
+@dataclass(frozen=True)
+class Family:
+    """A rule whose constants are to be tuned.
+
+    Args:
+        make: the rule of given constants.
+        grid: values of each constant.
+        start: the constants from which tuning starts.
+        worlds: at most so many are used.
+    """
+
+    make: Callable[..., Rule]
+    grid: Grid
+    start: Constants
+    worlds: int | None = None
+
+
+def _cycle(actions: Any) -> Rule:
+    return Held(Cycle(np.asarray(actions)))
+
+
+def _myopic() -> Rule:
+    return Held(Myopic())
+
+
+FAMILIES: dict[str, Family] = {
+    "myopic": Family(_myopic, {}, {}),
+    "cycle": Family(_cycle, {}, {}),
+    "gain": Family(Gain, {"ahead": AHEAD}, {"ahead": 4}),
+    "greedy": Family(Greedy, {"ahead": AHEAD}, {"ahead": 4}),
+    "aware-greedy": Family(
+        AwareGreedy,
+        {"kappa": (0.0, 0.2, 0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0), "ahead": AHEAD},
+        {"kappa": 0.4, "ahead": 4},
+    ),
+    "cost-of-delay": Family(
+        CostOfDelay,
+        {
+            "alpha": (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0),
+            "later": (1, 2, 3, 4, 6, 9, 12),
+            "ahead": AHEAD,
+            "power": (0.0, 0.4, 0.7, 1.0, 1.3, 1.6, 2.0),
+            "bonus": (0.0, 0.1, 0.2, 0.3, 0.5, 0.8),
+        },
+        {"alpha": 0.6, "later": 4, "ahead": 10, "power": 1.0, "bonus": 0.2},
+    ),
+    "priced": Family(
+        Priced,
+        {"price": tuple(float(f"{price:.3g}") for price in 10.0 ** np.arange(-2.0, 7.1, 0.2)), "ahead": AHEAD},
+        {"price": 1.0, "ahead": 4},
+    ),
+    "adaptive-price": Family(
+        AdaptivePrice,
+        {"ahead": AHEAD, "thrift": (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)},
+        {"ahead": 6, "thrift": 1.0},
+        DEARLY,
+    ),
+    "paced": Family(
+        Paced, {"ahead": AHEAD, "share": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0)}, {"ahead": 4, "share": 1.0}
+    ),
+}
+
+
+def tuned_family(name: str, system: System, worlds: Any) -> Constants:
+    """The constants of the rule ``name``, found on ``worlds``.
+
+    Raises:
+        InputError: the system cannot have this rule.
+    """
+    family = FAMILIES[name]
+    if name == "cycle":
+        return {"actions": best_dwell(system, worlds).tolist()}
+    check(name, system, worlds)
+    few = trees.tree_map(lambda leaf: leaf[: family.worlds], worlds)
+    return tuned(family.make, family.grid, family.start, system, few)[0]
+
+
+def check(name: str, system: System, worlds: Any) -> None:
+    """Raise an InputError where the system cannot have the rule ``name``: it is asked for one choice."""
+    if name == "cycle":
+        return
+    policy: Policy = FAMILIES[name].make(**FAMILIES[name].start)
+    public = system.begin(trees.tree_map(lambda leaf: leaf[:1], worlds)).public
+    policy.begin(system, 1, np.random.default_rng(0))
+    policy.act(public, None, system.mask(public))
+
+
+def best_simple(system: System, worlds: Any) -> tuple[str, dict[str, Constants], dict[str, float]]:
+    """Every rule that the system admits, tuned on ``worlds`` and compared there.
+
+    Returns:
+        The name of the best rule, the constants of all, and the ``log_cost`` of all.
+    """
+    constants, costs = {}, {}
+    for name, family in FAMILIES.items():
+        try:
+            constants[name] = tuned_family(name, system, worlds)
+        except (InputError, NotImplementedError):
+            continue
+        costs[name] = log_cost(system, family.make(**constants[name]), worlds)
+    return min(costs, key=lambda name: costs[name]), constants, costs

@@ -1,0 +1,144 @@
+"""Rules for systems whose pulses are paid from an account that must last to the episode's end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import non_negative, positive, whole
+from wavegym.schedulers.rules.base import Rule, delays, greatest
+from wavegym.systems import trees
+
+Array = NDArray[Any]
+
+PRICES = 8  # tried at a time
+STRIDES = (81, 9, 1)  # between them, on the ladder: each round divides one of the PRICES + 1 parts of the one before
+# Prices in units of the belief's cost times the steps ahead, 2.6 % apart: a table, so that a batch equals its elements.
+LADDER = np.geomspace(1e-5, 1e3, 9 * STRIDES[0] + 1)
+ROWS = 100_000  # beliefs followed at a time
+
+
+class Priced(Rule):
+    """The greatest gain less price times spending.
+
+    Args:
+        price: of one unit of spending, in units of the cost.
+        ahead: steps over which the gain of a look is summed.
+
+    Raises:
+        InputError: a price that is negative or not finite, fewer than one step.
+    """
+
+    name = "priced"
+    needs = ("gain", "spending")
+
+    def __init__(self, price: float = 1.0, ahead: int = 8) -> None:
+        self.price, self.ahead = non_negative("price", price), whole("ahead", ahead, 1)
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``."""
+        return priced_choice(self, public, mask, np.full(len(public.step), self.price))
+
+
+class AdaptivePrice(Rule):
+    """Priced, at the price with which what is left would last just to the end.
+
+    At each step the rule is followed to the episode's end in the recursion that ``imagine`` expects, with a purse that
+    never empties, for a grid of prices at once; the interval in which the predicted spending comes down to what is left
+    is divided again and again. Inside futures that a planner simulates, the price settled at the root is held.
+
+    Args:
+        ahead: steps over which the gain of a look is summed.
+        thrift: factor on what is left: the spending aimed at. Chance makes the spending differ from the prediction.
+
+    Raises:
+        InputError: fewer than one step, a thrift that is not positive.
+    """
+
+    name = "adaptive-price"
+    needs = ("gain", "spending")
+
+    def __init__(self, ahead: int = 8, thrift: float = 1.0) -> None:
+        self.ahead, self.thrift = whole("ahead", ahead, 1), positive("thrift", thrift)
+
+    def settle(self, public: Any) -> Array:
+        """The price (env,): the lowest, to 2.6 %, at which what is left lasts."""
+        count, chunk = len(public.step), max(1, ROWS // PRICES)
+        parts = [trees.take(public, np.arange(start, min(start + chunk, count))) for start in range(0, count, chunk)]
+        return np.concatenate([self._settled(part) for part in parts])
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``; ``settled`` are prices."""
+        return priced_choice(self, public, mask, settled)
+
+    def leftover(self, public: Any, settled: Array | None) -> Array:
+        """What the account's rest is worth where a simulated future is cut off, as a cost, (env,)."""
+        return -np.asarray(settled) * public.energy
+
+    def _settled(self, public: Any) -> Array:
+        aim, scale = self.thrift * public.energy[:, None], (self.system.cost(public) * self.ahead)[:, None]
+        low = np.zeros((len(aim), 1), np.int64)
+        for stride in STRIDES:
+            levels = low + stride * np.arange(1, PRICES + 1)
+            fits = self.spent(public, scale * LADDER[levels]) <= aim
+            below = np.where(fits.any(axis=1), np.argmax(fits, axis=1), PRICES)
+            low += stride * below[:, None]
+        return (scale * LADDER[low + 1])[:, 0]
+
+    def spent(self, public: Any, prices: Array) -> Array:
+        """What each price (env, price) is predicted to take from a full purse to the episode's end, (env, price)."""
+        system, count = self.system, prices.shape[1]
+        ample = 2.0 * system.horizon * float(np.max(system.spending))
+        public = trees.take(public, np.repeat(np.arange(len(prices)), count))
+        public = public._replace(energy=np.full(prices.size, ample))
+        paid, rows = np.zeros(prices.size), np.arange(prices.size)
+        held = prices.ravel()
+        while len(rows):
+            is_on = ~system.ended(public)
+            if not is_on.all():
+                public, rows = trees.take(public, is_on), rows[is_on]
+            if len(rows):
+                public = system.imagine(public, priced_choice(self, public, None, held[rows]))
+                paid[rows] = ample - public.energy
+        return paid.reshape(prices.shape)
+
+
+class Paced(Rule):
+    """The greatest gain among the candidates that spend at most ``share`` of an even pace, or the least spending.
+
+    Args:
+        ahead: steps over which the gain of a look is summed.
+        share: factor on what is left for each of the steps left.
+
+    Raises:
+        InputError: fewer than one step, a share that is not positive.
+    """
+
+    name = "paced"
+    needs = ("gain", "spending")
+
+    def __init__(self, ahead: int = 1, share: float = 1.0) -> None:
+        self.ahead, self.share = whole("ahead", ahead, 1), positive("share", share)
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``."""
+        spending = self.system.spending
+        left = np.maximum(self.system.horizon - public.step, 1)
+        within = spending <= (self.share * public.energy / left)[:, None]
+        if mask is not None:
+            within = within & mask
+        gain = self.system.gain(public, delays(self.system, public), self.ahead)
+        none = ~within.any(axis=1, keepdims=True)  # then the least spending that the mask allows
+        values = np.where(none, -np.broadcast_to(spending, gain.shape), gain)
+        open_to = np.where(none, True if mask is None else mask, within)
+        return self.candidates[greatest(values, open_to, spending)]
+
+
+def priced_choice(rule: Any, public: Any, mask: Array | None, prices: Array | None) -> Array:
+    """The greatest gain less spending times ``prices`` (env,); of equals the one that spends least."""
+    spending = rule.system.spending
+    gain = rule.system.gain(public, delays(rule.system, public), rule.ahead)
+    values = gain - np.asarray(prices)[:, None] * spending
+    return rule.candidates[greatest(values, mask, spending)]
