@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest docs results reproduce benchmarks clean
+.PHONY: demo test lint test-oldest docs results reproduce headroom benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -63,6 +63,11 @@ ifdef PAGE
 	$(BIN)/python -m wavegym.reproduce.page results/agile_clutter/summary.json docs/reproduce.md
 	$(BIN)/python -m wavegym.reproduce.page results/rf_eo/summary.json docs/reproduce_rf_eo.md
 endif
+
+# How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
+headroom: $(READY)
+	$(BIN)/python -m wavegym.evaluation.headroom $(IDS) --out results/headroom
+	$(BIN)/python -m wavegym.evaluation.headroom_page results/headroom docs/headroom.md
 
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run

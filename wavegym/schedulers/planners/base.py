@@ -17,6 +17,7 @@ Array = NDArray[Any]
 
 FUTURES = 32
 ERRORS = 1.0
+QUICK = 8  # futures, of which a quarter tells which plans to give up
 SHORTLIST = 16  # candidates of many that are worth following: those of least one-step cost
 
 
@@ -103,14 +104,25 @@ class Planner:
             few: if not 0, all plans but the ``few`` best in the first quarter of the futures are given up there.
         """
         draws = self.futures.draw(len(public.step))
-        if few and draws is not None and plans.shape[1] > few:
-            quick = self.futures.costs(public, plans, settled, draws[:, :, : max(2, draws.shape[2] // 4)]).mean(axis=2)
+        futures = 1 if draws is None else draws.shape[2]
+        if few and draws is not None and futures >= QUICK and plans.shape[1] > few:
+            quick = self.futures.costs(public, plans, settled, draws[:, :, : futures // 4]).mean(axis=2)
             best = np.argsort(np.where(permitted, quick, np.inf), axis=1, kind="stable")[:, :few]
             at = np.arange(len(best))[:, None]
             plans, permitted = plans[at, best], permitted[at, best]
-        base = self.futures.costs(public, None, settled, draws)
-        costs = np.where(permitted[:, :, None], self.futures.costs(public, plans, settled, draws), np.inf)
-        taken = significant(costs, base, self.errors)
+        base, costs = self._beside_base(public, plans, settled, draws)
+        taken = significant(np.where(permitted[:, :, None], costs, np.inf), base, self.errors)
         first = plans[np.arange(len(taken)), np.maximum(taken, 0), 0]
         shape = (-1,) + (1,) * (first.ndim - 1)
         return np.where((taken >= 0).reshape(shape), first, own)
+
+    def _beside_base(
+        self, public: Any, plans: Array, settled: Array | None, draws: Array | None
+    ) -> tuple[Array, Array]:
+        """Costs of the base, (env, 1, future), and of the plans, (env, plan, future), in the same futures."""
+        if plans.ndim > 3:
+            costs = (self.futures.costs(public, some, settled, draws) for some in (None, plans))
+            return next(costs), next(costs)
+        nothing = np.full((len(plans), 1, plans.shape[2]), -1)
+        together = self.futures.costs(public, np.concatenate([nothing, plans], axis=1), settled, draws)
+        return together[:, :1], together[:, 1:]

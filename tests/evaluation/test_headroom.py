@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from delay_systems import DelaySystem
+
+import wavegym
+from wavegym.errors import InputError
+from wavegym.evaluation import compare, headroom, headroom_page
+from wavegym.evaluation.comparison import Comparison
+from wavegym.evaluation.play import Played
+from wavegym.schedulers.planners import MonteCarloTree, Replan, RolloutPlanner
+from wavegym.schedulers.rules.index import AwareGreedy
+
+DELAY = "tests/Delay-v0"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def delay_environment():
+    wavegym.register(DELAY, DelaySystem, horizon=6)
+    yield
+    gym.registry.pop(DELAY)
+
+
+def test_planners_play_the_same_whatever_the_number_of_jobs():
+    policies = {
+        "rollout": lambda system: RolloutPlanner(AwareGreedy(), 4, futures=8),
+        "replan": lambda system: Replan(AwareGreedy(), 4, rounds=1, first=2, futures=8),
+        "mcts": lambda system: MonteCarloTree(AwareGreedy(), 4, 3, futures=8),
+    }
+    one, two = (compare(DELAY, policies, worlds=60, jobs=jobs, progress=False) for jobs in (1, 2))
+    for name in policies:
+        np.testing.assert_array_equal(one.cost(name), two.cost(name))
+
+
+def played(costs):
+    """An account of which only the costs and the clock matter, (world, H)."""
+    count = len(costs)
+    nothing = np.full(count, np.nan)
+    steps = np.full(count, costs.shape[1])
+    return [Played(costs, steps, nothing, nothing[:, None], nothing, nothing, np.zeros((count, 0, 0)), steps * 1e-6)]
+
+
+def comparison_of(costs):
+    task = headroom.make_task(DELAY, {})
+    return Comparison(task, 0, list(range(50)), {name: played(value) for name, value in costs.items()})
+
+
+def test_figures_are_paired_with_the_best_simple_rule():
+    rng = np.random.default_rng(0)
+    simple = np.exp(rng.normal(size=(50, 6)))
+    found = headroom.figures(
+        comparison_of({"best-simple": simple, "best-planner": 0.8 * simple, "plan-once": 0.9 * simple})
+    )
+    rows = found["policies"]
+    assert rows["best-planner"]["vs_simple_percent"] == pytest.approx(-20.0)
+    np.testing.assert_allclose(rows["best-planner"]["vs_simple_ci"], -20.0)
+    assert rows["best-simple"]["mean"] == pytest.approx(simple.mean())
+    assert rows["plan-once"]["us_per_decision"] == pytest.approx(1.0)
+    text = headroom_page.block([json.loads(json.dumps(found))])
+    share = 100 * np.log(0.9) / np.log(0.8)
+    assert f"A plan made once recovers {share:.0f} % of the planner's gain." in text
+    assert "| Delay-v0 |" in text
+    assert text.count("-20.0") >= 3  # overview, ladder, intervals
+
+
+def test_a_plan_that_loses_recovers_nothing():
+    simple = np.ones((50, 6)) + np.arange(50)[:, None]
+    costs = {"best-simple": simple, "best-planner": 0.9 * simple, "plan-once": 1.1 * simple}
+    text = headroom_page.block([json.loads(json.dumps(headroom.figures(comparison_of(costs))))])
+    assert "A plan made once recovers nothing of the planner's gain." in text
+
+
+def test_the_page_keeps_what_is_written_by_hand():
+    page = f"before\n{headroom_page.START}\nold\n{headroom_page.END}\nafter\n"
+    fresh = headroom_page.renewed(page, [])
+    assert fresh.startswith("before\n")
+    assert fresh.endswith("\nafter\n")
+    assert "old" not in fresh
+    with pytest.raises(InputError, match="has no lines"):
+        headroom_page.renewed("nothing", [])
+
+
+def test_the_ladder_holds_what_the_system_admits(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(headroom, "LADDER", ("random", "gain:2", "rollout:2", "myopic-information"))
+    monkeypatch.setattr(headroom, "SIMPLE", "gain:2")
+    monkeypatch.setattr(headroom, "_made", lambda name, system, tuning: headroom_made(name, system))
+    comparison = headroom.ladder(DELAY, 4, 0, 1, progress=False)
+    assert set(comparison.played) == {"random", "gain:2", "rollout:2", "myopic"}
+
+
+def headroom_made(name, system):
+    """Without tuning, which is tested elsewhere."""
+    if name == "rollout:2":
+        return lambda system: RolloutPlanner(AwareGreedy(), 2, futures=4)
+    if name == "myopic-information":
+        raise InputError("no information here")
+    return None
+
+
+def test_mistakes_are_told_before_anything_is_played(capsys):
+    status = headroom.guarded(lambda: headroom.main(["CameraSlow-v0", "--out", "x"]))
+    assert status == 2
+    assert "CameraSlew-v0" in capsys.readouterr().err

@@ -1,0 +1,128 @@
+"""How much is there to gain: ``python -m wavegym.evaluation.headroom ID ... --out FOLDER`` plays environments' ladders.
+
+The ladder goes from random choice over everything that is tuned once and played blindly, the rules that look at the
+belief and the one-step scheduler, to planners that simulate futures. All meet the same test worlds; whatever was tuned
+was tuned on others. Costs are compared in pairs, against the best of the simple rules.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavegym.errors import InputError
+from wavegym.evaluation import statistics
+from wavegym.evaluation.command import Parser, guarded
+from wavegym.evaluation.comparison import Comparison, compare, tuning_worlds
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.report import episodes
+from wavegym.evaluation.summary import versions
+from wavegym.evaluation.task import make_task
+from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.registration import SYSTEMS
+from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.settled import SIMPLE, recorded
+from wavegym.systems.contract import System
+
+LADDER = (
+    "random",
+    "best-fixed",
+    "cycle",
+    "myopic",
+    "priced",
+    "paced",
+    "adaptive-price",
+    "greedy",
+    "aware-greedy",
+    "cost-of-delay",
+    SIMPLE,
+    "plan-once",
+    "best-planner",
+)
+WORLDS = 200
+
+
+def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True) -> Comparison:
+    """Every policy of the ladder that the environment admits, on the same worlds.
+
+    Args:
+        env_id: a registered id.
+        worlds, root, jobs, progress: see ``wavegym.evaluation.compare``.
+
+    Raises:
+        InputError: an unknown id, a number out of range.
+    """
+    system = make_task(env_id, {}).system
+    tuning = draw_worlds(system, world_seeds(root, "tune", tuning_worlds(system)))
+    policies: dict[str, Any] = {}
+    for name in LADDER:
+        with suppress(InputError, NotImplementedError):  # a rule that this system cannot have
+            policies[name] = _made(name, system, tuning)
+    return compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress)
+
+
+def _made(name: str, system: System, tuning: Any) -> Any:
+    policy = make_policy(name, system, tuning)
+    policy.begin(system, 1, np.random.default_rng(0))
+    return lambda _: policy
+
+
+def figures(comparison: Comparison) -> dict[str, Any]:
+    """What the page needs of a comparison, as JSON has it."""
+    system = comparison.task.system
+    rows = {}
+    for name in comparison.played:
+        rng = np.random.default_rng([comparison.root, word("bootstrap")])
+        cost, rest = comparison.cost(name), comparison.played[name]
+        mean = statistics.mean(cost, rng)
+        ratio = statistics.difference(cost, comparison.cost(SIMPLE), rng).geometric
+        seconds, steps = (sum(float(getattr(p, key).sum()) for p in rest) for key in ("seconds", "steps"))
+        rows[name] = {
+            "mean": mean.value,
+            "ci": mean.ci,
+            "vs_simple_percent": ratio.value,
+            "vs_simple_ci": ratio.ci,
+            "us_per_decision": 1e6 * seconds / steps,
+        }
+    return {
+        "env": comparison.task.env_id,
+        "worlds": len(comparison.seeds),
+        "seed": comparison.root,
+        "horizon": system.horizon,
+        "settled": recorded(system),
+        "versions": versions(),
+        "policies": rows,
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Play and write."""
+    parser = Parser(prog="python -m wavegym.evaluation.headroom", description="How much is there to gain by planning.")
+    parser.add_argument(
+        "ids", nargs="*", metavar="ID", default=list(SYSTEMS), help="environments (default: the suite's)"
+    )
+    parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
+    parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
+    parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for ID.json and ID.csv")
+    read = parser.parse_args(arguments)
+    tasks = [make_task(env_id, {}) for env_id in read.ids]
+    for task in tasks:
+        comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs)
+        name = task.env_id.rpartition("/")[2]
+        found = figures(comparison)
+        text = json.dumps(found, indent=2, allow_nan=False) + "\n"
+        files = {f"{name}.json": text.encode(), f"{name}.csv": episodes(comparison).encode()}
+        write_whole(read.out, files)
+        best = found["policies"]["best-planner"]["vs_simple_percent"]
+        print(f"{name}: the best planner costs {best:+.1f} % of the best simple rule's cost")
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))

@@ -1,0 +1,116 @@
+"""The page "How much is there to gain": ``python -m wavegym.evaluation.headroom_page RESULTS PAGE``."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from wavegym.errors import InputError
+from wavegym.evaluation.command import guarded
+from wavegym.evaluation.files import write_whole
+from wavegym.registration import SYSTEMS
+from wavegym.schedulers.settled import PLANNER, SIMPLE
+
+START, END = "<!-- made by `make headroom`: -->", "<!-- to here -->"
+STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")  # of the overview
+
+
+def block(results: list[dict[str, Any]]) -> str:
+    """What stands between the markers: the overview, and each environment's ladder."""
+    return "\n\n".join([START, overview(results), *(chapter(result) for result in results), END])
+
+
+def overview(results: list[dict[str, Any]]) -> str:
+    """One line for each environment: how much each costs more or less than the best simple rule."""
+    head = ["environment", "best simple rule", *STEPS[:-1], "best planner", "95 %"]
+    rows = []
+    for result in results:
+        policies, settled = result["policies"], result["settled"]
+        cells = [_percent(policies.get(name)) for name in STEPS]
+        rows.append([_short(result), settled.get(SIMPLE, SIMPLE), *cells, _interval(policies[PLANNER]["vs_simple_ci"])])
+    return _table(head, rows)
+
+
+def chapter(result: dict[str, Any]) -> str:
+    """One environment's ladder, the dearest first."""
+    settled = result["settled"]
+    names = {SIMPLE: settled.get(SIMPLE), PLANNER: settled.get(PLANNER)}
+    rows = []
+    for name, row in sorted(result["policies"].items(), key=lambda item: -item[1]["mean"]):
+        label = f"**{name}**: {names[name]}" if names.get(name) else name
+        rows.append(
+            [
+                label,
+                f"{row['mean']:.4g}",
+                _interval(row["ci"], ".4g"),
+                _percent(row),
+                _interval(row["vs_simple_ci"]),
+                f"{row['us_per_decision']:.3g}",
+            ]
+        )
+    head = ["policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision"]
+    title = f"## {_short(result)}: {result['worlds']} worlds of {result['horizon']} steps"
+    return f"{title}\n\n{_table(head, rows)}{_recovered(result)}"
+
+
+def _recovered(result: dict[str, Any]) -> str:
+    """How much of the planner's gain a plan made once has, where there is one."""
+    policies = result["policies"]
+    if "plan-once" not in policies or policies[PLANNER]["vs_simple_ci"][1] >= 0:
+        return ""
+    once, best = (math.log1p(policies[name]["vs_simple_percent"] / 100.0) for name in ("plan-once", PLANNER))
+    share = once / best
+    if share <= 0.0:
+        return "\n\nA plan made once recovers nothing of the planner's gain."
+    return f"\n\nA plan made once recovers {100.0 * share:.0f} % of the planner's gain."
+
+
+def _short(result: dict[str, Any]) -> str:
+    return str(result["env"]).rpartition("/")[2]
+
+
+def _percent(row: dict[str, Any] | None) -> str:
+    return "" if row is None else f"{row['vs_simple_percent']:+.1f}"
+
+
+def _interval(ends: list[float] | None, form: str = "+.1f") -> str:
+    return "" if ends is None else f"{ends[0]:{form}} to {ends[1]:{form}}"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def renewed(page: str, results: list[dict[str, Any]]) -> str:
+    """The page with its block made afresh.
+
+    Raises:
+        InputError: the page has no block.
+    """
+    before, start, rest = page.partition(START)
+    _, end, after = rest.partition(END)
+    if not (start and end):
+        raise InputError(f"the page has no lines {START!r} and {END!r}, expected both")
+    return before + block(results) + after
+
+
+def main(arguments: list[str]) -> int:
+    """The command; returns its exit status."""
+
+    def renew() -> None:
+        if len(arguments) != 2:
+            raise InputError("expected two arguments: python -m wavegym.evaluation.headroom_page RESULTS PAGE")
+        folder, page = (Path(argument) for argument in arguments)
+        files = [folder / f"{env_id.rpartition('/')[2]}.json" for env_id in SYSTEMS]
+        results = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+        write_whole(page.parent, {page.name: renewed(page.read_text(encoding="utf-8"), results).encode()})
+
+    return guarded(renew)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
