@@ -3,11 +3,13 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from delay_systems import DelaySystem, delay_worlds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_systems import Burner
 
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
+from wavegym.envs.actions import action_reader
 from wavegym.envs.bitwise import difference
 from wavegym.errors import InputError
 from wavegym.systems.kershaw_evans import KershawEvansPosition
@@ -170,3 +172,20 @@ def test_what_is_handed_out_is_the_callers_own():
         twin.step(actions)
     assert difference(env.render(), twin.render()) is None
     assert difference(env.step(np.array([1, 2])), twin.step(np.array([1, 2]))) is None
+
+
+@pytest.mark.parametrize("strict", [True, False])
+def test_a_masked_action_reaches_only_a_system_that_replaces_it(strict):
+    class Purse(DelaySystem):
+        pass
+
+    Purse.strict = strict
+    system = Purse(horizon=4, budget=0.5)
+    public = system.begin(delay_worlds(system, 1)).public
+    reader = action_reader(system)
+    assert not system.mask(public)[0, 1]  # a long pulse takes 1
+    if strict:
+        with pytest.raises(InputError, match="nearest allowed"):
+            reader.read(np.array([1]), public, None)
+    else:
+        assert reader.read(np.array([1]), public, None) == 1

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import oracles
 import pytest
@@ -124,7 +126,10 @@ def test_objectives_that_a_system_cannot_have_are_refused(name):
 
 INFORMATION = ["myopic-information", "myopic-information:slsqp", "myopic-information:polish"]
 OTHERS = [*INFORMATION, "myopic-margin:M", "myopic:progressive"]  # need another system
-PLAIN = [name for name in FORMS if name not in ("fixed:K", "fixed:NAME", "lookahead:H", *OTHERS)]
+DELAYED = ["greedy", "aware-greedy", "cost-of-delay", "priced", "adaptive-price", "paced"]  # need a gain
+LONG = ["best-simple", "best-planner", "replan", "plan-once", "cycle"]  # tuned on the spot; see test_settled
+NUMBERED = [name for name in FORMS if re.fullmatch("[a-z-]+:[A-Z]+", name)]
+PLAIN = [name for name in FORMS if name not in (*NUMBERED, *OTHERS, *DELAYED, *LONG)]
 BOX = ("myopic:closed-form", "myopic:slsqp", "myopic:polish")
 
 
@@ -142,7 +147,7 @@ def test_the_schedulers_of_rf_eo_platforms(name):
         assert policy.margin == 1.5
 
 
-@pytest.mark.parametrize("name", [*PLAIN, "fixed:3", "lookahead:1", "lookahead:3"])
+@pytest.mark.parametrize("name", [*PLAIN, "fixed:3", "lookahead:1", "lookahead:3", "gain:2"])
 def test_every_scheduler_gets_through_gymnasiums_loop(name):
     """In the default autoreset mode a policy is also asked at the step that only resets, when its episode is over."""
     action = "box" if name in BOX else "library"
@@ -161,6 +166,7 @@ def test_every_scheduler_gets_through_gymnasiums_loop(name):
 
 def test_folders_are_no_schedulers():
     assert not any(is_scheduler(name) for name in ("ppo", "runs/ppo", "myopic2", ""))
+    assert {"lookahead:H", "fixed:NAME", "rollout:H"} <= set(NUMBERED)
     assert set(FORMS) > {"optimum", "fixed:K", "fixed:NAME", "tuned-constant", "tuned-cycle", "lookahead:H"}
 
 

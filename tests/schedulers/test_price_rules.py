@@ -64,7 +64,7 @@ def test_the_settled_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
     public = start(5)
     rule = begun(AdaptivePrice(3))
     settled = rule.settle(public)
-    scale = SYSTEM.cost(public) * 3
+    scale = rule.scale(public)
     for env in range(5):
         one = trees.take(public, np.array([env]))
         rungs = scale[env] * LADDER[1:]

@@ -192,6 +192,27 @@ def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
         x[i, k] = at[0, k]
 
 
+@inlined
+def move_one(e, k, t, i, truth, F, L, process, truth_out, nn):
+    """truth_out[i] = F truth[i] + L process[e, k, t]: target t moves."""
+    predict_mean_one(i, truth, F, 0, truth_out, nn)
+    for a in range(len(nn)):
+        for b in range(a + 1):
+            truth_out[i, a] += L[a, b] * process[e, k, t, b]
+
+
+@inlined
+def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
+    """Update the prediction x[i], P[i], whose measurements would be h with Jacobian H, with z and variances R (a,)."""
+    residual_one(z, h, y)
+    if rules.iterations > 1 and curved_one(i, x, P, h, R):
+        iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn)
+    else:
+        absorb_one(i, P, H, y, R, d, v, nn)
+        for a in range(len(nn)):
+            x[i, a] += d[a]
+
+
 @kernel
 def advance(
     step, mean, P, truth, unseen, process, error, settings, F, Q, L, places, fence, rules, x, P_out, truth_out,
@@ -212,23 +233,14 @@ def advance(
         view_all(e, settings, rules, variance, low, high)
         for t in range(targets):
             i = e * targets + t
-            predict_mean_one(i, truth, F, 0, truth_out, nn)
-            for a in range(n):
-                for b in range(a + 1):
-                    truth_out[i, a] += L[a, b] * process[e, k, t, b]
+            move_one(e, k, t, i, truth, F, L, process, truth_out, nn)
             predict_mean_one(i, mean, F, 0, x, nn)
             predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
             look_one(i, x, places, rules, h, H)
             share[e] = min(share[e], information_one(i, P_out, h, H, variance, low, high, fence, rules))
             count_in = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
             received[e, t], unseen_out[e, t] = count_in, 0 if count_in > 0 else unseen[e, t] + 1
-            residual_one(z, h, y)
-            if rules.iterations > 1 and curved_one(i, x, P_out, h, R):
-                iterate_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
-            else:
-                absorb_one(i, P_out, H, y, R, d, v, nn)
-                for a in range(n):
-                    x[i, a] += d[a]
+            track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
 
 
 @kernel

@@ -16,13 +16,14 @@ from wavegym.schedulers.rules.dwell import best_dwell
 from wavegym.schedulers.rules.index import AwareGreedy, CostOfDelay, Greedy
 from wavegym.schedulers.rules.l_step import Gain
 from wavegym.schedulers.rules.price import AdaptivePrice, Paced, Priced
-from wavegym.schedulers.rules.tuned import Constants, Grid, log_cost, tuned
+from wavegym.schedulers.rules.tuned import BUDGET, Constants, Grid, log_cost, tuned
 from wavegym.schedulers.simple import Cycle
 from wavegym.systems import trees
 from wavegym.systems.contract import System
 
 AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
-DEARLY = 32  # worlds on which a rule that looks to the episode's end is tuned
+FAR = (1, 2, 4, 6, 8, 11, 14, 20, 25, 32, 40, 60)  # for accounts that must last
+DEARLY = 16  # worlds on which a rule that looks to the episode's end is tuned
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,14 @@ class Family:
         grid: values of each constant.
         start: the constants from which tuning starts.
         worlds: at most so many are used.
+        budget: rollouts.
     """
 
     make: Callable[..., Rule]
     grid: Grid
     start: Constants
     worlds: int | None = None
+    budget: int = BUDGET
 
 
 def _cycle(actions: Any) -> Rule:
@@ -69,21 +72,22 @@ FAMILIES: dict[str, Family] = {
             "power": (0.0, 0.4, 0.7, 1.0, 1.3, 1.6, 2.0),
             "bonus": (0.0, 0.1, 0.2, 0.3, 0.5, 0.8),
         },
-        {"alpha": 0.6, "later": 4, "ahead": 10, "power": 1.0, "bonus": 0.2},
+        {"alpha": 0.2, "later": 4, "ahead": 10, "power": 1.3, "bonus": 0.2},
     ),
     "priced": Family(
         Priced,
-        {"price": tuple(float(f"{price:.3g}") for price in 10.0 ** np.arange(-2.0, 7.1, 0.2)), "ahead": AHEAD},
+        {"price": tuple(float(f"{price:.3g}") for price in 10.0 ** np.arange(-2.0, 7.1, 0.2)), "ahead": FAR},
         {"price": 1.0, "ahead": 4},
     ),
     "adaptive-price": Family(
         AdaptivePrice,
-        {"ahead": AHEAD, "thrift": (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)},
-        {"ahead": 6, "thrift": 1.0},
+        {"ahead": (4, 8, 14, 25, 40), "thrift": (0.8, 1.0, 1.25, 1.6)},
+        {"ahead": 14, "thrift": 1.0},
         DEARLY,
+        20,
     ),
     "paced": Family(
-        Paced, {"ahead": AHEAD, "share": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0)}, {"ahead": 4, "share": 1.0}
+        Paced, {"ahead": FAR, "share": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0)}, {"ahead": 4, "share": 1.0}
     ),
 }
 
@@ -99,7 +103,7 @@ def tuned_family(name: str, system: System, worlds: Any) -> Constants:
         return {"actions": best_dwell(system, worlds).tolist()}
     check(name, system, worlds)
     few = trees.tree_map(lambda leaf: leaf[: family.worlds], worlds)
-    return tuned(family.make, family.grid, family.start, system, few)[0]
+    return tuned(family.make, family.grid, family.start, system, few, family.budget)[0]
 
 
 def check(name: str, system: System, worlds: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ Array = NDArray[Any]
 
 PRICES = 8  # tried at a time
 STRIDES = (81, 9, 1)  # between them, on the ladder: each round divides one of the PRICES + 1 parts of the one before
-# Prices in units of the belief's cost times the steps ahead, 2.6 % apart: a table, so that a batch equals its elements.
-LADDER = np.geomspace(1e-5, 1e3, 9 * STRIDES[0] + 1)
+# Prices in units of what one look could gain at most, 2.9 % apart: a table, so that a batch equals its elements.
+LADDER = np.geomspace(1e-8, 10.0, 9 * STRIDES[0] + 1)
 ROWS = 100_000  # beliefs followed at a time
 
 
@@ -64,7 +65,7 @@ class AdaptivePrice(Rule):
         self.ahead, self.thrift = whole("ahead", ahead, 1), positive("thrift", thrift)
 
     def settle(self, public: Any) -> Array:
-        """The price (env,): the lowest, to 2.6 %, at which what is left lasts."""
+        """The price (env,): the lowest, to 2.9 %, at which what is left lasts."""
         count, chunk = len(public.step), max(1, ROWS // PRICES)
         parts = [trees.take(public, np.arange(start, min(start + chunk, count))) for start in range(0, count, chunk)]
         return np.concatenate([self._settled(part) for part in parts])
@@ -78,7 +79,7 @@ class AdaptivePrice(Rule):
         return -np.asarray(settled) * public.energy
 
     def _settled(self, public: Any) -> Array:
-        aim, scale = self.thrift * public.energy[:, None], (self.system.cost(public) * self.ahead)[:, None]
+        aim, scale = self.thrift * public.energy[:, None], self.scale(public)[:, None]
         low = np.zeros((len(aim), 1), np.int64)
         for stride in STRIDES:
             levels = low + stride * np.arange(1, PRICES + 1)
@@ -87,22 +88,40 @@ class AdaptivePrice(Rule):
             low += stride * below[:, None]
         return (scale * LADDER[low + 1])[:, 0]
 
+    def scale(self, public: Any) -> Array:
+        """The cost (env,) at the episode's end if the least is spent, for ``ahead`` steps: no look gains much more."""
+        cheapest = int(np.argmin(self.system.spending))
+        cost = np.zeros(len(public.step))
+
+        def silent(here: Any, rows: Array) -> Array:
+            return np.full(len(rows), self.candidates[cheapest])
+
+        for here, rows in self._followed(public, silent):
+            cost[rows] = self.system.cost(here)
+        return np.maximum(cost, self.system.cost(public)) * self.ahead
+
     def spent(self, public: Any, prices: Array) -> Array:
         """What each price (env, price) is predicted to take from a full purse to the episode's end, (env, price)."""
-        system, count = self.system, prices.shape[1]
-        ample = 2.0 * system.horizon * float(np.max(system.spending))
+        count = prices.shape[1]
+        ample = 2.0 * self.system.horizon * float(np.max(self.system.spending))
         public = trees.take(public, np.repeat(np.arange(len(prices)), count))
         public = public._replace(energy=np.full(prices.size, ample))
-        paid, rows = np.zeros(prices.size), np.arange(prices.size)
-        held = prices.ravel()
-        while len(rows):
-            is_on = ~system.ended(public)
+        paid, held = np.zeros(prices.size), prices.ravel()
+        for here, rows in self._followed(public, lambda here, rows: priced_choice(self, here, None, held[rows])):
+            paid[rows] = ample - here.energy
+        return paid.reshape(prices.shape)
+
+    def _followed(self, public: Any, choose: Callable[[Any, Array], Array]) -> Iterator[tuple[Any, Array]]:
+        """The beliefs after each step of the expected recursion, to the episode's end, and which rows they are of."""
+        rows = np.arange(len(public.step))
+        while True:
+            is_on = ~self.system.ended(public)
             if not is_on.all():
                 public, rows = trees.take(public, is_on), rows[is_on]
-            if len(rows):
-                public = system.imagine(public, priced_choice(self, public, None, held[rows]))
-                paid[rows] = ample - public.energy
-        return paid.reshape(prices.shape)
+            if not len(rows):
+                return
+            public = self.system.imagine(public, choose(public, rows))
+            yield public, rows
 
 
 class Paced(Rule):
