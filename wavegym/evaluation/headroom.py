@@ -41,6 +41,7 @@ LADDER = (
     "greedy",
     "aware-greedy",
     "cost-of-delay",
+    "until-seen",
     SIMPLE,
     "plan-once",
     "best-planner",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,30 +14,48 @@ import wavegym.schedulers
 from wavegym.evaluation.command import Parser, guarded
 from wavegym.evaluation.task import make_task
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.rules.families import best_simple
-from wavegym.schedulers.settled import FILE, PLANNER, SIMPLE, as_toml, records
+from wavegym.schedulers.names import PLANNERS, PLANS, planner_builder
+from wavegym.schedulers.rules.families import FAMILIES, best_simple
+from wavegym.schedulers.rules.tuned import log_cost
+from wavegym.schedulers.settled import FILE, PLANNER, SIMPLE, as_toml
+from wavegym.systems import trees
 from wavegym.systems.contract import System
 
-WORLDS = 100
+WORLDS, PLANNED = 100, 32
 
 
-def settled_record(system: System, worlds: int, root: int, before: dict[str, Any]) -> dict[str, Any]:
-    """The record of one system: rules tuned and compared on tuning worlds.
+def settled_record(system: System, worlds: Any, planners: Sequence[str], before: dict[str, Any]) -> dict[str, Any]:
+    """The record of one system: rules tuned and compared on tuning worlds, and planners that are based on the best.
 
     Args:
         system: the closed loop.
-        worlds: how many tuning worlds.
-        root: the seed that they follow from.
-        before: the present record; its planner is kept.
+        worlds: tapes for tuning, axis 0 = world.
+        planners: names of those to choose the best one from; none: the one recorded stays.
+        before: the present record, which holds the planners' settings.
 
     Returns:
-        The best rule, the best planner where one was recorded, each rule's constants, and under ``costs`` the geometric
-        mean over the tuning worlds of each rule's mean cost per step.
+        The best rule, the best planner, planners' settings, each rule's constants, and under ``costs`` the geometric
+        mean of the mean cost per step, of rules over all worlds; under ``planner_costs``, relative to the best rule's
+        on the same worlds, of planners over the first PLANNED.
     """
-    best, constants, costs = best_simple(system, draw_worlds(system, world_seeds(root, "tune", worlds)))
-    planner = {PLANNER: before[PLANNER]} if PLANNER in before else {}
-    means = {name: float(f"{np.exp(cost):.4g}") for name, cost in costs.items()}
-    return {SIMPLE: best, **planner, **constants, "costs": means}
+    best, constants, costs = best_simple(system, worlds)
+    kept: dict[str, Any] = {name: before[name] for name in (PLANNER, *PLANNERS, *PLANS) if name in before}
+    few = trees.tree_map(lambda leaf: leaf[:PLANNED], worlds)
+    base = FAMILIES[best].make(**constants[best])
+    floor = log_cost(system, base, few)
+    found: dict[str, float] = {}
+    for name in planners:
+        settings = before.get(name.partition(":")[0], {})
+        found[name] = _rounded(log_cost(system, planner_builder(name)(base, **settings), few) - floor)
+        print(f"{type(system).__name__}: {name} {found[name]:g}", flush=True)
+    chosen: dict[str, Any] = (
+        {PLANNER: min(found, key=lambda name: found[name]), "planner_costs": found} if found else {}
+    )
+    return {SIMPLE: best, **kept, **chosen, **constants, "costs": {k: _rounded(v) for k, v in costs.items()}}
+
+
+def _rounded(log: float) -> float:
+    return float(f"{np.exp(log):.4g}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -45,18 +64,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("ids", nargs="+", metavar="ID", help="environments, such as CameraSlew-v0")
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"tuning worlds (default: {WORLDS})")
     parser.add_argument("--seed", type=int, default=0, help="of the tuning worlds (default: 0)")
-    parser.add_argument("--planner", help="record this planner as the best, such as rollout:20")
+    parser.add_argument(
+        "--planners", default="", help="choose the best planner of these, such as rollout:10,rollout:20"
+    )
     parser.add_argument("--out", type=Path, default=Path(wavegym.schedulers.__path__[0]) / FILE, help="file to write")
     read = parser.read(arguments)
-    table = {name: dict(record) for name, record in records().items()}
-    for env_id in read.ids:
-        system = make_task(env_id, {}).system
-        name = type(system).__name__
-        record = settled_record(system, read.worlds, read.seed, table.get(name, {}))
-        table[name] = {**record, **({PLANNER: read.planner} if read.planner else {})}
+    planners = [name for name in read.planners.split(",") if name]
+    for name in planners:
+        planner_builder(name)
+    table = as_table(read.out) if read.out.exists() else {}
+    systems = [make_task(env_id, {}).system for env_id in read.ids]
+    for system in systems:
+        name, worlds = type(system).__name__, draw_worlds(system, world_seeds(read.seed, "tune", read.worlds))
+        record = table[name] = settled_record(system, worlds, planners, table.get(name, {}))
         ranking = sorted(record["costs"].items(), key=lambda item: item[1])
         print(f"{name}: best simple is {record[SIMPLE]}; " + ", ".join(f"{rule} {cost:g}" for rule, cost in ranking))
         read.out.write_text(as_toml(table), encoding="utf-8")
+
+
+def as_table(file: Path) -> dict[str, dict[str, Any]]:
+    """What a file of records holds."""
+    return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.rules.families import FAMILIES
 from wavegym.schedulers.rules.l_step import Gain
-from wavegym.schedulers.settled import PLANNER, SIMPLE, planner_name, rule
+from wavegym.schedulers.settled import PLANNER, SIMPLE, planner_name, recorded, rule
 from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
 from wavegym.schedulers.tuning import best_constant, best_fixed
 from wavegym.systems.contract import System
@@ -46,10 +46,11 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
             ``:polish``), ``myopic-margin:M`` (foresight wants M standard deviations inside the field of view),
             ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum`` (clairvoyant).
             Rules, with the constants recorded for the suite's systems (``wavegym.schedulers.settled``) and otherwise
-            tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``, ``priced``,
-            ``adaptive-price``, ``paced``, ``cycle`` and ``best-simple``, the best of them and of ``myopic``. Planners,
-            with ``best-simple`` as their base policy: ``plan-once``, ``rollout:H``, ``replan``, ``beam:W``, ``mcts:N``,
-            ``tree:H`` and ``best-planner``, the one recorded as the best.
+            tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``, ``until-seen``,
+            ``priced``, ``adaptive-price``, ``paced``, ``cycle`` and ``best-simple``, the best of them and of
+            ``myopic``. Planners,
+            with ``best-simple`` as their base policy and the settings recorded: ``plan-once``, ``rollout:H``,
+            ``replan``, ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the one recorded as the best.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 
@@ -64,14 +65,14 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
         return _ready(Myopic(margin=_decimal(name, family, argument)), system)
     if family in NUMBERED:
         return NUMBERED[family](_integer(name, family, argument))
-    if family in PLANNERS:
+    if family in PLANNERS or name in PLANS:
         return _planner(name, system, tuning_worlds)
     return PLAIN[choice("policy", name, FORMS)](system, tuning_worlds)
 
 
 def is_scheduler(name: str) -> bool:
     """Whether ``name`` is a scheduler's rather than, say, a folder's."""
-    return name in PLAIN or name.partition(":")[0] in ("fixed", "myopic-margin", *NUMBERED, *PLANNERS)
+    return name in PLAIN or name.partition(":")[0] in ("fixed", "myopic-margin", *NUMBERED, *PLANNERS, *PLANS)
 
 
 def _fixed(name: str, argument: str, system: System) -> Policy:
@@ -132,22 +133,35 @@ def _rule(name: str) -> Callable[[System, Any], Policy]:
 
 
 def _planner(name: str, system: System, worlds: Any) -> Policy:
-    """A planner that simulates futures of ``best-simple``."""
+    """A planner that simulates futures of ``best-simple``: the name is looked at before anything is tuned."""
+    build = planner_builder(name)
+    return build(rule(SIMPLE, system, worlds), **recorded(system).get(name.partition(":")[0], {}))
+
+
+def planner_builder(name: str) -> Callable[..., Policy]:
+    """What makes the planner ``name`` of a base policy and settings.
+
+    Raises:
+        InputError: no such planner, or a number after the colon that is no integer >= 1.
+    """
     family, _, argument = name.partition(":")
-    number = _integer(name, family, argument)
+    if family in PLANS:
+        return PLANS[choice("planner", name, PLANS)]
+    make, number = PLANNERS[choice("planner", family, PLANNERS)], _integer(name, family, argument)
     whole(f"{family}:", number, 1)
-    return PLANNERS[family](rule(SIMPLE, system, worlds), number)
+    return lambda base, **settings: make(base, number, **settings)
 
 
 INTEGER, DECIMAL = re.compile(r"-?\d+"), re.compile(r"\d+\.?\d*|\.\d+")
 STARTS = 8  # of SLSQP
 NUMBERED: dict[str, Callable[[int], Policy]] = {"lookahead": Lookahead, "gain": Gain}
-PLANNERS: dict[str, Callable[[Policy, int], Policy]] = {
-    "rollout": lambda base, depth: RolloutPlanner(base, depth),
-    "tree": lambda base, depth: TreeSearch(base, levels=depth),
-    "beam": lambda base, width: BeamSearch(base, width),
-    "mcts": lambda base, simulations: MonteCarloTree(base, simulations),
+PLANNERS: dict[str, Callable[..., Policy]] = {  # of a base, and the number after the colon
+    "rollout": RolloutPlanner,
+    "tree": TreeSearch,
+    "beam": BeamSearch,
+    "mcts": MonteCarloTree,
 }
+PLANS: dict[str, Callable[..., Policy]] = {"replan": Replan, "plan-once": PlanOnce}
 PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "random": lambda system, worlds: RandomChoice(),
     "round-robin": lambda system, worlds: RoundRobin(),
@@ -167,12 +181,11 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "myopic-information:polish": lambda system, worlds: _ready(Continuous("information"), system),
     "optimum": lambda system, worlds: Optimum(),
     **{name: _rule(name) for name in (*FAMILIES, SIMPLE) if name not in ("myopic", "gain")},
-    "replan": lambda system, worlds: Replan(rule(SIMPLE, system, worlds)),
-    "plan-once": lambda system, worlds: PlanOnce(rule(SIMPLE, system, worlds)),
     PLANNER: lambda system, worlds: make_policy(planner_name(system), system, worlds),
 }
 FORMS = (
     *PLAIN,
+    *PLANS,
     "fixed:K",
     "fixed:NAME",
     "myopic-margin:M",

@@ -31,10 +31,15 @@ def reduction(pd, S, radar, q2):
 
 @kernel
 def information(pd, chance, S, radar, q2, draw):
-    """The share of the full update foreseen: q2 times the chance to see, or, of a uniform draw, q2 / Pd or nothing."""
+    """The share of the full update foreseen: q2 times the chance to see, or, of a uniform draw, q2 / Pd or nothing.
+
+    Without clutter a detection is the whole update: q2 / Pd is less by what a gate loses on average.
+    """
     if draw < 0.0:
         return chance * reduction(pd, S, radar, q2)
-    return reduction(pd, S, radar, q2) / pd if draw < chance * pd else 0.0
+    if draw >= chance * pd:
+        return 0.0
+    return reduction(pd, S, radar, q2) / pd if radar[4] > 0.0 else 1.0
 
 
 @kernel

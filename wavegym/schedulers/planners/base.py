@@ -18,7 +18,7 @@ Array = NDArray[Any]
 FUTURES = 32
 ERRORS = 1.0
 QUICK = 8  # futures, of which a quarter tells which plans to give up
-SHORTLIST = 16  # candidates of many that are worth following: those of least one-step cost
+SHORTLIST = 40  # candidates of many that are worth following: those of least one-step cost
 
 
 class Planner:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavegym.errors import InputError, whole
 from wavegym.schedulers.planners.base import Planner
+from wavegym.schedulers.policy import Policy
 
 Array = NDArray[Any]
 
@@ -17,13 +20,29 @@ FINALISTS = 4  # first actions that are followed through all futures
 class RolloutPlanner(Planner):
     """One step of policy iteration: first actions followed by the base policy in sampled futures (Bertsekas).
 
-    Args: see ``Planner``.
+    Args:
+        base, depth, futures, errors: see ``Planner``.
+        holds: numbers of steps for which each first action is held before the base takes over; the base by itself might
+            give up at once what takes several steps. For more than one step actions have to be indices.
+
+    Raises:
+        InputError: a number out of range, nothing held.
     """
+
+    def __init__(self, base: Policy, depth: int = 20, holds: Sequence[int] = (1,), **settings: Any) -> None:
+        super().__init__(base, depth, **settings)
+        if not holds:
+            raise InputError("holds is empty, expected numbers of steps (nearest: (1,))")
+        self.holds = tuple(whole("holds", steps, 1) for steps in holds)
 
     def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, permitted = self.options(public, mask)
-        return self.chosen(public, own, options[:, :, None], permitted, settled, FINALISTS)
+        if max(self.holds) == 1:
+            return self.chosen(public, own, options[:, :, None], permitted, settled, FINALISTS)
+        is_held = np.arange(max(self.holds)) < np.array(self.holds)[:, None]  # (hold, step)
+        plans = np.where(is_held, options[:, :, None, None], -1).reshape(len(options), -1, is_held.shape[1])
+        return self.chosen(public, own, plans, permitted.repeat(len(self.holds), axis=1), settled, FINALISTS)
 
 
 class TreeSearch(Planner):

@@ -11,18 +11,21 @@ import numpy as np
 from wavegym.errors import InputError
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.rules.base import Held, Rule
 from wavegym.schedulers.rules.dwell import best_dwell
 from wavegym.schedulers.rules.index import AwareGreedy, CostOfDelay, Greedy
 from wavegym.schedulers.rules.l_step import Gain
 from wavegym.schedulers.rules.price import AdaptivePrice, Paced, Priced
 from wavegym.schedulers.rules.tuned import BUDGET, Constants, Grid, log_cost, tuned
+from wavegym.schedulers.rules.until import UntilSeen
 from wavegym.schedulers.simple import Cycle
 from wavegym.systems import trees
 from wavegym.systems.contract import System
 
 AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
 FAR = (1, 2, 4, 6, 8, 11, 14, 20, 25, 32, 40, 60)  # for accounts that must last
+MOST = 50_000  # beliefs that tuning may have foreseen one by one in an episode
 DEARLY = 16  # worlds on which a rule that looks to the episode's end is tuned
 
 
@@ -35,7 +38,8 @@ class Family:
         grid: values of each constant.
         start: the constants from which tuning starts.
         worlds: at most so many are used.
-        budget: rollouts.
+        budget: rollouts, of each descent.
+        also: where further descents start.
     """
 
     make: Callable[..., Rule]
@@ -43,6 +47,7 @@ class Family:
     start: Constants
     worlds: int | None = None
     budget: int = BUDGET
+    also: tuple[Constants, ...] = ()
 
 
 def _cycle(actions: Any) -> Rule:
@@ -66,14 +71,16 @@ FAMILIES: dict[str, Family] = {
     "cost-of-delay": Family(
         CostOfDelay,
         {
-            "alpha": (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0),
+            "alpha": (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0),
             "later": (1, 2, 3, 4, 6, 9, 12),
             "ahead": AHEAD,
             "power": (0.0, 0.4, 0.7, 1.0, 1.3, 1.6, 2.0),
             "bonus": (0.0, 0.1, 0.2, 0.3, 0.5, 0.8),
         },
         {"alpha": 0.2, "later": 4, "ahead": 10, "power": 1.3, "bonus": 0.2},
+        also=({"alpha": 0.5, "later": 1, "ahead": 8, "power": 1.0, "bonus": 0.0},),
     ),
+    "until-seen": Family(UntilSeen, {"ahead": (1, 2, 3, 4, 5, 6, 7, 8, 10)}, {"ahead": 4}),
     "priced": Family(
         Priced,
         {"price": tuple(float(f"{price:.3g}") for price in 10.0 ** np.arange(-2.0, 7.1, 0.2)), "ahead": FAR},
@@ -103,17 +110,22 @@ def tuned_family(name: str, system: System, worlds: Any) -> Constants:
         return {"actions": best_dwell(system, worlds).tolist()}
     check(name, system, worlds)
     few = trees.tree_map(lambda leaf: leaf[: family.worlds], worlds)
-    return tuned(family.make, family.grid, family.start, system, few, family.budget)[0]
+    starts = (family.start, *family.also)
+    ends = [tuned(family.make, family.grid, start, system, few, family.budget) for start in starts]
+    return min(ends, key=lambda end: end[1])[0]
 
 
 def check(name: str, system: System, worlds: Any) -> None:
-    """Raise an InputError where the system cannot have the rule ``name``: it is asked for one choice."""
+    """Raise an InputError where the system cannot have the rule ``name``, or not be tuned for it in reasonable time."""
     if name == "cycle":
         return
+    if name == "gain" and len(system.candidates()) * system.horizon > MOST:
+        wanted = f"at most {MOST} beliefs foreseen in an episode (nearest: 'gain:L' with an L of your own)"
+        raise InputError(f"rule 'gain' tries {len(system.candidates())} candidates at each step, expected {wanted}")
     policy: Policy = FAMILIES[name].make(**FAMILIES[name].start)
     public = system.begin(trees.tree_map(lambda leaf: leaf[:1], worlds)).public
     policy.begin(system, 1, np.random.default_rng(0))
-    policy.act(public, None, system.mask(public))
+    policy.act(public, None, allowed(system, public))
 
 
 def best_simple(system: System, worlds: Any) -> tuple[str, dict[str, Constants], dict[str, float]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,8 @@ class BeamAllocation(AgileClutter):
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter" (motion, measurements, tracker). The beams and the delayed cost are this suite's own.
     """
+
+    gain_by_target: ClassVar[bool] = True  # ``gain`` takes steps of each target
 
     horizon: int = 60
     dt: float = 1.0

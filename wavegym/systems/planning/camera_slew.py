@@ -3,60 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import InputError, non_negative, ordered, positive, within
-from wavegym.schedulers.rules.gain import horizon_weights
+from wavegym.errors import whole
 from wavegym.sensors.penalties import KINDS
 from wavegym.systems.choices import Menu
 from wavegym.systems.contract import Element, State, System
+from wavegym.systems.costs import horizon_weights, trace_cost
 from wavegym.systems.planning import camera_slew_kernels as kernels
 from wavegym.systems.planning.camera_slew_kernels import Mount
+from wavegym.systems.planning.camera_slew_state import Hidden, Public, World, camera_elements, check_camera
 from wavegym.systems.rf_eo import NN, RfEo
 from wavegym.systems.rf_eo_kernels import Rules, measure
-from wavegym.systems.rf_eo_state import MOST, Pair, Quad
+from wavegym.systems.rf_eo_state import Pair, Quad
+from wavegym.systems.rf_eo_state import Public as Belief
 from wavegym.targets import MotionModel
 
 Array = NDArray[Any]
 
 LOST_AFTER = 60  # steps in which the camera has not found a target
-
-
-class World(NamedTuple):
-    """One episode's tape, uniform and standard normal."""
-
-    place: Array  # (target, 2) uniform: where in the region each target starts
-    velocity: Array  # (target, 2) normal
-    start: Array  # (target, 4) normal: errors of the first estimates
-    process: Array  # (H, target, 4) normal: manoeuvres
-    error: Array  # (H, platform, target, 3) normal: measurement errors
-    found: Array  # (H, target) uniform: the camera finds a target in view where below ``detection``
-
-
-class Hidden(NamedTuple):
-    """What no scheduler sees."""
-
-    truth: Array  # (env, target, 4)
-    received: Array  # (env, target) int: measured quantities of the last step
-    unseen: Array  # (env, target) int: steps since the camera found the target
-    seen: Array  # (env, target) bool: whether it did in the last step
-
-
-class Public(NamedTuple):
-    """The belief, and the camera."""
-
-    step: Array  # (env,) int
-    mean: Array  # (env, target, 4)
-    covariance: Array  # (env, target, 4, 4)
-    pointing: Array  # (env,) rad, clockwise from +y
-    settling: Array  # (env,) int: steps that the camera still has to settle once it has arrived
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -65,7 +36,7 @@ class CameraSlew(System):
 
     Description
         The targets, radars and tracker are those of wavegym/RfEo-v0. Both platforms' radars stare: at every step they
-        measure range and range-rate of every target that is in their field of view, at a narrow bandwidth. The camera
+        measure range and range-rate of every target that is in their field of view, but no azimuth. The camera
         on the first platform measures azimuths, of what is in its image. An action names the target to look at: the
         camera turns towards its predicted azimuth at ``slew`` rad/s at most. A turn of more than half the field of
         view blinds it until it has arrived and then settled for ``settle`` steps; smaller ones, to follow a target, do
@@ -101,12 +72,12 @@ class CameraSlew(System):
 
     horizon: int = 300
     dt: float = 1.0
-    q: float = 0.5
+    q: float = 0.05
     targets: int = 4
-    sector: Pair = (-1.0, 1.0)
-    ranges: Pair = (4e3, 8e3)
-    speed: float = 10.0
-    prior_variance: Quad = (2500.0, 25.0, 2500.0, 25.0)
+    sector: Pair = (-1.5, 1.5)
+    ranges: Pair = (2e3, 5e3)
+    speed: float = 5.0
+    prior_variance: Quad = (100.0, 4.0, 100.0, 4.0)
     platforms: tuple[Pair, ...] = ((-1e3, 0.0), (1e3, 0.0))
     half_field: float = 0.05
     slew: float = math.radians(10.0)
@@ -115,7 +86,7 @@ class CameraSlew(System):
     pixels: int = 1000
     carrier_hz: float = 10e9
     prf: float = 10e3
-    bandwidth: float = 5e6
+    bandwidth: float = 20e6
     fft_length: int = 128
     iterations: int = 10
     weights: Quad = (1.0, 1.0, 1.0, 1.0)
@@ -123,22 +94,7 @@ class CameraSlew(System):
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
-        within("targets", self.targets, 1, MOST)
-        within("horizon", self.horizon, 1, 100_000)
-        positive("half_field", self.half_field, "rad")
-        within("half_field", self.half_field, 0.0, 0.5 * math.pi, "rad")
-        positive("slew", self.slew, "rad/s")
-        within("settle", self.settle, 0, self.horizon, "steps")
-        within("detection", self.detection, 0.0, 1.0)
-        non_negative("speed", self.speed)
-        ordered("sector", *self.sector)
-        ordered("ranges", *self.ranges)
-        for azimuth in self.sector:
-            within("azimuth in sector", azimuth, -math.pi, math.pi, "rad")
-        positive("least of ranges", self.ranges[0], "m")
-        for name in ("prf", "bandwidth"):
-            positive(name, getattr(self, name), "Hz")
-        within("slew", self.slew, 0.0, 1e6, "rad/s")
+        check_camera(self)
         self.loop  # noqa: B018  (what makes no platforms is reported here)
 
     @property
@@ -202,22 +158,14 @@ class CameraSlew(System):
             noises.append(F @ noises[-1] @ F.T + Q)
         return np.stack(powers), np.stack(noises)
 
-    @cached_property
-    def _worth(self) -> Callable[[int], Array]:
-        """Weights M of 1, 2, ... steps, (ahead, 4, 4)."""
-
-        @lru_cache
-        def tables(ahead: int) -> Array:
-            return np.stack([horizon_weights(self.motion.F, self.weights, steps + 1) for steps in range(ahead)])
-
-        return tables
-
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
         T, J, H = self.targets, len(self.platforms), self.horizon
         place = rng.random((T, 2))
-        normal = (rng.standard_normal(shape) for shape in ((T, 2), (T, 4), (H, T, 4), (H, J, T, 3)))
-        return World(place, *normal, rng.random((H, T)))
+        velocity, start, process, error = (
+            rng.standard_normal(shape) for shape in ((T, 2), (T, 4), (H, T, 4), (H, J, T, 3))
+        )
+        return World(place, velocity, start, process, error, rng.random((H, T)))
 
     def begin(self, world: World) -> State:
         """Targets where the tape has them in the region, and the first estimates."""
@@ -288,8 +236,9 @@ class CameraSlew(System):
     def gain(self, public: Public, wait: Array | int, ahead: int) -> Array:
         """By how much a look at each target after ``wait`` steps lowers the summed cost of the ``ahead`` from it on.
 
-        Of all targets that will be in the image then, each with the probability of being found. The radars are left out
-        of account, before the look and after it: what they add is small beside the camera's.
+        Of all targets that will be in the image then, each with the probability of being found. What the radars measure
+        before the look counts as if they measured it all with the look: without, whatever is far away would seem worth
+        more than it is. What they measure after it is left out of account.
 
         Args:
             public: the belief.
@@ -303,38 +252,27 @@ class CameraSlew(System):
         waits = np.ascontiguousarray(np.broadcast_to(np.asarray(wait, np.int64), out.shape))
         _, _, places, rules = self._scene
         kernels.gain(
-            public.step, self.horizon, public.mean, public.covariance, waits, *self._powers, self._worth(ahead),
-            places, rules, self._mount, self._view[0], out, NN
+            public.step, self.horizon, public.mean, public.covariance, waits, *self._powers, _worth(self, ahead),
+            places, rules, self._mount, *self._view, out, NN
         )  # fmt: skip
         return out
 
     def cost(self, public: Public) -> Array:
         """trace(W P) summed over the targets."""
-        return self.loop.cost(public)
+        return trace_cost(public.covariance, np.array(self.weights))
 
     @cached_property
     def elements(self) -> tuple[Element, ...]:
         """The observation: the parent's, time left, the camera, and of every target what it takes to look at it."""
-        listed = [
-            *self.loop.elements,
-            Element("time_left", "1", 0.5, 0.5, "share of the episode's steps that are left"),
-            Element("settling", "1", 0.5, 1.0, "steps that the camera still has to settle once it has arrived"),
-        ]
-        for t in range(1, self.targets + 1):
-            where = f"target {t}, as predicted one step ahead"
-            listed += [
-                Element(f"bearing_{t}", "rad", 0.0, 0.5, f"from where the camera points to {where}"),
-                Element(f"delay_{t}", "1", 4.0, 4.0, f"steps without sight before the camera sees {where}"),
-                Element(f"in_view_{t}", "1", 0.5, 0.5, f"1 if the camera sees {where}, without any delay, else 0"),
-            ]
-        return tuple(listed)
+        return (*self.loop.elements, *camera_elements(self.targets))
 
     def observe(self, public: Public) -> Array:
         """See ``elements``."""
         delay, off = self._turns(public)
         camera = np.stack([off, delay, delay == 0], axis=-1).reshape(len(delay), -1)
+        parents = self.loop.observe(Belief(public.step, public.mean, public.covariance))
         left = 1.0 - public.step / self.horizon
-        return np.concatenate([self.loop.observe(public), left[:, None], public.settling[:, None], camera], axis=1)
+        return np.concatenate([parents, left[:, None], public.settling[:, None], camera], axis=1)
 
     def metrics(self, state: State) -> dict[str, Array]:
         """Of each target ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
@@ -353,3 +291,10 @@ class CameraSlew(System):
             "pointing": public.pointing.copy(),
             "settling": public.settling.copy(),
         }
+
+
+@lru_cache(maxsize=64)
+def _worth(system: CameraSlew, ahead: int) -> Array:
+    """Weights M of 1, 2, ... steps, (ahead, 4, 4)."""
+    every = range(1, whole("ahead", ahead, 1) + 1)
+    return np.stack([horizon_weights(system.transition, system.weights, steps) for steps in every])

@@ -139,11 +139,11 @@ def delay(mean, pointing, settling, F, places, mount, out, off, nn):
 
 
 @kernel
-def gain(step, horizon, mean, P, wait, F, Q, M, places, rules, mount, variance, out, nn):
+def gain(step, horizon, mean, P, wait, F, Q, M, places, rules, mount, variance, low, high, out, nn):
     """out (e, c): what one look at target c after ``wait`` (e, c) steps takes off the summed cost of the steps to come.
 
     F, Q (w, n, n): transition and noise of 1, 2, ... steps; M (l, n, n): weights of as many steps. All targets that
-    will be in the image count. Nothing else is measured meanwhile.
+    will be in the image count. What the radars measure up to the look is taken for as many looks at its end.
     """
     targets, n = mean.shape[1], len(nn)
     x, V, T, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty((n, n)), np.empty(n)
@@ -163,6 +163,11 @@ def gain(step, horizon, mean, P, wait, F, Q, M, places, rules, mount, variance, 
                 if h[0] < rules.nearest or not in_image(h[AZIMUTH], pointing, mount):
                     continue
                 predict_covariance_one(t, P[e], F, Q, w, T, V, nn)
+                for a in range(h.shape[0]):
+                    j, q = a // 3, a % 3
+                    if q != AZIMUTH and low[j, q] <= h[a] <= high[j, q] and h[3 * j] >= rules.nearest:
+                        s = gain_of(q, t, V, H, a, v, nn) + variance[j, q] / (w + 1)
+                        shrink_one(t, V, v, s, nn)
                 s = gain_of(AZIMUTH, t, V, H, AZIMUTH, v, nn) + variance[0, AZIMUTH]
                 total = 0.0
                 for a in range(n):

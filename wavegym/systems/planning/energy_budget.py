@@ -79,14 +79,15 @@ class EnergyBudget(AgileClutter):
     strict: ClassVar[bool] = False
 
     horizon: int = 72
-    dt: float = 0.5
-    q: float = 20.0
+    dt: float = 0.25
+    q: float = 10.0
     reference_range: float = 36e3
     sensors: tuple[tuple[float, float], ...] = ((-10e3, 0.0), (10e3, 0.0))
     starts: tuple[tuple[float, float, float, float], ...] = ((0.0, 22e3, 0.0, 0.0),)
     spread: tuple[float, float, float, float] = (5e3, 4e3, 100.0, 100.0)
     births: tuple[int, ...] = (0,)
     lifetime: int = 72
+    prior_variance: tuple[float, float, float, float] = (100.0, 100.0, 25.0, 25.0)
     clutter_density: float = 1e-6
     laws: tuple[str, ...] = ("pfm:3",)
     durations: tuple[float, ...] = (25e-6, 50e-6, 100e-6)

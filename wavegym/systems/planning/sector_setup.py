@@ -87,8 +87,8 @@ class SectorSetup(System):
     q: Pair = (0.1, 5.0)
     prior_variance: Quad = (2500.0, 25.0, 2500.0, 25.0)
     waveforms: tuple[Pair, ...] = ((12.0, 20.0), (60.0, 1.0))
-    reference_snr: float = 80.0
-    reference_range: float = 4e3
+    reference_snr: float = 20.0
+    reference_range: float = 5.65e3
     nearest_range: float = 500.0
     false_alarm: float = 1e-3
     shown: tuple[int, int] = (6, 14)
