@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.schedulers.rules.gain import horizon_weights
 from wavegym.systems import trees
 from wavegym.systems.choices import Menu
 from wavegym.systems.contract import Element, State, System
@@ -166,7 +165,9 @@ class DelaySystem(System):
         same = public.pointing[:, None] == TARGET
         return np.where(TARGET < 0, 0, np.where(same, public.dead[:, None], self.setup))
 
-    def gain(self, public: DelayPublic, wait: Array | int, ahead: int) -> Array:
+    gain_by_target: ClassVar[bool] = True
+
+    def gain(self, public: DelayPublic, wait: Array | int, ahead: Array | int) -> Array:
         waits = np.broadcast_to(np.asarray(wait), (len(public.step), len(TARGET)))
         at = public.step[:, None] + waits
         steps = np.minimum(waits, self.horizon) + 1
@@ -175,9 +176,10 @@ class DelaySystem(System):
         own = powers[steps] @ public.covariance[rows, TARGET] @ powers[steps].swapaxes(2, 3)
         own = own + public.noise[rows, TARGET][..., None, None] * noises[steps]
         shown = public.visible[rows, np.minimum(at, self.horizon - 1), TARGET] & (at < self.horizon) & (TARGET >= 0)
-        M = horizon_weights(self.transition, self.weights, ahead)
+        counted = np.broadcast_to(np.asarray(ahead), (len(public.step), TARGETS))[:, TARGET]
+        M = self.weights_ahead(int(counted.max()))[counted - 1]
         column = own[..., 0]
-        worth = (column * (M[:, 0] * column[..., :1] + M[:, 1] * column[..., 1:])).sum(axis=2)
+        worth = (column * (M[..., 0] * column[..., :1] + M[..., 1] * column[..., 1:])).sum(axis=2)
         return np.where(shown, self.pd * worth / (own[..., 0, 0] + VARIANCE), 0.0)
 
     def mask(self, public: DelayPublic) -> Array:

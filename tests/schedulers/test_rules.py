@@ -14,13 +14,14 @@ from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.rules.base import Held, greatest
 from wavegym.schedulers.rules.dwell import best_dwell, setups
 from wavegym.schedulers.rules.families import FAMILIES, best_simple, tuned_family
-from wavegym.schedulers.rules.gain import horizon_weights
 from wavegym.schedulers.rules.index import AwareGreedy, CostOfDelay, Greedy
 from wavegym.schedulers.rules.l_step import Gain
 from wavegym.schedulers.rules.price import AdaptivePrice, Paced, Priced
 from wavegym.schedulers.rules.tuned import log_cost, tuned
+from wavegym.schedulers.rules.until import UntilSeen
 from wavegym.schedulers.simple import Cycle
 from wavegym.systems import trees
+from wavegym.systems.horizon import horizon_weights
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 
 SYSTEM = DelaySystem()
@@ -202,6 +203,23 @@ def test_coordinate_descent_finds_the_best_of_a_small_grid():
     assert cost == pytest.approx(costs[found["kappa"]], rel=1e-12)
     start = {"kappa": 0.3, "ahead": 2}
     assert tuned(AwareGreedy, grid, start, SYSTEM, worlds, budget=1)[0] == start  # nothing left to try others
+
+
+def test_until_seen_serves_first_what_is_about_to_hide():
+    system = DelaySystem(setup=0, budget=99.0)
+    public = system.begin(delay_worlds(system, 40)).public
+    same = public._replace(noise=np.ones_like(public.noise), visible=np.ones_like(public.visible))
+    rule = UntilSeen(4)
+    rule.begin(system, 40, np.random.default_rng(0))
+    greedy = Greedy(4)
+    greedy.begin(system, 40, np.random.default_rng(0))
+    np.testing.assert_array_equal(rule.act(same, None, None), greedy.act(same, None, None))  # nothing ever hides
+    hiding = same.visible.copy()
+    hiding[:, 1:6, 1] = False  # target B, which costs as much as A, from the next step on
+    chosen = rule.act(same._replace(visible=hiding), None, None)
+    assert set(chosen) == {3}  # B, with the better pulse
+    longer = system.gain(same, 0, np.array([[4, 9]]))
+    np.testing.assert_array_equal(chosen, longer.argmax(axis=1))  # until it is back, five steps later
 
 
 def test_best_simple_is_the_best_of_all(monkeypatch):

@@ -10,7 +10,7 @@ from beam_plays import CHIRPS, SYSTEM, TARGET, choices, coasted, played
 
 from wavegym.schedulers import Myopic
 from wavegym.systems import trees
-from wavegym.systems.costs import horizon_weights
+from wavegym.systems.horizon import horizon_weights
 from wavegym.systems.planning.beam_allocation import BeamAllocation
 
 

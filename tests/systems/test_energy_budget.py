@@ -16,11 +16,10 @@ from wavegym.parameter_sets import make_checked
 from wavegym.schedulers import Myopic
 from wavegym.systems import trees
 from wavegym.systems.contract import State
-from wavegym.systems.costs import horizon_weights
+from wavegym.systems.horizon import horizon_weights
 from wavegym.systems.planning.energy_account import Account, PulseMenu
 from wavegym.systems.planning.energy_budget import EnergyBudget
 from wavegym.systems.planning.energy_budget_known import FAR, EnergyBudgetKnown
-from wavegym.trackers.reduction_kernels import LIMIT
 
 BOTH = (EnergyBudget, EnergyBudgetKnown)
 IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
@@ -129,7 +128,7 @@ def centred(system, state, worlds, sensor, action):
 @pytest.mark.parametrize("kind", BOTH)
 @pytest.mark.parametrize("sensor", [0, 1])
 def test_a_given_outcome_is_what_the_world_makes_of_it(kind, sensor):
-    """Without clutter, of a detection at the prediction; foresight counts LIMIT of it, what a gate of 4 sigma keeps."""
+    """Without clutter, of a detection where it is predicted."""
     system = kind(clutter_density=0.0, gate=6.0, reference_range=100e3, **clear(kind))
     count = 3
     worlds = oracles.worlds(system, count, 6)
@@ -144,8 +143,7 @@ def test_a_given_outcome_is_what_the_world_makes_of_it(kind, sensor):
             outcome[:, -1] = 0.0
         told = system.imagine(state.public, np.full(count, action), outcome)
         silent = system.imagine(state.public, np.full(count, 0), outcome)
-        wanted = silent.covariance - LIMIT * (silent.covariance - ahead.public.covariance)
-        assert oracles.covariance_distance(told.covariance, wanted) < 1e-12
+        assert oracles.covariance_distance(told.covariance, ahead.public.covariance) < 1e-12
         for name in set(told._fields) - {"mean", "covariance", "particles"}:
             np.testing.assert_array_equal(getattr(told, name), getattr(ahead.public, name))
         missed = system.imagine(state.public, np.full(count, action), np.ones_like(outcome))

@@ -16,11 +16,14 @@ Every array carries the environments on axis 0. Three kinds of data, each a Name
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wavegym.errors import whole
+from wavegym.systems.horizon import horizon_weights
 from wavegym.waveforms import ParameterBox, PerSensor
 
 Array = NDArray[Any]
@@ -147,6 +150,18 @@ class System:
         """F of the targets' motion, (n, n), for rules that look ahead: by default that of the attribute ``motion``."""
         F: Array = self.motion.F  # type: ignore[attr-defined]
         return F
+
+    def weights_ahead(self, ahead: int) -> Array:
+        """``horizon_weights`` of 1, 2, ... ``ahead`` steps, (ahead, n, n), for systems with ``weights``; made once."""
+        if ahead not in self._made_ahead:
+            weights: Any = self.weights  # type: ignore[attr-defined]
+            steps = range(1, whole("ahead", ahead, 1) + 1)
+            self._made_ahead[ahead] = np.stack([horizon_weights(self.transition, weights, k) for k in steps])
+        return self._made_ahead[ahead]
+
+    @cached_property
+    def _made_ahead(self) -> dict[int, Array]:
+        return {}
 
     def metrics(self, state: State) -> dict[str, Array]:
         """Key figures of the state, each (env, ...); may look at what is hidden, and is never observed.

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from wavegym.errors import whole
 from wavegym.schedulers.myopic import impossible
 from wavegym.schedulers.rules.base import Rule
-from wavegym.schedulers.rules.gain import horizon_weights
 from wavegym.systems import trees
 from wavegym.systems.contract import System
+from wavegym.systems.horizon import horizon_weights
 
 Array = NDArray[Any]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -12,7 +12,6 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.systems.agile_clutter import NN, AgileClutter
 from wavegym.systems.contract import Element, State
-from wavegym.systems.costs import horizon_weights
 from wavegym.systems.planning import beam_allocation_kernels as kernels
 from wavegym.systems.planning.beam_allocation_state import (
     SOON,
@@ -176,7 +175,7 @@ class BeamAllocation(AgileClutter):
         out = np.empty((len(public.step), len(self.menu.joint)))
         waits, counted = np.empty(out.shape, np.int64), np.empty(public.mean.shape[:2], np.int64)
         waits[...], counted[...] = wait, ahead
-        M, visible = _weights_ahead(self, int(counted.max())), np.require(public.visible, requirements=["C", "W"])
+        M, visible = self.weights_ahead(int(counted.max())), np.require(public.visible, requirements=["C", "W"])
         kernels.gain(
             *public[:3], visible, waits, counted, *self.menu.ways, self.menu.chirp_covariances, M,
             *self._model, self._radar, reduction_table(), out, NN
@@ -199,9 +198,3 @@ class BeamAllocation(AgileClutter):
         windows = np.stack([soon[:, 0], until, share], axis=2)  # (env, target, 3)
         out[:, -windows[0].size :] = windows.reshape(len(out), -1)
         return out
-
-
-@lru_cache(maxsize=64)
-def _weights_ahead(system: BeamAllocation, ahead: int) -> Array:
-    """M of 1, 2, ... ``ahead`` steps, (ahead, 4, 4)."""
-    return np.stack([horizon_weights(system.transition, system.weights, steps) for steps in range(1, ahead + 1)])

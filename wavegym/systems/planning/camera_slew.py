@@ -15,7 +15,8 @@ from wavegym.errors import whole
 from wavegym.sensors.penalties import KINDS
 from wavegym.systems.choices import Menu
 from wavegym.systems.contract import Element, State, System
-from wavegym.systems.costs import horizon_weights, trace_cost
+from wavegym.systems.costs import trace_cost
+from wavegym.systems.horizon import horizon_weights
 from wavegym.systems.planning import camera_slew_kernels as kernels
 from wavegym.systems.planning.camera_slew_kernels import Mount
 from wavegym.systems.planning.camera_slew_state import Hidden, Public, World, camera_elements, check_camera

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +14,6 @@ from wavegym.errors import within
 from wavegym.systems import several_targets, trees
 from wavegym.systems.agile_clutter import NN, AgileClutter
 from wavegym.systems.contract import Element, State
-from wavegym.systems.costs import horizon_weights
 from wavegym.systems.planning import energy_budget_kernels as kernels
 from wavegym.systems.planning.energy_account import PulseMenu
 from wavegym.systems.planning.energy_state import (
@@ -252,7 +251,7 @@ class EnergyBudget(AgileClutter):
         sight = np.where(left > 0, self._sight(public, later), 0.0)
         out = np.empty(later.shape)
         kernels.gain(
-            *public[:3], later, sight, left, _summed(self, ahead), self._everything, self.menu.actions.indices,
+            *public[:3], later, sight, left, self.weights_ahead(ahead), self._everything, self.menu.actions.indices,
             self._targets, *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out
@@ -291,9 +290,3 @@ class EnergyBudget(AgileClutter):
         """AgileClutter's; ``energy`` left, and of the step: energy ``spent``, ``occluded``, whether ``replaced``."""
         own = {name: getattr(state.hidden, name).copy() for name in ("spent", "occluded", "replaced")}
         return {**super().metrics(state), "energy": state.public.energy.copy(), **own}
-
-
-@lru_cache(maxsize=64)
-def _summed(system: EnergyBudget, ahead: int) -> Array:
-    """M of ``horizon_weights`` for 1, 2, ... ``ahead`` steps, (ahead, 4, 4)."""
-    return np.stack([horizon_weights(system.transition, system.weights, steps) for steps in range(1, ahead + 1)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import whole
 from wavegym.systems.choices import Menu
 from wavegym.systems.contract import Element, State, System
-from wavegym.systems.costs import horizon_weights, trace_cost
+from wavegym.systems.costs import trace_cost
 from wavegym.systems.planning import sector_setup_foresight_kernels as foresight
 from wavegym.systems.planning import sector_setup_kernels as kernels
 from wavegym.systems.planning.sector_setup_state import (
@@ -225,7 +224,7 @@ class SectorSetup(System):
         later = np.atleast_2d(np.asarray(wait, np.int64))
         step, mean, covariance, _, _, q, visible = public
         target, waveform = self._split(self.candidates())
-        M, rows = _weights_ahead(self, ahead), (0,) * (2 * len(self.receivers))
+        M, rows = self.weights_ahead(ahead), (0,) * (2 * len(self.receivers))
         foresight.gain(step, mean, covariance, q, visible, target, waveform, later, M, *self._radar, out, NN, rows)
         return out
 
@@ -265,11 +264,3 @@ class SectorSetup(System):
             "detections": hidden.detections.copy(),
             "dead": hidden.silent.copy(),
         }
-
-
-@lru_cache(maxsize=64)
-def _weights_ahead(system: SectorSetup, ahead: int) -> Array:
-    """M of 1, 2, ... ``ahead`` steps, (ahead, 4, 4)."""
-    return np.stack(
-        [horizon_weights(system.transition, system.weights, steps) for steps in range(1, whole("ahead", ahead, 1) + 1)]
-    )
