@@ -9,9 +9,12 @@ import numpy as np
 
 from benchmarks.timing import cpu_us
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.schedulers import Lookahead, Myopic, Policy
+from wavegym.schedulers import Fixed, Lookahead, Myopic, Policy
+from wavegym.schedulers.planners import RolloutPlanner
+from wavegym.schedulers.rules.price import Priced
 from wavegym.systems.contract import System
 from wavegym.systems.kershaw_evans import KershawEvansPosition
+from wavegym.systems.planning.energy_budget import EnergyBudget
 
 
 class Decision(NamedTuple):
@@ -50,3 +53,15 @@ def run() -> dict[str, list[Decision]]:
         "lookahead:2, by imagine": Lookahead(2, fused=False),
     }
     return {name: [measure(policy, batch) for batch in (1, 64, 512)] for name, policy in policies.items()}
+
+
+def rollouts() -> dict[str, list[Decision]]:
+    """Rollouts of 16 candidates for 10 steps, on a base that looks at nothing and on one that prices every candidate."""
+    system = EnergyBudget()
+    bases: dict[str, Policy] = {"a fixed choice": Fixed(0), "priced": Priced(1e3, 8)}
+    return {
+        f"rollout:10 on {name}, one future": [
+            measure(RolloutPlanner(base, 10, futures=1), batch, system) for batch in (1, 64)
+        ]
+        for name, base in bases.items()
+    }

@@ -28,7 +28,7 @@ def main() -> None:
             row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
             print(f"| {name}; {peer} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |")
     print("\n| planner | batch | us per decision | peak MiB |\n|---|---|---|---|")
-    for name, decisions in (planners.run() | rf_eo.lookaheads()).items():
+    for name, decisions in (planners.run() | planners.rollouts() | rf_eo.lookaheads()).items():
         for d in decisions:
             print(f"| {name} | {d.batch} | {d.cpu_us:.1f} | {d.peak_mib:.1f} |")
     print(f"\nOne-step decision of RfEo on its grid, single: {rf_eo.decision_us():.0f} us, wanted <= 1000 us.")

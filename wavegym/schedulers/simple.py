@@ -67,8 +67,10 @@ class Cycle:
         wanted = self.wanted(public)
         if mask is None or wanted.ndim > 1:
             return wanted
+        is_allowed = mask[np.arange(len(wanted)), wanted]
+        if is_allowed.all():
+            return wanted
         at = np.argmax(wanted[:, None] == self._constants, axis=1)
-        is_allowed = np.take_along_axis(mask, wanted[:, None], axis=1)[:, 0]
         return np.where(is_allowed, wanted, _first_allowed(at, self._constants, mask))
 
     def wanted(self, public: Any) -> Array:

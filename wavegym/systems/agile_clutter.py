@@ -218,9 +218,11 @@ class AgileClutter(System):
         shape = (len(public.step), candidates)
         draws = -self._everywhere[1][0]  # negative: none
         if outcome is not None:
-            draws = np.ascontiguousarray(np.broadcast_to(outcome, shape + self.chances), float)
-            draws = draws.reshape(-1, *self.chances)
-        step, mean, covariance = (np.repeat(a, candidates, axis=0) for a in public[:3])
+            each = self._everywhere[1].shape[2:]
+            full = outcome if outcome.shape == shape + each else np.broadcast_to(outcome, shape + each)
+            draws = np.ascontiguousarray(full, float).reshape(-1, *each)
+        many = candidates > 1
+        step, mean, covariance = (a.repeat(candidates, 0) if many else np.ascontiguousarray(a) for a in public[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         foresight.imagine(
             step, mean, covariance, pulse.rows(shape), draws, self._targets, *self._model, self._radar,

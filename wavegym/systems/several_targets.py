@@ -65,7 +65,7 @@ class Pulse(NamedTuple):
             if array.shape[:2] == (1, 1):
                 flat.append(array[0])
             else:
-                full = np.broadcast_to(array, shape + array.shape[2:])
+                full = array if array.shape[:2] == shape else np.broadcast_to(array, shape + array.shape[2:])
                 flat.append(np.ascontiguousarray(full).reshape(-1, *array.shape[2:]))
         return tuple(flat)
 

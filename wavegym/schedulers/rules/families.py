@@ -88,10 +88,10 @@ FAMILIES: dict[str, Family] = {
     ),
     "adaptive-price": Family(
         AdaptivePrice,
-        {"ahead": (4, 8, 14, 25, 40), "thrift": (0.8, 1.0, 1.25, 1.6)},
-        {"ahead": 14, "thrift": 1.0},
+        {"ahead": (4, 8, 14, 25, 40), "thrift": (0.8, 1.0, 1.25)},
+        {"ahead": 8, "thrift": 1.0},
         DEARLY,
-        20,
+        12,
     ),
     "paced": Family(
         Paced, {"ahead": FAR, "share": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0)}, {"ahead": 4, "share": 1.0}

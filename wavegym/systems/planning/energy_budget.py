@@ -209,7 +209,7 @@ class EnergyBudget(AgileClutter):
             actions, outcome = actions[:, None], None if outcome is None else outcome[:, None]
         used, left = self.menu.account.pay(public.energy[:, None], actions)
         sight, air, draws = self._foreseen(public, used.shape, outcome)
-        base = self._loop._imagine(public, self._transmitted(used, sight), used.shape[1], draws)
+        base = self._imagine(public, self._transmitted(used, sight), used.shape[1], draws)
         ahead = self._public(base, left, air)
         return ahead if several else trees.tree_map(lambda leaf: leaf[:, 0], ahead)
 
@@ -218,18 +218,12 @@ class EnergyBudget(AgileClutter):
         sight = self._sight(public, np.zeros((len(public.step), 1), np.int64))
         if outcome is None:
             return sight, np.repeat(1.0 - sight, shape[1], axis=1), None
-        clear = (np.broadcast_to(outcome[..., -1], shape) < sight).astype(np.float64)
+        clear = (outcome[..., -1] < sight).astype(np.float64)
         return clear, 1.0 - clear, self._by_sensor(outcome[..., :-1])
 
     def _by_sensor(self, draws: Array) -> Array:
         """Draws (..., sensor, target) of draws in a row."""
         return draws.reshape(*draws.shape[:-1], len(self.sensors), len(self.starts))
-
-    @cached_property
-    def _loop(self) -> AgileClutter:
-        """The loop without account and occlusions, whose outcomes are (sensor, target)."""
-        names = AgileClutter.__dataclass_fields__
-        return AgileClutter(**{name: getattr(self, name) for name in names})
 
     def delay(self, public: Any) -> Array:
         """Steps before a candidate's pulses do their work, (env, candidate): none."""
