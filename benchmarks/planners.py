@@ -56,7 +56,7 @@ def run() -> dict[str, list[Decision]]:
 
 
 def rollouts() -> dict[str, list[Decision]]:
-    """Rollouts of 16 candidates for 10 steps, on a base that looks at nothing and on one that prices every candidate."""
+    """Rollouts of 16 candidates for 10 steps, on a base that looks at nothing and on one that prices candidates."""
     system = EnergyBudget()
     bases: dict[str, Policy] = {"a fixed choice": Fixed(0), "priced": Priced(1e3, 8)}
     return {

@@ -23,11 +23,11 @@ def start(count, system=SYSTEM):
     return system.begin(delay_worlds(system, count)).public
 
 
-def followed(system, public, rule, settled=None):
+def followed(system, public, rule):
     """What the rule spends to the end in the expected recursion, one belief at a time and without a purse."""
     total, public = 0.0, public._replace(energy=np.array([1e6]))
     while not system.ended(public).all():
-        action = rule.choose(public, None, settled)
+        action = rule.choose(public, None, None)
         total += SPENDING[action[0]]
         public = system.imagine(public, action)
     return total
@@ -63,7 +63,7 @@ def test_the_settled_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
     """Every rung of the ladder is followed to the end; where spending falls steadily, the first that fits is found."""
     public = start(5)
     rule = begun(AdaptivePrice(3))
-    settled = rule.settle(public)
+    settled = rule.settle(public)[:, 0]
     scale = rule.scale(public)
     for env in range(5):
         one = trees.take(public, np.array([env]))
@@ -75,16 +75,16 @@ def test_the_settled_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
         assert not fits[at - 1]
         if (np.diff(spent) <= 1e-9).all():
             assert at == int(np.argmax(fits))
-        assert followed(SYSTEM, one, rule, settled[env : env + 1]) <= public.energy[env]
+        assert followed(SYSTEM, one, begun(Priced(settled[env], 3))) <= public.energy[env]
 
 
 def test_more_energy_is_a_lower_price_and_thrift_a_higher_one():
     public = start(20)
     rich = public._replace(energy=2.0 * public.energy)
-    plain = begun(AdaptivePrice(3)).settle(public)
-    assert (begun(AdaptivePrice(3)).settle(rich) <= plain).all()
-    assert (begun(AdaptivePrice(3, 0.5)).settle(public) >= plain).all()
-    assert (begun(AdaptivePrice(3)).settle(rich) < plain).any()
+    plain = begun(AdaptivePrice(3)).settle(public)[:, 0]
+    assert (begun(AdaptivePrice(3)).settle(rich)[:, 0] <= plain).all()
+    assert (begun(AdaptivePrice(3, 0.5)).settle(public)[:, 0] >= plain).all()
+    assert (begun(AdaptivePrice(3)).settle(rich)[:, 0] < plain).any()
 
 
 @pytest.mark.parametrize(
@@ -108,8 +108,27 @@ def test_the_adaptive_price_uses_up_the_account_and_beats_greedy_spending():
 def test_what_is_left_is_worth_its_price():
     public = start(4)
     rule = begun(AdaptivePrice(3))
-    price = rule.settle(public)
-    np.testing.assert_array_equal(rule.leftover(public, price), -price * public.energy)
+    settled = rule.settle(public)
+    np.testing.assert_array_equal(rule.leftover(public, settled), -settled[:, 0] * public.energy)
+
+
+def test_in_simulated_futures_the_price_follows_what_is_left():
+    """As predicted: the price of the root. Less left: dearer; more: cheaper."""
+    public = start(6)
+    rule = begun(AdaptivePrice(3))
+    settled = rule.settle(public)
+    left = public.energy
+    for k in range(SYSTEM.horizon + 1):
+        np.testing.assert_array_equal(settled[:, 1 + k] <= left, True)  # an account is never filled up
+        left = settled[:, 1 + k]
+        worth = {}
+        for name, energy in (("as predicted", left), ("less", 0.5 * left), ("more", left + 1.0)):
+            at = public._replace(step=np.full(6, k), energy=energy)
+            worth[name] = rule.leftover(at, settled) / -np.maximum(energy, 1e-300)
+        spends = left > 0
+        np.testing.assert_allclose(worth["as predicted"][spends], settled[spends, 0], rtol=1e-12)
+        assert (worth["less"][spends] > worth["as predicted"][spends]).all()
+        assert (worth["more"][spends] < worth["as predicted"][spends]).all()
 
 
 def test_paced_spends_no_more_than_its_share_of_an_even_pace():

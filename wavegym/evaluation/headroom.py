@@ -48,6 +48,7 @@ LADDER = (
     "best-planner",
 )
 WORLDS = 200
+LONGEST = 300  # steps of which a plan is made at once
 
 
 def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True) -> Comparison:
@@ -65,7 +66,7 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
     policies: dict[str, Any] = {}
     simple = recorded(system).get(SIMPLE)
     for name in LADDER:
-        if name == SIMPLE and simple in policies:
+        if (name == SIMPLE and simple in policies) or (name == "plan-once" and system.horizon > LONGEST):
             continue
         with suppress(InputError, NotImplementedError):  # a rule that this system cannot have
             policies[name] = _made(name, system, tuning)

@@ -16,10 +16,10 @@ from wavegym.sensors import gate_probability
 from wavegym.systems import agile_clutter_foresight_kernels as foresight
 from wavegym.systems import agile_clutter_kernels as kernels
 from wavegym.systems import trees
+from wavegym.systems.agile_clutter_search import NN, SensorAfterSensor
 from wavegym.systems.chirp_menu import ChirpMenu
-from wavegym.systems.contract import Element, State, System
+from wavegym.systems.contract import Element, State
 from wavegym.systems.several_targets import (
-    Ahead,
     Hidden,
     Public,
     Pulse,
@@ -36,12 +36,11 @@ from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 
 Array = NDArray[Any]
 
-NN = (0, 0, 0, 0)  # the state [x y xdot ydot], as kernels take its size
 LOST_AFTER = 5  # returns outside its gates that a target may have before its track counts as lost (the paper's rule)
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
-class AgileClutter(System):
+class AgileClutter(SensorAfterSensor):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -244,37 +243,6 @@ class AgileClutter(System):
     def chances(self) -> tuple[int, int]:
         """A draw for every sensor and target: whether it is detected."""
         return len(self.sensors), len(self.starts)
-
-    def ahead(self, public: Public) -> Ahead:
-        """The belief that the next pulse meets."""
-        x, P = np.empty(public.mean.shape), np.empty(public.covariance.shape)
-        present = np.empty(x.shape[:2], np.bool_)
-        foresight.predict(*public[:3], self._targets, *self._model, x, P, present, NN)
-        return Ahead(x, P, present)
-
-    def sensor_costs(self, ahead: Ahead, sensor: int, C: Array) -> Array:
-        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
-        cost = np.empty((len(ahead.mean), C.shape[1]))
-        foresight.sensor_costs(sensor, *ahead, C, self._weights, self._radar, reduction_table(), cost, NN)
-        return cost
-
-    def after_sensor(self, ahead: Ahead, sensor: int, C: Array) -> Ahead:
-        """The belief that the next sensor's pulse meets, after this sensor's with C (env, 2, 2) at unit SNR."""
-        P = np.empty(ahead.covariance.shape)
-        foresight.after_sensor(sensor, *ahead, C, self._radar, reduction_table(), P, NN)
-        return ahead._replace(covariance=P)
-
-    def best_action(self, public: Public) -> Array:
-        """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1).
-
-        Nearly the best joint one: a later sensor's pulse may favour another choice of an earlier one's.
-        """
-        ahead, C, choices = self.ahead(public), self.menu.option_covariances, []
-        for i in range(len(self.sensors)):
-            choices.append(self.sensor_costs(ahead, i, C[None]).argmin(axis=1))
-            if i + 1 < len(self.sensors):
-                ahead = self.after_sensor(ahead, i, C[choices[-1]])
-        return self.menu.encode(np.stack(choices, axis=1))
 
     def cost(self, public: Public) -> Array:
         """trace(Lambda P) summed over the targets present."""

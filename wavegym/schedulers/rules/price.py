@@ -18,6 +18,7 @@ PRICES = 8  # tried at a time
 STRIDES = (81, 9, 1)  # between them, on the ladder: each round divides one of the PRICES + 1 parts of the one before
 # Prices in units of what one look could gain at most, 2.9 % apart: a table, so that a batch equals its elements.
 LADDER = np.geomspace(1e-8, 10.0, 9 * STRIDES[0] + 1)
+CUSHION = 1.0  # longest pulses, so that an account near its end sends the price neither to 0 nor to infinity
 ROWS = 100_000  # beliefs followed at a time
 
 
@@ -48,7 +49,9 @@ class AdaptivePrice(Rule):
 
     At each step the rule is followed to the episode's end in the recursion that ``imagine`` expects, with a purse that
     never empties, for a grid of prices at once; the interval in which the predicted spending comes down to what is left
-    is divided again and again. Inside futures that a planner simulates, the price settled at the root is held.
+    is divided again and again. Inside futures that a planner simulates that would be too dear: there the price settled
+    at the root goes with the cube of what was predicted to be left by now over what is, so that the account does not
+    run dry, nor is it left over, as if nobody watched it.
 
     Args:
         ahead: steps over which the gain of a look is summed.
@@ -65,18 +68,25 @@ class AdaptivePrice(Rule):
         self.ahead, self.thrift = whole("ahead", ahead, 1), positive("thrift", thrift)
 
     def settle(self, public: Any) -> Array:
-        """The price (env,): the lowest, to 2.9 %, at which what is left lasts."""
+        """(env, 1 + H + 1): the lowest price, to 2.9 %, at which what is left lasts, and what is then left by step."""
         count, chunk = len(public.step), max(1, ROWS // PRICES)
         parts = [trees.take(public, np.arange(start, min(start + chunk, count))) for start in range(0, count, chunk)]
         return np.concatenate([self._settled(part) for part in parts])
 
     def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``; ``settled`` are prices."""
-        return priced_choice(self, public, mask, settled)
+        """See ``Rule``; ``settled`` as ``settle`` returns it."""
+        return priced_choice(self, public, mask, self._price(public, settled))
 
     def leftover(self, public: Any, settled: Array | None) -> Array:
         """What the account's rest is worth where a simulated future is cut off, as a cost, (env,)."""
-        return -np.asarray(settled) * public.energy
+        return -self._price(public, settled) * public.energy
+
+    def _price(self, public: Any, settled: Any) -> Array:
+        """The price at a belief, (env,): at the root the one settled."""
+        predicted = settled[np.arange(len(settled)), 1 + np.minimum(public.step, self.system.horizon)]
+        ratio = (predicted + CUSHION) / (public.energy + CUSHION)
+        price: Array = settled[:, 0] * (ratio * ratio * ratio)
+        return price
 
     def _settled(self, public: Any) -> Array:
         aim, scale = self.thrift * public.energy[:, None], self.scale(public)[:, None]
@@ -86,7 +96,21 @@ class AdaptivePrice(Rule):
             fits = self.spent(public, scale * LADDER[levels]) <= aim
             below = np.where(fits.any(axis=1), np.argmax(fits, axis=1), PRICES)
             low += stride * below[:, None]
-        return (scale * LADDER[low + 1])[:, 0]
+        price = (scale * LADDER[low + 1])[:, 0]
+        return np.concatenate([price[:, None], self._left(public, price)], axis=1)
+
+    def _left(self, public: Any, price: Array) -> Array:
+        """What is predicted to be left at each step, (env, H + 1), of what is there now."""
+        left = np.repeat(public.energy[:, None], self.system.horizon + 1, axis=1)
+        ample = self._ample(public, len(price))
+        for here, rows in self._followed(ample, lambda here, rows: priced_choice(self, here, None, price[rows])):
+            paid = (ample.energy[rows] - here.energy) / self.thrift
+            left[rows, here.step] = np.maximum(public.energy[rows] - paid, 0.0)
+        return left
+
+    def _ample(self, public: Any, count: int) -> Any:
+        """The belief with a purse that never empties."""
+        return public._replace(energy=np.full(count, 2.0 * self.system.horizon * float(np.max(self.system.spending))))
 
     def scale(self, public: Any) -> Array:
         """The cost (env,) at the episode's end if the least is spent, for ``ahead`` steps: no look gains much more."""
@@ -103,12 +127,10 @@ class AdaptivePrice(Rule):
     def spent(self, public: Any, prices: Array) -> Array:
         """What each price (env, price) is predicted to take from a full purse to the episode's end, (env, price)."""
         count = prices.shape[1]
-        ample = 2.0 * self.system.horizon * float(np.max(self.system.spending))
-        public = trees.take(public, np.repeat(np.arange(len(prices)), count))
-        public = public._replace(energy=np.full(prices.size, ample))
+        public = self._ample(trees.take(public, np.repeat(np.arange(len(prices)), count)), prices.size)
         paid, held = np.zeros(prices.size), prices.ravel()
         for here, rows in self._followed(public, lambda here, rows: priced_choice(self, here, None, held[rows])):
-            paid[rows] = ample - here.energy
+            paid[rows] = public.energy[rows] - here.energy
         return paid.reshape(prices.shape)
 
     def _followed(self, public: Any, choose: Callable[[Any, Array], Array]) -> Iterator[tuple[Any, Array]]:

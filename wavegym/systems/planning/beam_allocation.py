@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.systems.agile_clutter import NN, AgileClutter
+from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.agile_clutter_search import NN
 from wavegym.systems.contract import Element, State
 from wavegym.systems.planning import beam_allocation_kernels as kernels
 from wavegym.systems.planning.beam_allocation_state import (

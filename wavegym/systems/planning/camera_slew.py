@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,39 +11,39 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import whole
 from wavegym.sensors.penalties import KINDS
 from wavegym.systems.choices import Menu
 from wavegym.systems.contract import Element, State, System
 from wavegym.systems.costs import trace_cost
-from wavegym.systems.horizon import horizon_weights
 from wavegym.systems.planning import camera_slew_kernels as kernels
+from wavegym.systems.planning import camera_slew_state as parts
 from wavegym.systems.planning.camera_slew_kernels import Mount
-from wavegym.systems.planning.camera_slew_state import Hidden, Public, World, camera_elements, check_camera
+from wavegym.systems.planning.camera_slew_state import Hidden, Public, World
+from wavegym.systems.planning.windows import Window, window_draws
 from wavegym.systems.rf_eo import NN, RfEo
 from wavegym.systems.rf_eo_kernels import Rules, measure
 from wavegym.systems.rf_eo_state import Pair, Quad
-from wavegym.systems.rf_eo_state import Public as Belief
 from wavegym.targets import MotionModel
 
 Array = NDArray[Any]
 
-LOST_AFTER = 60  # steps in which the camera has not found a target
+LOST_AFTER = 30  # steps in which the camera has not found a target
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class CameraSlew(System):
-    """Two radars see all targets coarsely; one camera sees one direction finely, and has to turn.
+    """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
-        The targets, radars and tracker are those of wavegym/RfEo-v0. Both platforms' radars stare: at every step they
-        measure range and range-rate of every target that is in their field of view, but no azimuth. The camera
-        on the first platform measures azimuths, of what is in its image. An action names the target to look at: the
-        camera turns towards its predicted azimuth at ``slew`` rad/s at most. A turn of more than half the field of
-        view blinds it until it has arrived and then settled for ``settle`` steps; smaller ones, to follow a target, do
-        not. Of what is in the image each target is found with the probability ``detection`` (cloud, foliage, glare).
-        There is one waveform: r |rdot| stays below c lambda / 8, so one pulse repetition frequency sees both range and
-        range-rate without ambiguity, and no other would be chosen.
+        Targets and tracker are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and
+        range-rate of every target, but no azimuth. The camera on the first platform measures azimuths, of what is in
+        its image. An action names the target to look at: the camera turns towards its predicted azimuth at ``slew``
+        rad/s at most. A turn of more than half the field of view blinds it until it has arrived and then settled for
+        ``settle`` steps; smaller ones, to follow a target, do not. A target in the image is found with the probability
+        ``detection`` (haze, foliage, glare). At times known from the beginning cover blocks the line of sight to it:
+        clouds, smoke and tree lines, which the radar sees through; their places and drift are on the map and forecast.
+        How much each target manoeuvres is known too. One waveform: r |rdot| stays below c lambda / 8, so one pulse
+        repetition frequency sees both range and range-rate without ambiguity, and no other would be chosen.
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
@@ -57,37 +57,45 @@ class CameraSlew(System):
         Terminated after ``horizon`` steps; the time left is observed.
 
     Arguments
-        q: process noise density (m^2/s^3). targets: how many. sector: least and greatest azimuth of their starts (rad,
-        clockwise from +y). ranges: least and greatest range of their starts (m). speed: standard deviation of each
-        velocity component (m/s). prior_variance: diagonal of P0. platforms: positions (x, y) in metres; the first
-        carries the camera. half_field: half the camera's field of view (rad). slew: the fastest it turns (rad/s).
-        settle: steps to settle after a turn. detection: probability that a target in the image is found. pixels:
-        across the image. carrier_hz: fc. prf: pulse repetition frequency (Hz). bandwidth: B (Hz). fft_length: Nfft,
-        pulses integrated. iterations: at most so many per update; 1 is the plain extended filter. weights: diagonal of
-        W. nearest_range: a platform nearer to a target than this gets nothing of it.
+        q: bounds of the process noise density, drawn log-uniformly (m^2/s^3): from a straight road to manoeuvres, so
+        targets differ in how soon they need a look. targets: how many. sector: least and greatest azimuth of their
+        starts (rad, clockwise from +y). ranges: least and greatest range of their starts (m). speed: standard deviation
+        of each velocity component (m/s). prior_variance: diagonal of P0. platforms: positions (x, y) in metres, each
+        with a radar; the first carries the camera. One radar leaves the cross-range to the camera alone. half_field:
+        half the camera's field of view (rad), wide enough for a track not looked at for a while. slew: the fastest it
+        turns (rad/s), as pan-tilt heads do. settle: steps to settle, focus and search the image after a turn.
+        detection: probability that a target in the image is found. shown, hidden: least and greatest number of steps in
+        the camera's sight and out of it, by turns. windows: (target, first, last), steps in which it is out of sight,
+        in place of drawn ones. pixels: across the image. carrier_hz: fc. prf: pulse repetition frequency (Hz).
+        bandwidth: B (Hz), narrow as a surveillance radar's. fft_length: Nfft, pulses integrated. iterations: at most so
+        many per update; 1 is the plain extended filter. weights: diagonal of W. nearest_range: a platform nearer to a
+        target than this gets nothing of it.
 
     References
         S. M. O'Rourke and A. L. Swindlehurst, "Adaptive RF/EO sensing with field-of-view constraints": the platforms
         and what they measure. The turning camera is ours.
     """
 
-    horizon: int = 300
+    horizon: int = 60
     dt: float = 1.0
-    q: float = 0.05
+    q: Pair = (0.02, 2.0)
     targets: int = 4
     sector: Pair = (-1.5, 1.5)
     ranges: Pair = (2e3, 5e3)
     speed: float = 5.0
-    prior_variance: Quad = (100.0, 4.0, 100.0, 4.0)
-    platforms: tuple[Pair, ...] = ((-1e3, 0.0), (1e3, 0.0))
-    half_field: float = 0.05
-    slew: float = math.radians(10.0)
-    settle: int = 1
-    detection: float = 0.8
+    prior_variance: Quad = (100.0, 1.0, 100.0, 1.0)
+    platforms: tuple[Pair, ...] = ((0.0, 0.0),)
+    half_field: float = 0.15
+    slew: float = math.radians(30.0)
+    settle: int = 3
+    detection: float = 0.7
+    shown: tuple[int, int] = (6, 14)
+    hidden: tuple[int, int] = (4, 10)
+    windows: tuple[Window, ...] = ()
     pixels: int = 1000
     carrier_hz: float = 10e9
     prf: float = 10e3
-    bandwidth: float = 20e6
+    bandwidth: float = 2e6
     fft_length: int = 128
     iterations: int = 10
     weights: Quad = (1.0, 1.0, 1.0, 1.0)
@@ -95,7 +103,7 @@ class CameraSlew(System):
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
-        check_camera(self)
+        parts.check_camera(self)
         self.loop  # noqa: B018  (what makes no platforms is reported here)
 
     @property
@@ -106,14 +114,7 @@ class CameraSlew(System):
     @cached_property
     def loop(self) -> RfEo:
         """The platforms as the parent has them, at one setting: the model, the geometry and what is observed of it."""
-        angle = 2.0 * self.half_field / self.pixels
-        return RfEo(
-            horizon=self.horizon, dt=self.dt, q=self.q, carrier_hz=self.carrier_hz, fft_length=self.fft_length,
-            pixels=self.pixels, platforms=self.platforms, starts=((0.0, 0.0, self.ranges[1], 0.0),) * self.targets,
-            prior_variance=self.prior_variance, prf=(self.prf, 2.0 * self.prf),
-            bandwidth=(0.5 * self.bandwidth, self.bandwidth), pixel_angle=(angle, 2.0 * angle), penalty="hard",
-            iterations=self.iterations, weights=self.weights, nearest_range=self.nearest_range,
-        )  # fmt: skip
+        return parts.platforms(self)
 
     @property
     def motion(self) -> MotionModel:
@@ -151,52 +152,46 @@ class CameraSlew(System):
 
     @cached_property
     def _powers(self) -> tuple[Array, Array]:
-        """Transition and noise of 1, 2, ... steps, (horizon, 4, 4) each."""
-        F, Q = self.motion.F, self.motion.Q
-        powers, noises = [F], [Q]
-        for _ in range(self.horizon - 1):
-            powers.append(F @ powers[-1])
-            noises.append(F @ noises[-1] @ F.T + Q)
-        return np.stack(powers), np.stack(noises)
+        return parts.powers(self.motion, self.horizon)
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
         T, J, H = self.targets, len(self.platforms), self.horizon
         place = rng.random((T, 2))
-        velocity, start, process, error = (
-            rng.standard_normal(shape) for shape in ((T, 2), (T, 4), (H, T, 4), (H, J, T, 3))
-        )
-        return World(place, velocity, start, process, error, rng.random((H, T)))
+        normal = (rng.standard_normal(shape) for shape in ((T, 2), (T, 4), (H, T, 4), (H, J, T, 3)))
+        velocity, start, process, error = normal
+        density, window = rng.random(T), rng.random((T, window_draws(H, self.shown, self.hidden)))
+        return World(place, velocity, start, process, error, density, window, rng.random((H, T)))
 
     def begin(self, world: World) -> State:
         """Targets where the tape has them in the region, and the first estimates."""
         count, T = world.start.shape[:2]
-        azimuth = self.sector[0] + (self.sector[1] - self.sector[0]) * world.place[..., 0]
-        r = self.ranges[0] + (self.ranges[1] - self.ranges[0]) * world.place[..., 1]
-        x, y = self.platforms[0]
-        vx, vy = self.speed * world.velocity[..., 0], self.speed * world.velocity[..., 1]
-        truth = np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
+        truth = parts.starts(self, world)
         mean = truth + np.sqrt(self.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         nothing = np.zeros((count, T), np.int64)
         step = np.zeros(count, np.int64)
+        q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
         hidden = Hidden(truth, nothing, nothing.copy(), np.zeros((count, T), np.bool_))
-        return State(hidden, Public(step, mean, covariance, np.zeros(count), step.copy()))
+        visible = parts.in_sight(self, world)
+        return State(hidden, Public(step, mean, covariance, np.zeros(count), step.copy(), q, visible))
 
     def advance(self, state: State, action: Array, world: World) -> State:
         """One step: move, turn the camera, measure what is in view, track."""
-        hidden, (step, mean, covariance, pointing, settling) = state
+        hidden, public = state
+        mean, covariance = public.mean, public.covariance
         count, T = hidden.unseen.shape
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         after, left, seen = np.empty(count), np.empty(count, np.int64), np.empty((count, T), np.bool_)
         received, unseen = np.empty((count, T), np.int64), np.empty((count, T), np.int64)
         F, Q, places, rules = self._scene
         kernels.advance(
-            step, mean, covariance, pointing, settling, hidden.truth, hidden.unseen, world.process, world.error,
-            world.found, action, F, Q, self.motion.noise_factor, places, rules, self._mount, *self._view,
+            *public, hidden.truth, hidden.unseen, world.process, world.error, world.found, action, F, Q,
+            self.motion.noise_factor, places, rules, self._mount, *self._view,
             x, P, after, left, moved, received, unseen, seen, NN
         )  # fmt: skip
-        return State(Hidden(moved, received, unseen, seen), Public(step + 1, x, P, after, left))
+        fresh = public._replace(step=public.step + 1, mean=x, covariance=P, pointing=after, settling=left)
+        return State(Hidden(moved, received, unseen, seen), fresh)
 
     def imagine(self, public: Public, actions: Array, outcome: Array | None = None) -> Public:
         """The belief one step ahead: predicted means, and covariances after what is in view where it is predicted.
@@ -216,22 +211,31 @@ class CameraSlew(System):
         after, left = np.empty(shape), np.empty(shape, np.int64)
         F, Q, places, rules = self._scene
         kernels.imagine(
-            public.mean, public.covariance, public.pointing, public.settling, actions, draws, outcome is not None, F,
-            Q, places, rules, self._mount, *self._view, x, P, after, left, NN
+            *public, actions, draws, outcome is not None, F, Q, places, rules, self._mount, *self._view,
+            x, P, after, left, NN
         )  # fmt: skip
-        step = np.broadcast_to(public.step[:, None] + 1, shape)
-        told = Public(step, x, P, after, left)
-        return told if several else Public(*(part[:, 0] for part in told))
+        if not several:
+            return Public(public.step + 1, x[:, 0], P[:, 0], after[:, 0], left[:, 0], public.q, public.visible)
+        step, q, visible = (
+            np.broadcast_to(a[:, None], (*shape, *a.shape[1:])) for a in (public.step + 1, public.q, public.visible)
+        )
+        return Public(step, x, P, after, left, q, visible)
 
     def _turns(self, public: Public) -> tuple[Array, Array]:
         """``delay``, and the azimuth of each target one step ahead, from where the camera points (rad)."""
         delay, off = np.empty(public.mean.shape[:2], np.int64), np.empty(public.mean.shape[:2])
         F, _, places, _ = self._scene
-        kernels.delay(public.mean, public.pointing, public.settling, F, places, self._mount, delay, off, NN)
+        kernels.delay(
+            public.step, public.mean, public.pointing, public.settling, public.visible, F, places, self._mount,
+            delay, off, NN
+        )  # fmt: skip
         return delay, off
 
     def delay(self, public: Public) -> Array:
-        """Steps without sight before the camera sees each target, turning to it from now on, (env, candidate) int."""
+        """Steps without sight before the camera sees each target, turning to it from now on, (env, candidate) int.
+
+        Until it has turned and settled, and until the target comes out of cover.
+        """
         return self._turns(public)[0]
 
     def gain(self, public: Public, wait: Array | int, ahead: int) -> Array:
@@ -253,8 +257,8 @@ class CameraSlew(System):
         waits = np.ascontiguousarray(np.broadcast_to(np.asarray(wait, np.int64), out.shape))
         _, _, places, rules = self._scene
         kernels.gain(
-            public.step, self.horizon, public.mean, public.covariance, waits, *self._powers, _worth(self, ahead),
-            places, rules, self._mount, *self._view, out, NN
+            public.step, public.mean, public.covariance, public.q, public.visible, waits, *self._powers,
+            parts.worth(self, ahead), places, rules, self._mount, *self._view, out, NN
         )  # fmt: skip
         return out
 
@@ -265,19 +269,20 @@ class CameraSlew(System):
     @cached_property
     def elements(self) -> tuple[Element, ...]:
         """The observation: the parent's, time left, the camera, and of every target what it takes to look at it."""
-        return (*self.loop.elements, *camera_elements(self.targets))
+        return (*self.loop.elements, *parts.camera_elements(self.targets))
 
     def observe(self, public: Public) -> Array:
         """See ``elements``."""
         delay, off = self._turns(public)
-        camera = np.stack([off, delay, delay == 0], axis=-1).reshape(len(delay), -1)
-        parents = self.loop.observe(Belief(public.step, public.mean, public.covariance))
+        now, changes = parts.coming(public)
+        own = np.stack([off, delay, delay == 0, now, changes, np.log10(public.q)], axis=-1).reshape(len(delay), -1)
+        parents = self.loop.observe(parts.parents_belief(public, self.motion))
         left = 1.0 - public.step / self.horizon
-        return np.concatenate([parents, left[:, None], public.settling[:, None], camera], axis=1)
+        return np.concatenate([parents, left[:, None], public.settling[:, None], own], axis=1)
 
     def metrics(self, state: State) -> dict[str, Array]:
         """Of each target ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
-        step), ``found`` (the camera found it in this step) and ``lost``: not found for more than sixty steps; and
+        step), ``found`` (the camera found it in this step) and ``lost``: not found for more than thirty steps; and
         ``pointing`` (rad) and ``settling`` (steps) of the camera.
         """
         hidden, public = state
@@ -292,10 +297,3 @@ class CameraSlew(System):
             "pointing": public.pointing.copy(),
             "settling": public.settling.copy(),
         }
-
-
-@lru_cache(maxsize=64)
-def _worth(system: CameraSlew, ahead: int) -> Array:
-    """Weights M of 1, 2, ... steps, (ahead, 4, 4)."""
-    every = range(1, whole("ahead", ahead, 1) + 1)
-    return np.stack([horizon_weights(system.transition, system.weights, steps) for steps in every])

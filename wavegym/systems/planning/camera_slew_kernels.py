@@ -46,14 +46,32 @@ def in_image(azimuth, pointing, mount):
     return abs(wrapped(azimuth - pointing)) <= mount.half
 
 
+@inlined
+def share_of(e, k, t, visible, mount):
+    """Probability that target t is found where it is in the image in step k: 0 behind cover."""
+    return mount.detection if k < visible.shape[1] and visible[e, k, t] else 0.0
+
+
+@inlined
+def scaled(A, factor, out, nn):
+    """out (n, n) = factor A."""
+    for a in range(len(nn)):
+        for b in range(len(nn)):
+            out[a, b] = factor * A[a, b]
+
+
 @kernel
 def advance(
-    step, mean, P, pointing, settling, truth, unseen, process, error, found, action, F, Q, L, places, rules, mount,
-    variance, low, high, x, P_out, pointing_out, settling_out, truth_out, received, unseen_out, seen, nn
+    step, mean, P, pointing, settling, density, visible, truth, unseen, process, error, found, action, F, Q, L, places,
+    rules, mount, variance, low, high, x, P_out, pointing_out, settling_out, truth_out, received, unseen_out, seen, nn
 ):  # fmt: skip
-    """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen, seen (e, t)."""
+    """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen, seen (e, t).
+
+    Q and its factor L are those of a process noise density of 1, density (e, t) the targets' own.
+    """
     (count, targets, n), rows, flat = mean.shape, 3 * places.shape[0], mean.shape[0] * mean.shape[1]
     T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows)
+    own, factor = np.empty((1, n, n)), np.empty((n, n))
     y, d, v, places, low, fence = np.empty(rows), np.empty(n), np.empty(n), places.copy(), low.copy(), np.empty((2, 3))
     mean, truth, x, truth_out = (
         mean.reshape((flat, n)), truth.reshape((flat, n)), x.reshape((flat, n)), truth_out.reshape((flat, n))
@@ -68,10 +86,12 @@ def advance(
         places[0, 2] = pointing_out[e]
         for t in range(targets):
             i = e * targets + t
-            move_one(e, k, t, i, truth, F, L, process, truth_out, nn)
-            predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
+            scaled(L, np.sqrt(density[e, t]), factor, nn)
+            move_one(e, k, t, i, truth, F, factor, process, truth_out, nn)
+            scaled(Q[0], density[e, t], own[0], nn)
+            predict_covariance_one(i, P, F, own, 0, T, P_out, nn)
             look_one(i, x, places, rules, h, H)
-            low[0, AZIMUTH] = -mount.half if sees and found[e, k, t] < mount.detection else np.inf
+            low[0, AZIMUTH] = -mount.half if sees and found[e, k, t] < share_of(e, k, t, visible, mount) else np.inf
             got = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
             seen[e, t] = R[AZIMUTH] < np.inf
             received[e, t], unseen_out[e, t] = got, 0 if seen[e, t] else unseen[e, t] + 1
@@ -91,31 +111,38 @@ def absorb_foreseen(t, P, h, H, variance, low, high, rules, azimuth, v, nn):
 
 @kernel
 def imagine(
-    mean, P, pointing, settling, actions, draws, sampled, F, Q, places, rules, mount, variance, low, high, x, P_out,
-    pointing_out, settling_out, nn
+    step, mean, P, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount, variance,
+    low, high, x, P_out, pointing_out, settling_out, nn
 ):  # fmt: skip
     """Predicted means x (e, c, t, n), covariances P_out (e, c, t, n, n), and the camera (e, c).
 
     actions (e or 1, c); draws (e, c or 1, t), used where ``sampled``.
     """
-    (count, candidates, targets), n, share = x.shape[:3], len(nn), mount.detection
-    ahead, v = np.empty((targets, n)), np.empty(n)
+    (count, candidates, targets), n = x.shape[:3], len(nn)
+    ahead, v, known = np.empty((targets, n)), np.empty(n), np.empty(targets, np.bool_)
     unseen, seen = np.empty((targets, n, n)), np.empty((targets, n, n))
     h, H = np.empty((targets, 3 * places.shape[0])), np.empty((targets, 3 * places.shape[0], n))
     for e in range(count):
         foresee(mean[e], P[e], F, Q, places, rules, ahead, unseen, h, H, nn)
-        seen[:] = unseen
+        for t in range(targets):  # the noise foreseen is that of a density of 1
+            for a in range(n):
+                for b in range(n):
+                    unseen[t, a, b] += (density[e, t] - 1.0) * Q[0, a, b]
+        seen[:], known[:] = unseen, False
         for t in range(targets):
             absorb_foreseen(t, unseen, h, H, variance, low, high, rules, False, v, nn)
-            absorb_foreseen(t, seen, h, H, variance, low, high, rules, True, v, nn)
         for c in range(candidates):
             aim = actions[e if actions.shape[0] > 1 else 0, c]
             after, left, sees = swing(h[aim, AZIMUTH], pointing[e], settling[e], mount)
             pointing_out[e, c], settling_out[e, c] = after, left
             for t in range(targets):
                 x[e, c, t], P_out[e, c, t] = ahead[t], unseen[t]
+                share = share_of(e, step[e], t, visible, mount)
                 if not (sees and in_image(h[t, AZIMUTH], after, mount)):
                     continue
+                if not known[t]:
+                    absorb_foreseen(t, seen, h, H, variance, low, high, rules, True, v, nn)
+                    known[t] = True
                 if not sampled:
                     P_out[e, c, t] = (1.0 - share) * unseen[t] + share * seen[t]
                 elif draws[e, c if draws.shape[1] > 1 else 0, t] < share:
@@ -123,8 +150,10 @@ def imagine(
 
 
 @kernel
-def delay(mean, pointing, settling, F, places, mount, out, off, nn):
+def delay(step, mean, pointing, settling, visible, F, places, mount, out, off, nn):
     """out (e, t): steps without sight before the camera sees each target, where it will be one step ahead.
+
+    Until it has turned and settled, and until the target comes out of cover.
 
     off (e, t): how far the camera is to turn.
     """
@@ -136,22 +165,26 @@ def delay(mean, pointing, settling, F, places, mount, out, off, nn):
             off[e, t] = wrapped(towards - pointing[e])
             beyond = abs(off[e, t]) - mount.half
             out[e, t] = settling[e] if beyond <= 0.0 else int(np.ceil(beyond / mount.turn)) + mount.settle
+            while step[e] + out[e, t] < visible.shape[1] and not visible[e, step[e] + out[e, t], t]:
+                out[e, t] += 1
 
 
 @kernel
-def gain(step, horizon, mean, P, wait, F, Q, M, places, rules, mount, variance, low, high, out, nn):
+def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, variance, low, high, out, nn):
     """out (e, c): what one look at target c after ``wait`` (e, c) steps takes off the summed cost of the steps to come.
 
-    F, Q (w, n, n): transition and noise of 1, 2, ... steps; M (l, n, n): weights of as many steps. All targets that
-    will be in the image count. What the radars measure up to the look is taken for as many looks at its end.
+    F, Q (w, n, n): transition of 1, 2, ... steps and noise of a density of 1; M (l, n, n): weights of as many steps.
+    All targets that will be in the image and in sight count. What the radars measure up to the look is taken for as
+    many looks at its end.
     """
     targets, n = mean.shape[1], len(nn)
     x, V, T, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty((n, n)), np.empty(n)
+    noise, step_on = np.empty((1, n, n)), np.empty((1, n, n))
     H, h = np.empty((3 * places.shape[0], n)), np.empty(3 * places.shape[0])
     for e in range(mean.shape[0]):
         for c in range(targets):
             out[e, c] = 0.0
-            left, w = horizon - step[e] - wait[e, c], wait[e, c]
+            left, w = visible.shape[1] - step[e] - wait[e, c], wait[e, c]
             if left < 1:
                 continue
             m = min(left, M.shape[0]) - 1
@@ -160,9 +193,12 @@ def gain(step, horizon, mean, P, wait, F, Q, M, places, rules, mount, variance, 
             for t in range(targets):
                 predict_mean_one(t, mean[e], F, w, x, nn)
                 look_one(t, x, places, rules, h, H)
-                if h[0] < rules.nearest or not in_image(h[AZIMUTH], pointing, mount):
+                share = share_of(e, step[e] + w, t, visible, mount)
+                if share == 0.0 or h[0] < rules.nearest or not in_image(h[AZIMUTH], pointing, mount):
                     continue
-                predict_covariance_one(t, P[e], F, Q, w, T, V, nn)
+                scaled(Q[w], density[e, t], noise[0], nn)
+                step_on[0] = F[w]
+                predict_covariance_one(t, P[e], step_on, noise, 0, T, V, nn)
                 for a in range(h.shape[0]):
                     j, q = a // 3, a % 3
                     if q != AZIMUTH and low[j, q] <= h[a] <= high[j, q] and h[3 * j] >= rules.nearest:
@@ -173,4 +209,4 @@ def gain(step, horizon, mean, P, wait, F, Q, M, places, rules, mount, variance, 
                 for a in range(n):
                     for b in range(n):
                         total += v[a] * M[m, a, b] * v[b]
-                out[e, c] += mount.detection * total / s
+                out[e, c] += share * total / s

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.errors import non_negative, ordered, positive, within
+from wavegym.errors import non_negative, ordered, positive, whole, within
 from wavegym.systems.contract import Element
+from wavegym.systems.costs import horizon_weights
+from wavegym.systems.planning.windows import alternating_windows, given_windows, window_draws
+from wavegym.systems.rf_eo import RfEo
 from wavegym.systems.rf_eo_state import MOST
+from wavegym.systems.rf_eo_state import Public as Belief
+from wavegym.targets import MotionModel
 
 if TYPE_CHECKING:
     from wavegym.systems.planning.camera_slew import CameraSlew
 
 Array = NDArray[Any]
 
+SOON = 10  # steps of visibility that are observed
 LONGEST = 10_000  # steps; as many matrices are kept
 FASTEST = 1e6  # rad/s
 
@@ -28,6 +36,8 @@ class World(NamedTuple):
     start: Array  # (target, 4) normal: errors of the first estimates
     process: Array  # (H, target, 4) normal: manoeuvres
     error: Array  # (H, platform, target, 3) normal: measurement errors
+    density: Array  # (target,) uniform: how much each target manoeuvres
+    window: Array  # (target, draws) uniform: when each target is in sight
     found: Array  # (H, target) uniform: the camera finds a target in view where below ``detection``
 
 
@@ -48,6 +58,8 @@ class Public(NamedTuple):
     covariance: Array  # (env, target, 4, 4)
     pointing: Array  # (env,) rad, clockwise from +y
     settling: Array  # (env,) int: steps that the camera still has to settle once it has arrived
+    q: Array  # (env, target) m^2/s^3: process noise density
+    visible: Array  # (env, H, target) bool: whether the camera's line of sight to the target is free in each step
 
 
 def camera_elements(targets: int) -> tuple[Element, ...]:
@@ -62,8 +74,79 @@ def camera_elements(targets: int) -> tuple[Element, ...]:
             Element(f"bearing_{t}", "rad", 0.0, 1.0, f"from where the camera points to {where}"),
             Element(f"delay_{t}", "1", 4.0, 4.0, f"steps without sight before the camera sees {where}"),
             Element(f"in_view_{t}", "1", 0.5, 0.5, f"1 if the camera sees {where}, without any delay, else 0"),
+            Element(f"visible_{t}", "1", 0.5, 0.5, f"1 if nothing blocks the line of sight to target {t}, else 0"),
+            Element(f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until that changes, at most {SOON}"),
+            Element(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
         ]
     return tuple(listed)
+
+
+def starts(system: CameraSlew, world: World) -> Array:
+    """Where the tape has the targets at the beginning, (env, target, 4)."""
+    azimuth = system.sector[0] + (system.sector[1] - system.sector[0]) * world.place[..., 0]
+    r = system.ranges[0] + (system.ranges[1] - system.ranges[0]) * world.place[..., 1]
+    x, y = system.platforms[0]
+    vx, vy = system.speed * world.velocity[..., 0], system.speed * world.velocity[..., 1]
+    return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
+
+
+def in_sight(system: CameraSlew, world: World) -> Array:
+    """Whether each target's line of sight is free in each step, (env, H, target) bool."""
+    if system.windows:
+        given = given_windows(system.windows, system.targets, system.horizon)
+        return np.tile(given, (len(world.window), 1, 1))
+    drawn = alternating_windows(world.window, system.horizon, system.shown, system.hidden)
+    return np.ascontiguousarray(np.swapaxes(drawn, 1, 2))
+
+
+def coming(public: Public) -> tuple[Array, Array]:
+    """Whether each target is in sight in the step to come, and steps until that changes, at most SOON: (env, target).
+
+    Beyond the episode's end nothing is in sight.
+    """
+    steps = public.step[:, None] + np.arange(SOON + 1)
+    horizon = public.visible.shape[1]
+    ahead = public.visible[np.arange(len(steps))[:, None], np.minimum(steps, horizon - 1)]
+    ahead = ahead & (steps < horizon)[:, :, None]
+    other = ahead != ahead[:, :1]
+    other[:, SOON] = True
+    return ahead[:, 0], other.argmax(axis=1)
+
+
+def platforms(system: CameraSlew) -> RfEo:
+    """The parent's loop at one setting, with a process noise density of 1."""
+    angle = 2.0 * system.half_field / system.pixels
+    return RfEo(
+        horizon=system.horizon, dt=system.dt, q=1.0, carrier_hz=system.carrier_hz, fft_length=system.fft_length,
+        pixels=system.pixels, platforms=system.platforms, starts=((0.0, 0.0, system.ranges[1], 0.0),) * system.targets,
+        prior_variance=system.prior_variance, prf=(system.prf, 2.0 * system.prf),
+        bandwidth=(0.5 * system.bandwidth, system.bandwidth), pixel_angle=(angle, 2.0 * angle), penalty="hard",
+        iterations=system.iterations, weights=system.weights, nearest_range=system.nearest_range,
+    )  # fmt: skip
+
+
+def parents_belief(public: Public, motion: MotionModel) -> Belief:
+    """The belief that the parent, which foresees with a noise density of 1, foresees as the targets' own have it."""
+    back = np.linalg.inv(motion.F)
+    extra = (public.q - 1.0)[:, :, None, None] * (back @ motion.Q @ back.T)
+    return Belief(public.step, public.mean, public.covariance + extra)
+
+
+def powers(motion: MotionModel, steps: int) -> tuple[Array, Array]:
+    """Transition and noise of 1, 2, ... steps, (steps, 4, 4) each."""
+    F, Q = motion.F, motion.Q
+    transitions, noises = [F], [Q]
+    for _ in range(steps - 1):
+        transitions.append(F @ transitions[-1])
+        noises.append(F @ noises[-1] @ F.T + Q)
+    return np.stack(transitions), np.stack(noises)
+
+
+@lru_cache(maxsize=64)
+def worth(system: CameraSlew, ahead: int) -> Array:
+    """Weights M of 1, 2, ... steps, (ahead, 4, 4)."""
+    every = range(1, whole("ahead", ahead, 1) + 1)
+    return np.stack([horizon_weights(system.transition, system.weights, steps) for steps in every])
 
 
 def check_camera(system: CameraSlew) -> None:
@@ -82,3 +165,7 @@ def check_camera(system: CameraSlew) -> None:
     for azimuth in system.sector:
         within("azimuth in sector", azimuth, -math.pi, math.pi, "rad")
     positive("least of ranges", system.ranges[0], "m")
+    ordered("q", *system.q)
+    positive("low of q", system.q[0], "m^2/s^3")
+    window_draws(system.horizon, system.shown, system.hidden)
+    given_windows(system.windows, system.targets, system.horizon)

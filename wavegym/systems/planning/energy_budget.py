@@ -12,7 +12,8 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.errors import within
 from wavegym.systems import several_targets, trees
-from wavegym.systems.agile_clutter import NN, AgileClutter
+from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.agile_clutter_search import NN
 from wavegym.systems.contract import Element, State
 from wavegym.systems.planning import energy_budget_kernels as kernels
 from wavegym.systems.planning.energy_account import PulseMenu
