@@ -141,7 +141,10 @@ def test_a_given_outcome_is_what_comes():
 
     The filter linearises once, at the prediction. What is left out is a target at the image's very edge.
     """
-    system = CameraSlew(horizon=80, iterations=1)
+    system = CameraSlew(
+        horizon=80, iterations=1, platforms=((-1e3, 0.0), (1e3, 0.0)), bandwidth=20e6, half_field=0.05, settle=1,
+        detection=0.9, q=(0.02, 0.1), shown=(10, 20)
+    )  # fmt: skip
     state, worlds = later(system, 40, 0)
     rng, action, agreed, found = np.random.default_rng(2), np.zeros(40, int), 0, 0
     for k in range(80):
@@ -151,7 +154,7 @@ def test_a_given_outcome_is_what_comes():
             every = system.imagine(state.public, np.arange(4)[None], worlds.found[:, None, k])
             one = type(told)(*(part[np.arange(40), action] for part in every))
             trees.tree_map(np.testing.assert_array_equal, one, told)
-        true = np.arctan2(state.hidden.truth[..., 0], state.hidden.truth[..., 2])
+        true = np.arctan2(state.hidden.truth[..., 0] + 1e3, state.hidden.truth[..., 2])
         state = system.advance(state, action, worlds)
         edge = np.abs(np.abs(wrap(true - told.pointing[:, None])) - system.half_field)
         clear = (edge > 0.02).all(axis=1)

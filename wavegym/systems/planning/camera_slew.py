@@ -258,7 +258,7 @@ class CameraSlew(System):
         _, _, places, rules = self._scene
         kernels.gain(
             public.step, public.mean, public.covariance, public.q, public.visible, waits, *self._powers,
-            parts.worth(self, ahead), places, rules, self._mount, *self._view, out, NN
+            self.weights_ahead(ahead), places, rules, self._mount, *self._view, out, NN
         )  # fmt: skip
         return out
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.errors import non_negative, ordered, positive, whole, within
+from wavegym.errors import non_negative, ordered, positive, within
 from wavegym.systems.contract import Element
-from wavegym.systems.costs import horizon_weights
 from wavegym.systems.planning.windows import alternating_windows, given_windows, window_draws
 from wavegym.systems.rf_eo import RfEo
 from wavegym.systems.rf_eo_state import MOST
@@ -140,13 +138,6 @@ def powers(motion: MotionModel, steps: int) -> tuple[Array, Array]:
         transitions.append(F @ transitions[-1])
         noises.append(F @ noises[-1] @ F.T + Q)
     return np.stack(transitions), np.stack(noises)
-
-
-@lru_cache(maxsize=64)
-def worth(system: CameraSlew, ahead: int) -> Array:
-    """Weights M of 1, 2, ... steps, (ahead, 4, 4)."""
-    every = range(1, whole("ahead", ahead, 1) + 1)
-    return np.stack([horizon_weights(system.transition, system.weights, steps) for steps in every])
 
 
 def check_camera(system: CameraSlew) -> None:
