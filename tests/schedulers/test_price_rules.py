@@ -124,7 +124,7 @@ def test_in_simulated_futures_the_price_follows_what_is_left():
         worth = {}
         for name, energy in (("as predicted", left), ("less", 0.5 * left), ("more", left + 1.0)):
             at = public._replace(step=np.full(6, k), energy=energy)
-            worth[name] = rule.leftover(at, settled) / -np.maximum(energy, 1e-300)
+            worth[name] = rule.price(at, settled)
         spends = left > 0
         np.testing.assert_allclose(worth["as predicted"][spends], settled[spends, 0], rtol=1e-12)
         assert (worth["less"][spends] > worth["as predicted"][spends]).all()

@@ -75,13 +75,13 @@ class AdaptivePrice(Rule):
 
     def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
         """See ``Rule``; ``settled`` as ``settle`` returns it."""
-        return priced_choice(self, public, mask, self._price(public, settled))
+        return priced_choice(self, public, mask, self.price(public, settled))
 
     def leftover(self, public: Any, settled: Array | None) -> Array:
-        """What the account's rest is worth where a simulated future is cut off, as a cost, (env,)."""
-        return -self._price(public, settled) * public.energy
+        """What the account still holds at the settled price where a simulated future is cut off, a cost (env,)."""
+        return -np.asarray(settled)[:, 0] * public.energy
 
-    def _price(self, public: Any, settled: Any) -> Array:
+    def price(self, public: Any, settled: Any) -> Array:
         """The price at a belief, (env,): at the root the one settled."""
         predicted = settled[np.arange(len(settled)), 1 + np.minimum(public.step, self.system.horizon)]
         ratio = (predicted + CUSHION) / (public.energy + CUSHION)
