@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, get_args, get_type_hints
 
+import gymnasium as gym
 import numpy as np
 
 from wavegym.systems.contract import Element, State, System
@@ -84,3 +85,10 @@ class LeakyMetric(Burner):
 
     def metrics(self, state):
         return {"fuel": state.public.left}
+
+
+def has_form(id, form):
+    """Whether the system takes ``action=form``; one with a single form may have no such parameter."""
+    system = type(gym.make(id).unwrapped.system)
+    accepted = get_type_hints(system).get("action")
+    return accepted is not None and form in get_args(accepted)

@@ -5,11 +5,11 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import get_args, get_type_hints
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from small_systems import has_form
 
 import wavegym
 from wavegym.envs.describe import describe
@@ -28,13 +28,6 @@ def rows(page, first_heading):
     lines = page.partition(f"\n| {first_heading} |")[2].splitlines()[2:]
     table = lines[: next((i for i, line in enumerate(lines) if not line.startswith("|")), len(lines))]
     return [[cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in table]
-
-
-def has_form(id, form):
-    """Whether the system takes ``action=form``; one with a single form may have no such parameter."""
-    system = type(gym.make(id).unwrapped.system)
-    accepted = get_type_hints(system).get("action")
-    return accepted is not None and form in get_args(accepted)
 
 
 def chapter(page, heading):

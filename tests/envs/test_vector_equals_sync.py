@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from small_systems import has_form
 
 import wavegym
 from wavegym.envs.bitwise import difference
@@ -103,10 +104,10 @@ def test_a_pickled_copy_goes_on_identically():
 
 @pytest.mark.parametrize("id", wavegym.list_envs())
 def test_specifications_survive_json(id):
-    for env in (gym.make(id, q=2.0), gym.make_vec(id, 3, q=2.0, autoreset_mode="SameStep")):
+    for env in (gym.make(id, dt=0.5), gym.make_vec(id, 3, dt=0.5, autoreset_mode="SameStep")):
         again = gym.envs.registration.EnvSpec.from_json(env.spec.to_json())
         assert again.id == id
-        assert again.kwargs["q"] == 2.0
+        assert again.kwargs["dt"] == 0.5
     remade = gym.make_vec(again)
     assert remade.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert remade.num_envs == 3
@@ -119,7 +120,8 @@ def test_both_environment_checkers_pass_without_a_warning(id):
         warnings.simplefilter("error")
         check_env(gym.make(id, render_mode="rgb_array", horizon=5).unwrapped, skip_render_check=False)
         checker.check_env(gym.make(id), warn=True)
-        checker.check_env(gym.make(id, action="box"), warn=True)
+        if has_form(id, "box"):
+            checker.check_env(gym.make(id, action="box"), warn=True)
 
 
 @pytest.mark.parametrize("id", wavegym.list_envs())

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from wavegym.reproduce.agile_clutter import BEST_FIXED, BEST_FREE, FREE, FULL, LINEAR, SHAPES
 from wavegym.reproduce.agile_clutter_words import commonest, each, never, spans
-from wavegym.reproduce.page import block, main, renewed
+from wavegym.reproduce.page import END, START, block, main, renewed
 from wavegym.reproduce.words import between, written
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +100,7 @@ def test_numbers_in_words():
 
 def test_the_block_is_renewed_and_the_rest_left(kept, tmp_path, capsys):
     page = tmp_path / "page.md"
-    old = block(kept)
+    old = f"{START}\n\n{block(kept)}\n\n{END}"
     page.write_text("before\n" + re.sub(r"\d(?=\d)", "7", old) + "\nafter\n")
     assert main([str(RESULTS), str(page)]) == 0
     assert page.read_text() == f"before\n{old}\nafter\n"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wavegym.reproduce.page import block, main
+from wavegym.reproduce.page import END, START, block, main
 from wavegym.reproduce.rf_eo import ADAPTIVE, CONSTANT, FAR, INFORMATION, POLICIES, PROPOSED, PUBLISHED, SCENES
 from wavegym.reproduce.rf_eo_findings import ALTERNATES
 from wavegym.reproduce.rf_eo_words import angles, both, jumped, lies, side, slots
@@ -79,7 +79,7 @@ def test_a_deeper_lookahead_costs_more_time_and_less_trace(kept):
 
 
 def test_the_block_is_renewed_and_the_rest_left(kept, tmp_path):
-    page, old = tmp_path / "page.md", block(kept)
+    page, old = tmp_path / "page.md", f"{START}\n\n{block(kept)}\n\n{END}"
     page.write_text("before\n" + re.sub(r"\d(?=\d)", "7", old) + "\nafter\n")
     assert main([str(RESULTS), str(page)]) == 0
     assert page.read_text() == f"before\n{old}\nafter\n"

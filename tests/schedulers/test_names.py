@@ -126,7 +126,7 @@ def test_objectives_that_a_system_cannot_have_are_refused(name):
 
 INFORMATION = ["myopic-information", "myopic-information:slsqp", "myopic-information:polish"]
 OTHERS = [*INFORMATION, "myopic-margin:M", "myopic:progressive"]  # need another system
-DELAYED = ["greedy", "aware-greedy", "cost-of-delay", "priced", "adaptive-price", "paced"]  # need a gain
+DELAYED = ["greedy", "aware-greedy", "cost-of-delay", "until-seen", "priced", "adaptive-price", "paced"]  # need a gain
 LONG = ["best-simple", "best-planner", "replan", "plan-once", "cycle"]  # tuned on the spot; see test_settled
 NUMBERED = [name for name in FORMS if re.fullmatch("[a-z-]+:[A-Z]+", name)]
 PLAIN = [name for name in FORMS if name not in (*NUMBERED, *OTHERS, *DELAYED, *LONG)]

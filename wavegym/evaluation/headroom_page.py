@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wavegym.errors import InputError
+from wavegym.evaluation import blocks
 from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
 from wavegym.registration import SYSTEMS
@@ -20,7 +21,7 @@ STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")
 
 def block(results: list[dict[str, Any]]) -> str:
     """What stands between the markers: the overview, and each environment's ladder."""
-    return "\n\n".join([START, overview(results), *(chapter(result) for result in results), END])
+    return "\n\n".join([overview(results), *(chapter(result) for result in results)])
 
 
 def overview(results: list[dict[str, Any]]) -> str:
@@ -86,16 +87,8 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def renewed(page: str, results: list[dict[str, Any]]) -> str:
-    """The page with its block made afresh.
-
-    Raises:
-        InputError: the page has no block.
-    """
-    before, start, rest = page.partition(START)
-    _, end, after = rest.partition(END)
-    if not (start and end):
-        raise InputError(f"the page has no lines {START!r} and {END!r}, expected both")
-    return before + block(results) + after
+    """The page with its block made afresh; InputError where it has none."""
+    return blocks.renewed(page, START, END, block(results))
 
 
 def main(arguments: list[str]) -> int:
@@ -106,7 +99,7 @@ def main(arguments: list[str]) -> int:
             raise InputError("expected two arguments: python -m wavegym.evaluation.headroom_page RESULTS PAGE")
         folder, page = (Path(argument) for argument in arguments)
         files = [folder / f"{env_id.rpartition('/')[2]}.json" for env_id in SYSTEMS]
-        results = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+        results = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.exists()]
         write_whole(page.parent, {page.name: renewed(page.read_text(encoding="utf-8"), results).encode()})
 
     return guarded(renew)

@@ -17,7 +17,7 @@ from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.names import PLANNERS, PLANS, planner_builder
 from wavegym.schedulers.rules.families import FAMILIES, best_simple
 from wavegym.schedulers.rules.tuned import log_cost
-from wavegym.schedulers.settled import FILE, PLANNER, SIMPLE, as_toml
+from wavegym.schedulers.settled import BASE, FILE, PLANNER, SIMPLE, as_toml
 from wavegym.systems import trees
 from wavegym.systems.contract import System
 
@@ -39,14 +39,15 @@ def settled_record(system: System, worlds: Any, planners: Sequence[str], before:
         on the same worlds, of planners over the first PLANNED.
     """
     best, constants, costs = best_simple(system, worlds)
-    kept: dict[str, Any] = {name: before[name] for name in (PLANNER, *PLANNERS, *PLANS) if name in before}
+    kept: dict[str, Any] = {name: before[name] for name in (PLANNER, BASE, *PLANNERS, *PLANS) if name in before}
     few = trees.tree_map(lambda leaf: leaf[:PLANNED], worlds)
-    base = FAMILIES[best].make(**constants[best])
-    floor = log_cost(system, base, few)
+    base = kept.get(BASE, best)
+    floor = log_cost(system, FAMILIES[best].make(**constants[best]), few)
     found: dict[str, float] = {}
     for name in planners:
         settings = before.get(name.partition(":")[0], {})
-        found[name] = _rounded(log_cost(system, planner_builder(name)(base, **settings), few) - floor)
+        planner = planner_builder(name)(FAMILIES[base].make(**constants[base]), **settings)
+        found[name] = _rounded(log_cost(system, planner, few) - floor)
         print(f"{type(system).__name__}: {name} {found[name]:g}", flush=True)
     chosen: dict[str, Any] = (
         {PLANNER: min(found, key=lambda name: found[name]), "planner_costs": found} if found else {}

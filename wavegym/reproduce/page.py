@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wavegym.errors import InputError
+from wavegym.evaluation import blocks
 from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
 from wavegym.reproduce import agile_clutter_findings, agile_clutter_table, rf_eo_findings, rf_eo_table
@@ -24,20 +25,12 @@ def block(summary: dict[str, Any]) -> str:
     """What stands between the markers: the command, the table, the findings."""
     markdown, findings = PAPERS[summary["command"].split()[3]]  # python -m wavegym.reproduce PAPER ...
     command = f"```\n{summary['command']}\n```"
-    return f"{START}\n\n{command}\n\n{markdown(summary)}\n\n{findings(summary)}\n\n{END}"
+    return f"{command}\n\n{markdown(summary)}\n\n{findings(summary)}"
 
 
 def renewed(page: str, summary: dict[str, Any]) -> str:
-    """The page with its block made afresh.
-
-    Raises:
-        InputError: the page has no block.
-    """
-    before, start, rest = page.partition(START)
-    _, end, after = rest.partition(END)
-    if not (start and end):
-        raise InputError(f"the page has no lines {START!r} and {END!r}, expected both")
-    return before + block(summary) + after
+    """The page with its block made afresh; InputError where it has none."""
+    return blocks.renewed(page, START, END, block(summary))
 
 
 def main(arguments: list[str]) -> int:

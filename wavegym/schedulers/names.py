@@ -25,7 +25,7 @@ from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.rules.families import FAMILIES
 from wavegym.schedulers.rules.l_step import Gain
-from wavegym.schedulers.settled import PLANNER, SIMPLE, planner_name, recorded, rule
+from wavegym.schedulers.settled import BASE, PLANNER, SIMPLE, planner_name, recorded, rule
 from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
 from wavegym.schedulers.tuning import best_constant, best_fixed
 from wavegym.systems.contract import System
@@ -48,9 +48,9 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
             Rules, with the constants recorded for the suite's systems (``wavegym.schedulers.settled``) and otherwise
             tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``, ``until-seen``,
             ``priced``, ``adaptive-price``, ``paced``, ``cycle`` and ``best-simple``, the best of them and of
-            ``myopic``. Planners,
-            with ``best-simple`` as their base policy and the settings recorded: ``plan-once``, ``rollout:H``,
-            ``replan``, ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the one recorded as the best.
+            ``myopic``. Planners, with the base policy (``best-simple`` unless another is) and the settings recorded:
+            ``plan-once``, ``rollout:H``, ``replan``, ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the one
+            recorded as the best.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 
@@ -133,9 +133,9 @@ def _rule(name: str) -> Callable[[System, Any], Policy]:
 
 
 def _planner(name: str, system: System, worlds: Any) -> Policy:
-    """A planner that simulates futures of ``best-simple``: the name is looked at before anything is tuned."""
-    build = planner_builder(name)
-    return build(rule(SIMPLE, system, worlds), **recorded(system).get(name.partition(":")[0], {}))
+    """A planner that simulates futures of its base: the name is looked at before anything is tuned."""
+    build, record = planner_builder(name), recorded(system)
+    return build(rule(record.get(BASE, SIMPLE), system, worlds), **record.get(name.partition(":")[0], {}))
 
 
 def planner_builder(name: str) -> Callable[..., Policy]:

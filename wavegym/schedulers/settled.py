@@ -15,6 +15,7 @@ from wavegym.systems.contract import System
 
 FILE = "settled.toml"
 SIMPLE, PLANNER = "best-simple", "best-planner"
+BASE = "planner-base"  # the rule that planners follow in futures, where it is not the best one
 ORDINARY = "rollout:10"  # the best planner of a system without a record
 
 

@@ -148,7 +148,7 @@ def check_camera(system: CameraSlew) -> None:
         positive(name, getattr(system, name), unit)
     within("half_field", system.half_field, 0.0, 0.5 * math.pi, "rad")
     within("slew", system.slew, 0.0, FASTEST, "rad/s")
-    within("settle", system.settle, 0, system.horizon, "steps")
+    within("settle", system.settle, 0, 1000, "steps")
     within("detection", system.detection, 0.0, 1.0)
     non_negative("speed", system.speed)
     ordered("sector", *system.sector)
