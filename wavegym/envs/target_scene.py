@@ -14,6 +14,7 @@ from wavegym.envs.target_map import PLANE, colour, cross, draw_map, draw_particl
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.choices import by_sensor
+from wavegym.systems.several_targets import Public
 from wavegym.waveforms import ParameterBox, TrapezoidChirp, Waveform, parse_law
 
 if TYPE_CHECKING:
@@ -74,15 +75,17 @@ class TargetScene:
             axes.set_visible(bool(moment.actions))
         if moment.actions:
             for i, pulse in enumerate(transmitted(self.system, moment.actions[-1])[: len(self._gates)]):
-                self._gates[i].title.set_text(f"sensor {i + 1}: {pulse.label}")
+                self._gates[i].title.set_text(f"sensor {i + 1}: {pulse.label if pulse else 'silent'}")
                 self._draw_gates(self._gates[i], moment, i)
+                self._pulses[i].set_visible(pulse is not None)
                 self._show_pulse(i, pulse)
 
-    def _show_pulse(self, sensor: int, pulse: Waveform) -> None:
+    def _show_pulse(self, sensor: int, pulse: Waveform | None) -> None:
         """The ambiguity function, which takes longest of all: left as it is while the pulse stays the same."""
         if pulse != self._on_show[sensor]:
             wipe(self._pulses[sensor])
-            draw_pulse(self._pulses[sensor], pulse, f"|χ| of sensor {sensor + 1}", small=True)
+            if pulse:
+                draw_pulse(self._pulses[sensor], pulse, f"|χ| of sensor {sensor + 1}", small=True)
             self._on_show[sensor] = pulse
 
     def _draw_errors(self, moment: Moment) -> None:
@@ -109,12 +112,13 @@ class TargetScene:
         measurement by the Jacobian, where the tracker takes the unscented transform: they agree at such distances.
         """
         system, now, position = self.system, moment.states[-1], np.array(self.system.sensors[sensor])
-        ahead = system.ahead(moment.states[-2].public)
-        C = system.menu.unit_covariance(moment.actions[-1])[0, sensor]
+        before = moment.states[-2].public
+        ahead, C, strength, lit = system.ahead(before), *lighted(system, before, moment.actions[-1])
         reach = np.full(2, 1e-3)
-        for t in np.flatnonzero(ahead.present[0]).tolist():
+        for t in np.flatnonzero(ahead.present[0] & lit[sensor]).tolist():
             predicted = range_and_rate(ahead.mean[0, t], position)
-            N = C / range_law_snr(predicted[0], system.reference_range, system.nearest_range)
+            eta = strength[sensor] * range_law_snr(predicted[0], system.reference_range, system.nearest_range)
+            N = C[sensor] / eta
             S = _projected(ahead.mean[0, t], ahead.covariance[0, t], position) + N
             gate = ellipse(S, system.gate)
             updated = range_and_rate(now.public.mean[0, t], position) - predicted
@@ -140,8 +144,8 @@ def scan_caption(system: AgileClutter, moment: Moment) -> str:
     if not moment.actions:
         return ""
     detections, clutter, effective, ancestors = moment.states[-1].hidden.scan[0]
-    ahead, sensors = system.ahead(moment.states[-2].public), len(system.sensors)
-    looks = sensors * int(ahead.present.sum())
+    before, sensors = moment.states[-2].public, len(system.sensors)
+    looks = int((system.ahead(before).present[0] & lighted(system, before, moment.actions[-1])[2]).sum())
     who = f"{sensors} sensors" if sensors > 1 else "1 sensor"
     text = f"{who}: {detections:.0f} of {looks} returns detected, {clutter:.0f} clutter points in gates"
     if system.tracker == "particle":
@@ -149,12 +153,18 @@ def scan_caption(system: AgileClutter, moment: Moment) -> str:
     return text
 
 
-def transmitted(system: AgileClutter, action: Array) -> list[Waveform]:
-    """Each sensor's pulse for ``action``, (1,) or (1, ...)."""
+def lighted(system: AgileClutter, before: Public, action: Array) -> tuple[Array, Array, Array]:
+    """Of a step: C (sensor, 2, 2), strength (sensor,), and where each sensor looks, (sensor, target) bool."""
+    pulse = system.pulse(before, action[:, None])
+    return pulse.C[0, 0], pulse.strength[0, 0], pulse.chance[0, 0] > 0.0
+
+
+def transmitted(system: AgileClutter, action: Array) -> list[Waveform | None]:
+    """Each sensor's pulse for ``action``, (1,) or (1, ...); None where it is silent."""
     menu = system.menu
     if not isinstance(system.actions, ParameterBox):
         return [menu.options[i] for i in by_sensor(system.actions, action)[0]]
-    pulses: list[Waveform] = []
+    pulses: list[Waveform | None] = []
     for law, duration, sweep in zip(*(values[0].tolist() for values in menu.decode_chirps(action)), strict=True):
         kind, shape = parse_law(menu.laws[law])
         direction = "down" if sweep < 0 else "up"

@@ -178,7 +178,7 @@ class AgileClutter(SensorAfterSensor):
 
     def advance(self, state: State, action: Array, world: World) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
-        return self._advance(state, self._pulse(state.public, action[:, None]), world)
+        return self._advance(state, self.pulse(state.public, action[:, None]), world)
 
     def _advance(self, state: State, pulse: Pulse, world: World) -> State:
         """``advance`` with any pulse: for systems that add a resource."""
@@ -206,7 +206,7 @@ class AgileClutter(SensorAfterSensor):
         instead of q2 for a detection, no update for a miss. A tracker in clutter is not told which of them happened.
         """
         several = actions.ndim == (2 if self.action == "joint" else 3)
-        pulse = self._pulse(public, actions if several else actions[:, None])
+        pulse = self.pulse(public, actions if several else actions[:, None])
         if outcome is not None and not several:
             outcome = outcome[:, None]
         ahead = self._imagine(public, pulse, max(a.shape[1] for a in pulse), outcome)
@@ -229,7 +229,7 @@ class AgileClutter(SensorAfterSensor):
         )  # fmt: skip
         return Public((step + 1).reshape(shape), x.reshape(*shape, -1, 4), P.reshape(*shape, -1, 4, 4), None)
 
-    def _pulse(self, public: Public, actions: Array) -> Pulse:
+    def pulse(self, public: Public, actions: Array) -> Pulse:
         """What ``actions`` (env or 1, candidate, ...) transmit: here every sensor looks at all targets."""
         return Pulse(self.menu.unit_covariance(actions), *self._everywhere)
 

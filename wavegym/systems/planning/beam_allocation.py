@@ -134,7 +134,7 @@ class BeamAllocation(AgileClutter):
         seen: Array = public.visible[np.arange(len(when))[:, None], np.minimum(when, self.horizon - 1)]
         return seen & (when < self.horizon)[..., None]
 
-    def _pulse(self, public: Any, actions: Array) -> Pulse:
+    def pulse(self, public: Any, actions: Array) -> Pulse:
         """Every sensor lights one target, with chance 1 where that can be seen."""
         seen = self._soon(public, 1)[:, :, None]
         return Pulse(self.menu.unit_covariance(actions), self._everywhere[0], self.menu.looks.take(actions, 0) * seen)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wavegym.errors import InputError
 from wavegym.systems.choices import Menu
-from wavegym.waveforms import JointLibrary, trapezoid_chirp_library
+from wavegym.waveforms import JointLibrary, Waveform, trapezoid_chirp_library
 
 Array = NDArray[Any]
 
@@ -89,6 +89,11 @@ class PulseMenu:
     @cached_property
     def _chirps(self) -> Any:
         return trapezoid_chirp_library([self.law], sorted(self.durations), [self.sweep], [self.direction])
+
+    @property
+    def options(self) -> tuple[Waveform | None, ...]:
+        """The chirp of each of a sensor's choices; None for silence."""
+        return (None, *self._chirps)
 
     @cached_property
     def actions(self) -> JointLibrary:

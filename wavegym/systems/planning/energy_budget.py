@@ -182,6 +182,11 @@ class EnergyBudget(AgileClutter):
         occluded = usual + (public.occluded[:, None] - usual) * memory[np.minimum(wait, len(memory) - 1)]
         return 1.0 - occluded
 
+    def pulse(self, public: Any, actions: Array) -> Pulse:
+        """What actions (env, candidate) transmit, as far as the account pays, in slots that may be clear."""
+        used, _ = self.menu.account.pay(public.energy[:, None], actions)
+        return self._transmitted(used, self._sight(public, np.zeros((len(public.step), 1), np.int64)))
+
     def _transmitted(self, used: Array, sight: Array) -> Pulse:
         """What actions (env, candidate) transmit in slots clear with chance ``sight`` (env, 1 or candidate)."""
         options = self.menu.actions.indices.take(used, axis=0)
