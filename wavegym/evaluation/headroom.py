@@ -120,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
     parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
     parser.add_argument("--out", type=Path, required=True, help="folder for ID.json and ID.csv")
-    read = parser.parse_args(arguments)
+    read = parser.read(arguments)
     tasks = [make_task(env_id, {}) for env_id in read.ids]
     for task in tasks:
         comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs)

@@ -12,6 +12,7 @@ import numpy as np
 
 import wavegym.schedulers
 from wavegym.evaluation.command import Parser, guarded
+from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.task import make_task
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.names import PLANNERS, PLANS, planner_builder
@@ -40,7 +41,7 @@ def settled_record(system: System, worlds: Any, planners: Sequence[str], before:
     """
     best, constants, costs = best_simple(system, worlds)
     kept: dict[str, Any] = {name: before[name] for name in (PLANNER, BASE, *PLANNERS, *PLANS) if name in before}
-    few = trees.tree_map(lambda leaf: leaf[:PLANNED], worlds)
+    few = trees.first(worlds, PLANNED)
     base = kept.get(BASE, best)
     floor = log_cost(system, FAMILIES[best].make(**constants[best]), few)
     found: dict[str, float] = {}
@@ -80,7 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         record = table[name] = settled_record(system, worlds, planners, table.get(name, {}))
         ranking = sorted(record["costs"].items(), key=lambda item: item[1])
         print(f"{name}: best simple is {record[SIMPLE]}; " + ", ".join(f"{rule} {cost:g}" for rule, cost in ranking))
-        read.out.write_text(as_toml(table), encoding="utf-8")
+        write_whole(read.out.parent, {read.out.name: as_toml(table).encode()})
 
 
 def as_table(file: Path) -> dict[str, dict[str, Any]]:

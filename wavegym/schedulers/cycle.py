@@ -47,7 +47,7 @@ def best_cycle(system: System, worlds: Any) -> Array:
     """
     points, encode = _coordinates(system)
     budget = len(points) + ROLLOUTS
-    few = trees.tree_map(lambda leaf: leaf[:WORLDS], worlds)
+    few = trees.first(worlds, WORLDS)
     with tqdm(desc="tuning tuned-cycle", total=budget + POLISHING, disable=None, leave=False) as bar:
         search = _Search(system, few, encode, bar, budget)
 

@@ -40,6 +40,16 @@ def take(tree: Any, rows: Array) -> Any:
     return tree_map(lambda leaf: leaf[rows], tree)
 
 
+def first(tree: Any, count: int | None) -> Any:
+    """The first ``count`` rows, as views; None for all."""
+    return tree_map(lambda leaf: leaf[:count], tree)
+
+
+def repeated(tree: Any, times: int) -> Any:
+    """Every row so many times, one after another, as fresh arrays."""
+    return tree_map(lambda leaf: leaf.repeat(times, axis=0), tree)
+
+
 def scattered(tree: Any, rows: Array, part: Any) -> Any:
     """A copy of ``tree`` with ``part`` in the given rows: arrays handed out before stay as they were."""
 

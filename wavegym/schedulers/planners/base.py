@@ -121,8 +121,7 @@ class Planner:
     ) -> tuple[Array, Array]:
         """Costs of the base, (env, 1, future), and of the plans, (env, plan, future), in the same futures."""
         if plans.ndim > 3:
-            costs = (self.futures.costs(public, some, settled, draws) for some in (None, plans))
-            return next(costs), next(costs)
+            return self.futures.costs(public, None, settled, draws), self.futures.costs(public, plans, settled, draws)
         nothing = np.full((len(plans), 1, plans.shape[2]), -1)
         together = self.futures.costs(public, np.concatenate([nothing, plans], axis=1), settled, draws)
         return together[:, :1], together[:, 1:]

@@ -90,7 +90,7 @@ class Futures:
             mask = allowed(self.system, here)
             action = self.base.choose(here, mask, settled)
             if plan is not None and t < plan.shape[1]:
-                action = _possible(plan[:, t], action, mask if self.system.strict else None)
+                action = possible(plan[:, t], action, mask if self.system.strict else None)
             actions.append(action)
             over = self.system.ended(here)
             if over.all():
@@ -105,7 +105,7 @@ class Futures:
         futures = 1 if draws is None else draws.shape[2]
         each, steps = count * futures, 0 if plans is None else plans.shape[2]
         live = np.arange(envs * each)  # rows whose episode goes on
-        here = trees.take(public, np.repeat(np.arange(envs), each))
+        here = trees.repeated(public, each)
         held = None if settled is None else np.repeat(settled, each, axis=0)
         total = np.zeros(envs * each)
         for t in range(self.depth):
@@ -133,11 +133,11 @@ class Futures:
         elif action.ndim == 1:
             mask = allowed(self.system, public) if self.system.strict else None
             if (action < 0).any() or (mask is not None and not mask[np.arange(len(action)), action].all()):
-                action = _possible(action, self.base.choose(public, allowed(self.system, public), settled), mask)
+                action = possible(action, self.base.choose(public, allowed(self.system, public), settled), mask)
         return self.system.imagine(public, action, outcome)
 
 
-def _possible(wanted: Array, otherwise: Array, mask: Array | None) -> Array:
+def possible(wanted: Array, otherwise: Array, mask: Array | None) -> Array:
     """``wanted`` where that is an index and allowed."""
     if wanted.ndim > 1:
         return wanted

@@ -103,7 +103,7 @@ class MonteCarloTree(Planner):
     def _simulate(self, public: Any, options: Array, settled: Array | None, roots: list[_Node], spread: Array) -> Array:
         """One future of every environment, (env,) summed costs; adds what it found to the trees."""
         system, base, draws = self.system, self.futures.base, self.futures.draw(len(roots), 1)
-        here, total, at = public, np.zeros(len(roots)), np.arange(len(roots))
+        here, total = public, np.zeros(len(roots))
         nodes: list[_Node | None] = list(roots)
         paths: list[list[tuple[_Node, int, float]]] = [[] for _ in roots]
         for t in range(self.futures.depth):
@@ -127,7 +127,7 @@ class MonteCarloTree(Planner):
             for node, option, before in path:
                 node.visits[option] += 1
                 node.total[option] += total[e] - before
-        return total[at]
+        return total
 
     def _picked(self, node: _Node | None, options: Array, own: Array, spread: float) -> int:
         assert node is not None

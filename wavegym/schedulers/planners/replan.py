@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wavegym.errors import whole
 from wavegym.schedulers.planners.base import Planner
-from wavegym.schedulers.planners.futures import Futures
+from wavegym.schedulers.planners.futures import Futures, possible
 from wavegym.schedulers.policy import Policy
 from wavegym.systems import trees
 from wavegym.systems.contract import System
@@ -61,23 +61,23 @@ def _moved(plans: Array, options: Array, steps: Array, rng: np.random.Generator)
 
 def searched(
     futures: Futures, public: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None,
-    rounds: int, moves: int, rng: np.random.Generator,
-) -> tuple[Array, Array]:  # fmt: skip
-    """A plan that local search has improved, (env, depth, ...), and its mean cost, (env,).
+    rounds: int, rng: np.random.Generator,
+) -> Array:  # fmt: skip
+    """A plan that local search has improved, (env, depth, ...).
 
-    In every round the best of ``moves`` neighbours is taken if it costs less.
+    In every round the best of ``MOVES`` neighbours is taken if it costs less.
     """
     steps = np.maximum(futures.system.horizon - public.step, 1)
     rows = np.arange(len(plan))
     cost = futures.costs(public, plan[:, None], settled, draws)[:, 0].mean(axis=1)
     for _ in range(rounds):
-        tried = neighbours(plan, options, steps, moves, rng)
+        tried = neighbours(plan, options, steps, MOVES, rng)
         values = futures.costs(public, tried, settled, draws).mean(axis=2)
         best = values.argmin(axis=1)
         is_less = values[rows, best] < cost
         cost = np.where(is_less, values[rows, best], cost)
         plan = np.where(_as(is_less, plan), tried[rows, best], plan)
-    return plan, cost
+    return plan
 
 
 class Replan(Planner):
@@ -115,16 +115,14 @@ class Replan(Planner):
             kept = self.futures.nominal(public, np.where(_as(is_old, plan), self._plan[rows], plan)[:, 1:], settled)
             pair = self.futures.costs(public, np.stack([plan, kept], axis=1), settled, draws).mean(axis=2)
             plan = np.where(_as(is_old & (pair[:, 1] <= pair[:, 0]), plan), kept, plan)
-        plan, _ = searched(self.futures, public, plan, options, settled, draws, self.rounds, MOVES, self.rng)
+        plan = searched(self.futures, public, plan, options, settled, draws, self.rounds, self.rng)
         if not is_old.all() and self.first > self.rounds:
             fresh = ~is_old
             part = trees.take(public, fresh)
             some = None if settled is None else settled[fresh]
             drawn = None if draws is None else draws[:, fresh]
             more = self.first - self.rounds
-            plan[fresh], _ = searched(
-                self.futures, part, plan[fresh], options[fresh], some, drawn, more, MOVES, self.rng
-            )
+            plan[fresh] = searched(self.futures, part, plan[fresh], options[fresh], some, drawn, more, self.rng)
         if self._plan is None:
             self._plan = np.zeros((len(self._made), *plan.shape[1:]), plan.dtype)
         self._plan[rows], self._made[rows] = plan, public.step
@@ -147,7 +145,7 @@ class PlanOnce:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._planner = Replan(self._base, system.horizon, 0, self.rounds)
+        self._planner = Planner(self._base, system.horizon)
         self._planner.begin(system, num_envs, rng)
         self._system, self._rng = system, rng
         self._plan: Array | None = None
@@ -167,7 +165,7 @@ class PlanOnce:
         if mask is None or not self._system.strict or wanted.ndim > 1:
             return wanted
         base = self._planner.futures.base
-        return np.where(mask[np.arange(len(at)), wanted], wanted, base.choose(public, mask, base.settle(public)))
+        return possible(wanted, base.choose(public, mask, base.settle(public)), mask)
 
     def _planned(self, public: Any, mask: Array | None) -> Array:
         """Plans (env, horizon, ...) indexed by step; a plan that begins later repeats its first action before."""
@@ -175,7 +173,7 @@ class PlanOnce:
         settled = futures.base.settle(public)
         plan = futures.nominal(public, None, settled)
         options, _ = planner.options(public, mask)
-        found, _ = searched(futures, public, plan, options, settled, None, self.rounds, MOVES, self._rng)
+        found = searched(futures, public, plan, options, settled, None, self.rounds, self._rng)
         late = np.maximum(np.arange(self._system.horizon) - public.step[:, None], 0)
         return found[np.arange(len(found))[:, None], late]
 

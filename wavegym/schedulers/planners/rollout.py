@@ -57,18 +57,12 @@ class TreeSearch(Planner):
 
     def __init__(self, base: Any, levels: int, depth: int = 20, **settings: Any) -> None:
         super().__init__(base, max(depth, levels), **settings)
-        self.levels = levels
-
-    def begin(self, system: Any, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``."""
-        super().begin(system, num_envs, rng)
+        self.levels = whole("levels", levels, 1)
         self.shortlist = min(self.shortlist, int(self.MOST ** (1.0 / self.levels) + 1e-9))
 
     def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, permitted = self.options(public, mask)
         count = options.shape[1]
-        places = np.stack(np.meshgrid(*[np.arange(count)] * self.levels, indexing="ij"), axis=-1).reshape(
-            -1, self.levels
-        )
+        places = np.indices((count,) * self.levels).reshape(self.levels, -1).T
         return self.chosen(public, own, options[:, places], permitted[:, places[:, 0]], settled, FINALISTS)

@@ -52,10 +52,9 @@ def setups(system: Any, worlds: Any) -> list[Array]:
     count = len(candidates)
     if not hasattr(system, "delay"):
         return list(candidates[:, None])
-    few = trees.tree_map(lambda leaf: leaf[:HELD_ON], worlds)
-    public = system.begin(few).public
+    public = system.begin(trees.first(worlds, HELD_ON)).public
     held = np.tile(np.arange(count), len(public.step))
-    public = trees.take(public, np.repeat(np.arange(len(public.step)), count))
+    public = trees.repeated(public, count)
     for _ in range(min(LONGEST, system.horizon)):
         if not system.delay(public)[np.arange(len(held)), held].any():
             break

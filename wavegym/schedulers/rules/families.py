@@ -109,7 +109,7 @@ def tuned_family(name: str, system: System, worlds: Any) -> Constants:
     if name == "cycle":
         return {"actions": best_dwell(system, worlds).tolist()}
     check(name, system, worlds)
-    few = trees.tree_map(lambda leaf: leaf[: family.worlds], worlds)
+    few = trees.first(worlds, family.worlds)
     starts = (family.start, *family.also)
     ends = [tuned(family.make, family.grid, start, system, few, family.budget) for start in starts]
     return min(ends, key=lambda end: end[1])[0]
@@ -123,7 +123,7 @@ def check(name: str, system: System, worlds: Any) -> None:
         wanted = f"at most {MOST} beliefs foreseen in an episode (nearest: 'gain:L' with an L of your own)"
         raise InputError(f"rule 'gain' tries {len(system.candidates())} candidates at each step, expected {wanted}")
     policy: Policy = FAMILIES[name].make(**FAMILIES[name].start)
-    public = system.begin(trees.tree_map(lambda leaf: leaf[:1], worlds)).public
+    public = system.begin(trees.first(worlds, 1)).public
     policy.begin(system, 1, np.random.default_rng(0))
     policy.act(public, None, allowed(system, public))
 

@@ -127,7 +127,7 @@ class AdaptivePrice(Rule):
     def spent(self, public: Any, prices: Array) -> Array:
         """What each price (env, price) is predicted to take from a full purse to the episode's end, (env, price)."""
         count = prices.shape[1]
-        public = self._ample(trees.take(public, np.repeat(np.arange(len(prices)), count)), prices.size)
+        public = self._ample(trees.repeated(public, count), prices.size)
         paid, held = np.zeros(prices.size), prices.ravel()
         for here, rows in self._followed(public, lambda here, rows: priced_choice(self, here, None, held[rows])):
             paid[rows] = public.energy[rows] - here.energy
