@@ -166,7 +166,7 @@ class AgileClutter(SensorAfterSensor):
     def begin(self, world: World) -> State:
         """The true paths, and the first estimates drawn around their starts."""
         count, S = world.start.shape[:2]
-        path = random_path(self.motion, np.array(self.starts), world.process)
+        path = random_path(self.motion, self.first_places(world), world.process)
         first = path[:, :, 0] + np.sqrt(self.prior_variance) * world.start
         mean = np.where(self._targets[0][:, None] == 0, first, self.starts)
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
@@ -175,6 +175,10 @@ class AgileClutter(SensorAfterSensor):
             particles = Particles(*(np.repeat(a[:, None], self.particles, axis=1) for a in (mean, covariance)))
         hidden = Hidden(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
         return State(hidden, Public(np.zeros(count, np.int64), mean, covariance, particles))
+
+    def first_places(self, world: World) -> Array:
+        """Where the targets are at birth, (target, 4) or (env, target, 4)."""
+        return np.array(self.starts)
 
     def advance(self, state: State, action: Array, world: World) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""

@@ -78,6 +78,11 @@ class Ahead(NamedTuple):
     present: Array  # (env, target) bool
 
 
+def drawn_around(centre: ArrayLike, spread: ArrayLike, place: Array) -> Array:
+    """Uniform draws ``place`` (..., target, 4) as states at most ``spread`` (4,) from ``centre`` (target, 4)."""
+    return np.array(centre) + np.array(spread) * (2.0 * place - 1.0)
+
+
 def target_elements(targets: int, sensors: int) -> tuple[Element, ...]:
     """Observation elements: time left, and of every target what the next pulse meets, by itself and at each sensor."""
     listed = [Element("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]

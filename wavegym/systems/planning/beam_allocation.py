@@ -23,9 +23,8 @@ from wavegym.systems.planning.beam_allocation_state import (
     check_beams,
     window_elements,
 )
-from wavegym.systems.planning.windows import Window, alternating_windows, given_windows, window_draws
-from wavegym.systems.several_targets import Hidden, Pulse, target_elements
-from wavegym.targets import random_path
+from wavegym.systems.planning.windows import Window, coming, visibility, window_draws
+from wavegym.systems.several_targets import Pulse, drawn_around, target_elements
 from wavegym.trackers.reduction import reduction_table
 
 Array = NDArray[Any]
@@ -113,30 +112,17 @@ class BeamAllocation(AgileClutter):
 
     def begin(self, world: Any) -> State:
         """The true paths, the first estimates drawn around their starts, and the windows of visibility."""
-        count, targets = world.start.shape[:2]
-        start = np.array(self.starts) + np.array(self.spread) * (2.0 * world.place - 1.0)
-        path = random_path(self.motion, start, world.process)
-        mean = start + np.sqrt(self.prior_variance) * world.start
-        covariance = np.tile(np.diag(self.prior_variance), (count, targets, 1, 1))
-        hidden = Hidden(start, path, mean, np.zeros((count, targets), np.int64), np.zeros((count, 4)))
-        return State(hidden, Public(np.zeros(count, np.int64), mean.copy(), covariance, None, self._visible(world)))
+        hidden, base = super().begin(world)
+        step, mean, covariance = base[:3]
+        return State(hidden, Public(step, mean, covariance, None, visibility(self, world.window, len(self.starts))))
 
-    def _visible(self, world: World) -> Array:
-        """(env, H, target) bool."""
-        if self.windows:
-            return np.tile(given_windows(self.windows, len(self.starts), self.horizon), (len(world.start), 1, 1))
-        drawn = alternating_windows(world.window, self.horizon, self.shown, self.hidden)
-        return np.ascontiguousarray(np.swapaxes(drawn, 1, 2))
-
-    def _soon(self, public: Public, steps: int) -> Array:
-        """Whether each target can be seen in the coming ``steps``, (env, step, target); never after the end."""
-        when = public.step[:, None] + np.arange(steps)
-        seen: Array = public.visible[np.arange(len(when))[:, None], np.minimum(when, self.horizon - 1)]
-        return seen & (when < self.horizon)[..., None]
+    def first_places(self, world: Any) -> Array:
+        """Drawn around ``starts``."""
+        return drawn_around(self.starts, self.spread, world.place)
 
     def pulse(self, public: Any, actions: Array) -> Pulse:
         """Every sensor lights one target, with chance 1 where that can be seen."""
-        seen = self._soon(public, 1)[:, :, None]
+        seen = coming(public.visible, public.step, 1)[:, :, None]
         return Pulse(self.menu.unit_covariance(actions), self._everywhere[0], self.menu.looks.take(actions, 0) * seen)
 
     def advance(self, state: State, action: Array, world: Any) -> State:
@@ -192,7 +178,7 @@ class BeamAllocation(AgileClutter):
     def observe(self, public: Any) -> Array:
         """See ``elements``."""
         out = super().observe(public)
-        soon = self._soon(public, SOON + 1)
+        soon = coming(public.visible, public.step, SOON + 1)
         changes = soon != soon[:, :1]
         until = np.where(changes.any(axis=1), changes.argmax(axis=1), SOON)
         share = np.ascontiguousarray(np.swapaxes(soon[:, :SOON], 1, 2)).mean(axis=2)

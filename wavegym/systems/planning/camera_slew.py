@@ -19,7 +19,7 @@ from wavegym.systems.planning import camera_slew_kernels as kernels
 from wavegym.systems.planning import camera_slew_state as parts
 from wavegym.systems.planning.camera_slew_kernels import Mount
 from wavegym.systems.planning.camera_slew_state import Hidden, Public, World
-from wavegym.systems.planning.windows import Window, window_draws
+from wavegym.systems.planning.windows import Window, visibility, window_draws
 from wavegym.systems.rf_eo import NN, RfEo
 from wavegym.systems.rf_eo_kernels import Rules, measure
 from wavegym.systems.rf_eo_state import Pair, Quad
@@ -121,11 +121,6 @@ class CameraSlew(System):
         """The targets' motion model, shared by the world and the tracker."""
         return self.loop.motion
 
-    @property
-    def transition(self) -> Array:
-        """F, (4, 4)."""
-        return self.motion.F
-
     @cached_property
     def actions(self) -> Menu:
         """The target that the camera is to look at."""
@@ -154,6 +149,16 @@ class CameraSlew(System):
     def _powers(self) -> tuple[Array, Array]:
         return parts.powers(self.motion, self.horizon)
 
+    @cached_property
+    def _weights(self) -> Array:
+        return np.array(self.weights)
+
+    @cached_property
+    def _undone(self) -> Array:
+        """F^-1 Q F'^-1: the noise of a step as if it had come a step before."""
+        back = np.linalg.inv(self.motion.F)
+        return back @ self.motion.Q @ back.T
+
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
         T, J, H = self.targets, len(self.platforms), self.horizon
@@ -173,7 +178,7 @@ class CameraSlew(System):
         step = np.zeros(count, np.int64)
         q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
         hidden = Hidden(truth, nothing, nothing.copy(), np.zeros((count, T), np.bool_))
-        visible = parts.in_sight(self, world)
+        visible = visibility(self, world.window, T)
         return State(hidden, Public(step, mean, covariance, np.zeros(count), step.copy(), q, visible))
 
     def advance(self, state: State, action: Array, world: World) -> State:
@@ -264,7 +269,7 @@ class CameraSlew(System):
 
     def cost(self, public: Public) -> Array:
         """trace(W P) summed over the targets."""
-        return trace_cost(public.covariance, np.array(self.weights))
+        return trace_cost(public.covariance, self._weights)
 
     @cached_property
     def elements(self) -> tuple[Element, ...]:
@@ -276,7 +281,7 @@ class CameraSlew(System):
         delay, off = self._turns(public)
         now, changes = parts.coming(public)
         own = np.stack([off, delay, delay == 0, now, changes, np.log10(public.q)], axis=-1).reshape(len(delay), -1)
-        parents = self.loop.observe(parts.parents_belief(public, self.motion))
+        parents = self.loop.observe(parts.parents_belief(public, self._undone))
         left = 1.0 - public.step / self.horizon
         return np.concatenate([parents, left[:, None], public.settling[:, None], own], axis=1)
 

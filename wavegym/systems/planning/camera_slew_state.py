@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from wavegym.errors import non_negative, ordered, positive, within
 from wavegym.systems.contract import Element
-from wavegym.systems.planning.windows import alternating_windows, given_windows, window_draws
+from wavegym.systems.planning import windows
+from wavegym.systems.planning.windows import given_windows, window_draws
 from wavegym.systems.rf_eo import RfEo
 from wavegym.systems.rf_eo_state import MOST
 from wavegym.systems.rf_eo_state import Public as Belief
@@ -88,24 +89,12 @@ def starts(system: CameraSlew, world: World) -> Array:
     return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
 
 
-def in_sight(system: CameraSlew, world: World) -> Array:
-    """Whether each target's line of sight is free in each step, (env, H, target) bool."""
-    if system.windows:
-        given = given_windows(system.windows, system.targets, system.horizon)
-        return np.tile(given, (len(world.window), 1, 1))
-    drawn = alternating_windows(world.window, system.horizon, system.shown, system.hidden)
-    return np.ascontiguousarray(np.swapaxes(drawn, 1, 2))
-
-
 def coming(public: Public) -> tuple[Array, Array]:
     """Whether each target is in sight in the step to come, and steps until that changes, at most SOON: (env, target).
 
     Beyond the episode's end nothing is in sight.
     """
-    steps = public.step[:, None] + np.arange(SOON + 1)
-    horizon = public.visible.shape[1]
-    ahead = public.visible[np.arange(len(steps))[:, None], np.minimum(steps, horizon - 1)]
-    ahead = ahead & (steps < horizon)[:, :, None]
+    ahead = windows.coming(public.visible, public.step, SOON + 1)
     other = ahead != ahead[:, :1]
     other[:, SOON] = True
     return ahead[:, 0], other.argmax(axis=1)
@@ -123,10 +112,12 @@ def platforms(system: CameraSlew) -> RfEo:
     )  # fmt: skip
 
 
-def parents_belief(public: Public, motion: MotionModel) -> Belief:
-    """The belief that the parent, which foresees with a noise density of 1, foresees as the targets' own have it."""
-    back = np.linalg.inv(motion.F)
-    extra = (public.q - 1.0)[:, :, None, None] * (back @ motion.Q @ back.T)
+def parents_belief(public: Public, undone: Array) -> Belief:
+    """The belief that the parent, which foresees with a noise density of 1, foresees as the targets' own have it.
+
+    ``undone`` (4, 4): F^-1 Q F'^-1.
+    """
+    extra = (public.q - 1.0)[:, :, None, None] * undone
     return Belief(public.step, public.mean, public.covariance + extra)
 
 

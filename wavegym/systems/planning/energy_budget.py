@@ -28,11 +28,11 @@ from wavegym.systems.planning.energy_state import (
     spells,
 )
 from wavegym.systems.several_targets import Pulse
-from wavegym.targets import random_path
 from wavegym.trackers.reduction import reduction_table
 
 Array = NDArray[Any]
 
+NOW = np.zeros((1, 1), np.int64)  # no wait, of any environment and candidate
 WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
 
 
@@ -142,16 +142,15 @@ class EnergyBudget(AgileClutter):
 
     def begin(self, world: Any) -> State:
         """The true paths from drawn starts, the first estimates, a full account and clear air."""
-        count, targets = world.place.shape[:2]
-        start = np.array(self.starts) + np.array(self.spread) * (2.0 * world.place - 1.0)
-        path = random_path(self.motion, start, world.process)
-        first = start + np.sqrt(self.prior_variance) * world.start
-        covariance = np.tile(np.diag(self.prior_variance), (count, targets, 1, 1))
+        base, public = super().begin(world)
+        count = len(public.step)
         none = np.zeros(count, np.bool_)
-        base = several_targets.Hidden(start, path, first, np.zeros((count, targets), np.int64), np.zeros((count, 4)))
         hidden = Hidden(**base._asdict(), spent=np.zeros(count), occluded=none, replaced=none.copy())
-        public = several_targets.Public(np.zeros(count, np.int64), first.copy(), covariance, None)
         return State(hidden, self._public(public, np.full(count, self.total), self._at_first(world)))
+
+    def first_places(self, world: Any) -> Array:
+        """Drawn around ``starts``."""
+        return several_targets.drawn_around(self.starts, self.spread, world.place)
 
     def _at_first(self, world: World) -> Array:
         """What is public of the occlusions at step 0: clear air."""
@@ -173,7 +172,7 @@ class EnergyBudget(AgileClutter):
     def _lived(self, public: Any, world: World) -> tuple[Array, Array]:
         """Whether the slot ahead is clear, (env,) bool, and what is public of the occlusions after it."""
         draw = world.occlusion[np.arange(len(public.step)), public.step]
-        is_clear = draw < self._sight(public, np.zeros((len(draw), 1), np.int64))[:, 0]
+        is_clear = draw < self._sight(public, NOW)[:, 0]
         return is_clear, (~is_clear).astype(np.float64)
 
     def _sight(self, public: Any, wait: Array) -> Array:
@@ -185,7 +184,7 @@ class EnergyBudget(AgileClutter):
     def pulse(self, public: Any, actions: Array) -> Pulse:
         """What actions (env, candidate) transmit, as far as the account pays, in slots that may be clear."""
         used, _ = self.menu.account.pay(public.energy[:, None], actions)
-        return self._transmitted(used, self._sight(public, np.zeros((len(public.step), 1), np.int64)))
+        return self._transmitted(used, self._sight(public, NOW))
 
     def _transmitted(self, used: Array, sight: Array) -> Pulse:
         """What actions (env, candidate) transmit in slots clear with chance ``sight`` (env, 1 or candidate)."""
@@ -221,7 +220,7 @@ class EnergyBudget(AgileClutter):
 
     def _foreseen(self, public: Any, shape: tuple[int, ...], outcome: Array | None) -> tuple[Array, Array, Any]:
         """Chance of a clear slot (env, 1 or candidate), what is public of it after, draws (..., sensor, target)."""
-        sight = self._sight(public, np.zeros((len(public.step), 1), np.int64))
+        sight = self._sight(public, NOW)
         if outcome is None:
             return sight, np.repeat(1.0 - sight, shape[1], axis=1), None
         clear = (outcome[..., -1] < sight).astype(np.float64)

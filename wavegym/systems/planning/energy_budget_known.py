@@ -11,7 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.errors import InputError
 from wavegym.systems.contract import Element
-from wavegym.systems.planning.energy_budget import EnergyBudget
+from wavegym.systems.planning.energy_budget import NOW, EnergyBudget
 from wavegym.systems.planning.energy_state import World
 from wavegym.systems.planning.windows import alternating_windows, given_windows, window_draws
 
@@ -99,7 +99,7 @@ class EnergyBudgetKnown(EnergyBudget):
         return (len(self.sensors) * len(self.starts),)
 
     def _foreseen(self, public: Any, shape: tuple[int, ...], outcome: Array | None) -> tuple[Array, Array, Any]:
-        sight = self._sight(public, np.zeros((len(public.step), 1), np.int64))
+        sight = self._sight(public, NOW)
         draws = None if outcome is None else self._by_sensor(outcome)
         return sight, np.repeat(public.visible[:, None], shape[1], axis=1), draws
 

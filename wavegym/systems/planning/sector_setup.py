@@ -26,7 +26,8 @@ from wavegym.systems.planning.sector_setup_state import (
     check_sector_setup,
     sector_elements,
 )
-from wavegym.systems.planning.windows import Window, alternating_windows, given_windows, window_draws
+from wavegym.systems.planning.windows import Window, visibility, window_draws
+from wavegym.systems.rf_eo_kernels import measure
 from wavegym.targets import MotionModel, constant_velocity
 
 Array = NDArray[Any]
@@ -104,11 +105,6 @@ class SectorSetup(System):
         """The targets' motion model at a process noise density of 1; a target's own multiplies Q."""
         return constant_velocity(self.dt, 1.0, ("x", "y"), order="axis")
 
-    @property
-    def transition(self) -> Array:
-        """F, (4, 4)."""
-        return self.motion.F
-
     @cached_property
     def actions(self) -> Menu:
         """Every target with every waveform; the waveform varies fastest."""
@@ -155,15 +151,8 @@ class SectorSetup(System):
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
         zero = np.zeros(count, np.int64)
-        public = Public(zero, mean, covariance, np.full(count, -1), zero.copy(), q, self._visible(world))
+        public = Public(zero, mean, covariance, np.full(count, -1), zero.copy(), q, visibility(self, world.window, T))
         return State(Hidden(truth, zero.copy(), np.zeros(count, np.bool_)), public)
-
-    def _visible(self, world: World) -> Array:
-        """(env, H, target) bool."""
-        if self.windows:
-            return np.tile(given_windows(self.windows, self.targets, self.horizon), (len(world.density), 1, 1))
-        drawn = alternating_windows(world.window, self.horizon, self.shown, self.hidden)
-        return np.ascontiguousarray(np.swapaxes(drawn, 1, 2))
 
     def _split(self, actions: Array) -> tuple[Array, Array]:
         """Target and waveform of each action."""
@@ -204,9 +193,14 @@ class SectorSetup(System):
         step, q, visible = (np.repeat(a[:, None], lead[1], axis=1) for a in (step, public.q, public.visible))
         return Public(step, x, P, pointed, dead, q, visible)
 
+    @cached_property
+    def _aims(self) -> tuple[Array, Array]:
+        """Target and waveform of each candidate."""
+        return self._split(self.candidates())
+
     def delay(self, public: Public) -> Array:
         """Steps without sensing before each candidate's pulse is sent, (env, candidate)."""
-        target = self._split(self.candidates())[0]
+        target = self._aims[0]
         return np.where(target == public.pointed[:, None], public.dead[:, None], self.dead_steps)
 
     def gain(self, public: Public, wait: Array | int, ahead: int) -> Array:
@@ -223,7 +217,7 @@ class SectorSetup(System):
         out = np.empty((len(public.step), len(self.actions)))
         later = np.atleast_2d(np.asarray(wait, np.int64))
         step, mean, covariance, _, _, q, visible = public
-        target, waveform = self._split(self.candidates())
+        target, waveform = self._aims
         M, rows = self.weights_ahead(ahead), (0,) * (2 * len(self.receivers))
         foresight.gain(step, mean, covariance, q, visible, target, waveform, later, M, *self._radar, out, NN, rows)
         return out
@@ -256,7 +250,7 @@ class SectorSetup(System):
         """
         hidden, public = state
         position, nees = np.empty(public.mean.shape[:2]), np.empty(public.mean.shape[:2])
-        kernels.measure(public.mean, public.covariance, hidden.truth, position, nees, NN)
+        measure(public.mean, public.covariance, hidden.truth, position, nees, NN)
         return {
             "position_error": position,
             "nees": nees,

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from wavegym.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
-from wavegym.trackers.kernels import squared_mahalanobis_one
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
 
 PLACE = (0, 2)  # of [x xdot y ydot], what a range depends on
@@ -189,15 +188,3 @@ def advance(
             detections[e] = receive(
                 e, k, t, waveform[e], truth_out, uniform, error, accuracy, radar, x, P_out, work, nn
             )
-
-
-@kernel
-def measure(mean, P, truth, position, nees, nn):
-    """Of every target (e, t): position error, and e' P^-1 e by Cholesky factors."""
-    L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
-    for e in range(mean.shape[0]):
-        for t in range(mean.shape[1]):
-            for a in range(len(nn)):
-                d[a] = mean[e, t, a] - truth[e, t, a]
-            position[e, t] = np.sqrt(d[0] * d[0] + d[2] * d[2])
-            nees[e, t] = squared_mahalanobis_one(t, d, P[e], L, nn)

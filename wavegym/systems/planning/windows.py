@@ -90,3 +90,24 @@ def given_windows(windows: Sequence[Window], targets: int, horizon: int) -> Arra
         within(f"last step {of}", last, first, horizon - 1)
         visible[first : last + 1, target] = False
     return visible
+
+
+def visibility(system: Any, draws: Array, targets: int) -> Array:
+    """Whether each target can be seen in each step, (env, H, target): as given by ``windows``, or else as drawn.
+
+    Args:
+        system: has ``windows``, ``horizon``, ``shown`` and ``hidden``.
+        draws: uniform, (env, target, n).
+        targets: how many.
+    """
+    if system.windows:
+        return np.tile(given_windows(system.windows, targets, system.horizon), (len(draws), 1, 1))
+    drawn = alternating_windows(draws, system.horizon, system.shown, system.hidden)
+    return np.ascontiguousarray(np.swapaxes(drawn, 1, 2))
+
+
+def coming(visible: Array, step: Array, steps: int) -> Array:
+    """``visible`` (env, H, target) in ``steps`` steps from ``step`` (env,) on, (env, steps, target); False beyond H."""
+    when, horizon = step[:, None] + np.arange(steps), visible.shape[1]
+    seen: Array = visible[np.arange(len(when))[:, None], np.minimum(when, horizon - 1)]
+    return seen & (when < horizon)[..., None]
