@@ -108,9 +108,10 @@ def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():
         TreeSearch(base(), 2, 12),
         BeamSearch(base(), 4, 12, levels=3),
         Replan(base(), 12, rounds=2, first=10),
+        Replan(base(), 12, rounds=2, first=10, asks=False),
         MonteCarloTree(base(), 30, 12),
     ],
-    ids=["rollout", "tree", "beam", "replan", "mcts"],
+    ids=["rollout", "tree", "beam", "replan", "replan-unasked", "mcts"],
 )
 def test_no_planner_is_worse_than_its_base(planner):
     system = DelaySystem()

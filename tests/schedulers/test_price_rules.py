@@ -42,6 +42,18 @@ def test_a_price_trades_gain_against_spending():
             assert gain[row, k] - price * SPENDING[k] == pytest.approx(np.max(gain[row] - price * SPENDING), rel=1e-12)
 
 
+@pytest.mark.parametrize("power", [0.5, 2.0])
+def test_a_price_with_feedback_rises_as_less_is_left_for_each_step(power):
+    """At one unit a step it is the price itself; with what is left cut to a fraction it is as if it had been dearer."""
+    public = start(40)
+    left = SYSTEM.horizon - public.step
+    for energy in (left * 1.0, (left + 1.0) / 4.0 - 1.0, (left + 1.0) * 3.0 - 1.0):
+        here = public._replace(energy=energy)
+        dearer = ((left[0] + 1.0) / (energy[0] + 1.0)) ** power
+        chosen = begun(Priced(2.0, 3, power)).act(here, None, None)
+        np.testing.assert_array_equal(chosen, begun(Priced(2.0 * dearer, 3)).act(here, None, None))
+
+
 def test_without_a_price_it_is_greedy_and_at_a_high_one_silent():
     worlds = delay_worlds(SYSTEM, 20)
     public = SYSTEM.begin(worlds).public

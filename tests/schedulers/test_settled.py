@@ -92,7 +92,12 @@ def test_numbers_out_of_range_are_told_in_one_line(recorded, name):
 def test_the_file_reads_as_it_was_written():
     table = {
         **RECORD,
-        "Another": {"best-simple": "cycle", "gain": {"ahead": 3}, "myopic": {}, "cycle": {"actions": [[0.5, -1.0]]}},
+        "Another": {
+            "best-simple": "cycle",
+            "gain": {"ahead": 3},
+            "replan": {"asks": False},
+            "cycle": {"actions": [[0.5, -1.0]]},
+        },
     }
     assert tomllib.loads(settled.as_toml(table)) == table
 

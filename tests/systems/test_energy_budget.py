@@ -154,7 +154,8 @@ def test_a_given_outcome_is_what_the_world_makes_of_it(kind, sensor):
 
 
 def clear(kind):
-    return {"windows": ((60, 71),)} if kind is EnergyBudgetKnown else {}
+    """What makes the first slots clear and the account large enough for what is played in them."""
+    return {"windows": ((60, 71),), "budget": 0.27} if kind is EnergyBudgetKnown else {}
 
 
 def blind(kind, tape):
@@ -246,7 +247,7 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(kind):
 @pytest.mark.parametrize("kind", BOTH)
 def test_gain_is_what_a_pulse_takes_off_the_summed_cost(kind):
     """Against ``imagine``: silence for a while, then each candidate; the steps beyond the end count nothing."""
-    system = kind()
+    system = kind(budget=0.27)
     for public in beliefs(system, steps=(0, 5, 30, 69)):
         for wait, ahead in ((0, 1), (0, 7), (4, 5), (1, 90)):
             later = public

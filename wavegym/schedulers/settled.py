@@ -62,7 +62,7 @@ def planner_name(system: System) -> str:
 
 
 def as_toml(table: Mapping[str, Mapping[str, Any]]) -> str:
-    """The records as the text of a TOML file: strings, numbers, lists, and one more level of tables."""
+    """The records as the text of a TOML file: strings, numbers, flags, lists, and one more level of tables."""
     lines = ["# Constants of rules, found on worlds for tuning by: python -m wavegym.evaluation.settle"]
     for system in sorted(table):
         entries = table[system]
@@ -82,4 +82,6 @@ def _value(value: Any) -> str:
         )
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
     return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from wavegym.errors import whole
 from wavegym.schedulers.planners.base import Planner
+from wavegym.schedulers.planners.exchange import exchanged
 from wavegym.schedulers.planners.futures import Futures, possible
 from wavegym.schedulers.policy import Policy
 from wavegym.systems import trees
@@ -65,8 +66,11 @@ def searched(
 ) -> Array:  # fmt: skip
     """A plan that local search has improved, (env, depth, ...).
 
-    In every round the best of ``MOVES`` neighbours is taken if it costs less.
+    In every round the best of ``MOVES`` neighbours is taken if it costs less. Where actions are paid from an account
+    ``exchanged`` goes before: changes at random would rarely both fit and save.
     """
+    if hasattr(futures.system, "spending"):
+        plan = exchanged(futures, public, plan, options, settled, draws, rounds)
     steps = np.maximum(futures.system.horizon - public.step, 1)
     rows = np.arange(len(plan))
     cost = futures.costs(public, plan[:, None], settled, draws)[:, 0].mean(axis=1)
@@ -91,13 +95,23 @@ class Replan(Planner):
         rounds: of the local search at every step.
         first: of that for the first plan of an episode.
         sampled: futures that a plan is made for; 0 for the expected recursion.
+        asks: whether the plan has to beat the base in sampled futures. There the base goes on looking and the plan does
+            not, though it will be made anew: where few actions can be afforded, good plans would be given up.
     """
 
     def __init__(
-        self, base: Policy, depth: int = 20, rounds: int = 4, first: int = 20, sampled: int = 0, **settings: Any
+        self,
+        base: Policy,
+        depth: int = 20,
+        rounds: int = 4,
+        first: int = 20,
+        sampled: int = 0,
+        asks: bool = True,
+        **settings: Any,
     ) -> None:
         super().__init__(base, depth, **settings)
         self.rounds, self.first, self.sampled = whole("rounds", rounds, 0), whole("first", first, 0), sampled
+        self.asks = asks
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
@@ -129,6 +143,8 @@ class Replan(Planner):
         may = np.ones((len(rows), 1), np.bool_)
         if mask is not None and plan.ndim == 2:
             may = np.take_along_axis(mask, plan[:, :1], axis=1)
+        if not self.asks:
+            return np.where(_as(may[:, 0], own), plan[:, 0], own)
         return self.chosen(public, own, plan[:, None], may, settled)
 
 

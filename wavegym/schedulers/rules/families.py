@@ -83,8 +83,14 @@ FAMILIES: dict[str, Family] = {
     "until-seen": Family(UntilSeen, {"ahead": (1, 2, 3, 4, 5, 6, 7, 8, 10)}, {"ahead": 4}),
     "priced": Family(
         Priced,
-        {"price": tuple(float(f"{price:.3g}") for price in 10.0 ** np.arange(-2.0, 7.1, 0.2)), "ahead": FAR},
-        {"price": 1.0, "ahead": 4},
+        {
+            "price": tuple(float(f"{price:.3g}") for price in 10.0 ** np.arange(-2.0, 7.05, 0.1)),
+            "ahead": FAR,
+            "power": (0.0, 0.5, 1.0, 1.5, 2.0, 3.0),
+        },
+        {"price": 1.0, "ahead": 4, "power": 0.0},
+        budget=500,
+        also=({"price": 501.0, "ahead": 8, "power": 1.0},),
     ),
     "adaptive-price": Family(
         AdaptivePrice,

@@ -25,23 +25,30 @@ ROWS = 100_000  # beliefs followed at a time
 class Priced(Rule):
     """The greatest gain less price times spending.
 
+    The price rises where less is left than one unit for each step left, and falls where more is: a feedback, as cheap
+    in the futures that a planner simulates as in life.
+
     Args:
-        price: of one unit of spending, in units of the cost.
+        price: of one unit of spending where one is left for each step left, in units of the cost.
         ahead: steps over which the gain of a look is summed.
+        power: of the steps left over what is left; 0 for a constant price.
 
     Raises:
-        InputError: a price that is negative or not finite, fewer than one step.
+        InputError: a price or a power that is negative or not finite, fewer than one step.
     """
 
     name = "priced"
     needs = ("gain", "spending")
 
-    def __init__(self, price: float = 1.0, ahead: int = 8) -> None:
+    def __init__(self, price: float = 1.0, ahead: int = 8, power: float = 0.0) -> None:
         self.price, self.ahead = non_negative("price", price), whole("ahead", ahead, 1)
+        self.power = non_negative("power", power)
 
     def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
         """See ``Rule``."""
-        return priced_choice(self, public, mask, np.full(len(public.step), self.price))
+        left = np.maximum(self.system.horizon - public.step, 0)
+        scarcity = (left + CUSHION) / (public.energy + CUSHION)
+        return priced_choice(self, public, mask, self.price * scarcity**self.power)
 
 
 class AdaptivePrice(Rule):
@@ -102,15 +109,11 @@ class AdaptivePrice(Rule):
     def _left(self, public: Any, price: Array) -> Array:
         """What is predicted to be left at each step, (env, H + 1), of what is there now."""
         left = np.repeat(public.energy[:, None], self.system.horizon + 1, axis=1)
-        ample = self._ample(public, len(price))
-        for here, rows in self._followed(ample, lambda here, rows: priced_choice(self, here, None, price[rows])):
-            paid = (ample.energy[rows] - here.energy) / self.thrift
+        rich = ample(self.system, public)
+        for here, rows in self._followed(rich, lambda here, rows: priced_choice(self, here, None, price[rows])):
+            paid = (rich.energy[rows] - here.energy) / self.thrift
             left[rows, here.step] = np.maximum(public.energy[rows] - paid, 0.0)
         return left
-
-    def _ample(self, public: Any, count: int) -> Any:
-        """The belief with a purse that never empties."""
-        return public._replace(energy=np.full(count, 2.0 * self.system.horizon * float(np.max(self.system.spending))))
 
     def scale(self, public: Any) -> Array:
         """The cost (env,) at the episode's end if the least is spent, for ``ahead`` steps: no look gains much more."""
@@ -127,7 +130,7 @@ class AdaptivePrice(Rule):
     def spent(self, public: Any, prices: Array) -> Array:
         """What each price (env, price) is predicted to take from a full purse to the episode's end, (env, price)."""
         count = prices.shape[1]
-        public = self._ample(trees.repeated(public, count), prices.size)
+        public = ample(self.system, trees.repeated(public, count))
         paid, held = np.zeros(prices.size), prices.ravel()
         for here, rows in self._followed(public, lambda here, rows: priced_choice(self, here, None, held[rows])):
             paid[rows] = public.energy[rows] - here.energy
@@ -175,6 +178,11 @@ class Paced(Rule):
         values = np.where(none, -np.broadcast_to(spending, gain.shape), gain)
         open_to = np.where(none, True if mask is None else mask, within)
         return self.candidates[greatest(values, open_to, spending)]
+
+
+def ample(system: Any, public: Any) -> Any:
+    """Beliefs with a purse that never empties."""
+    return public._replace(energy=np.full(len(public.step), 2.0 * system.horizon * float(np.max(system.spending))))
 
 
 def priced_choice(rule: Any, public: Any, mask: Array | None, prices: Array | None) -> Array:

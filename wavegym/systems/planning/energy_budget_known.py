@@ -38,7 +38,8 @@ class EnergyBudgetKnown(EnergyBudget):
     Description
         As wavegym/EnergyBudget-v0 with a stronger target, which is nearly always detected, and with clear and occluded
         spells that are drawn for each world and known from its first step, as of a sector that is blanked by a schedule
-        or of terrain along a planned path. The choice at a step knows whether its slot is occluded.
+        or of terrain along a planned path. The choice at a step knows whether its slot is occluded. The spells are long
+        and the account, a battery's, pays four longest pulses: each has to be placed.
 
     Rewards
         As wavegym/AgileClutter-v0: -trace(Lambda P).
@@ -59,9 +60,10 @@ class EnergyBudgetKnown(EnergyBudget):
         As wavegym/EnergyBudget-v0.
     """
 
-    reference_range: float = 70e3
-    shown: tuple[int, int] = (6, 14)
-    hidden: tuple[int, int] = (4, 10)
+    reference_range: float = 100e3
+    budget: float = 0.06
+    shown: tuple[int, int] = (8, 20)
+    hidden: tuple[int, int] = (8, 20)
     windows: tuple[tuple[int, int], ...] = ()
 
     def _check_occlusions(self) -> None:
