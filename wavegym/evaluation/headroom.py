@@ -48,7 +48,7 @@ LADDER = (
     "best-planner",
 )
 WORLDS = 200
-LONGEST = 300  # steps of which a plan is made at once
+LONGEST = 100  # steps of which a plan is made at once
 
 
 def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True) -> Comparison:

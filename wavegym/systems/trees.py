@@ -13,10 +13,19 @@ Array = NDArray[Any]
 
 def tree_map(function: Callable[..., Any], *trees: Any) -> Any:
     """Apply ``function`` to corresponding leaves of NamedTuples of one shape; None stays None."""
+    if len(trees) == 1:
+        return _each(function, trees[0])
     first = trees[0]
     if isinstance(first, tuple):
         return type(first)(*(tree_map(function, *leaves) for leaves in zip(*trees, strict=True)))
     return None if first is None else function(*trees)
+
+
+def _each(function: Callable[[Any], Any], tree: Any) -> Any:
+    """``tree_map`` of one tree: planners apply it to thousands of small ones."""
+    if isinstance(tree, tuple):
+        return type(tree)(*[_each(function, leaf) for leaf in tree])
+    return None if tree is None else function(tree)
 
 
 def stack(trees: Sequence[Any]) -> Any:
