@@ -23,7 +23,7 @@ from wavegym.evaluation.command import Parser, guarded
 from wavegym.evaluation.comparison import Comparison, compare, tuning_worlds
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
-from wavegym.evaluation.summary import versions
+from wavegym.evaluation.summary import us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.registration import SYSTEMS
@@ -88,16 +88,15 @@ def figures(comparison: Comparison) -> dict[str, Any]:
     rows = {}
     for name in comparison.played:
         rng = np.random.default_rng([comparison.root, word("bootstrap")])
-        cost, rest = comparison.cost(name), comparison.played[name]
+        cost = comparison.cost(name)
         mean = statistics.mean(cost, rng)
         ratio = statistics.difference(cost, comparison.cost(SIMPLE), rng).geometric
-        seconds, steps = (sum(float(getattr(p, key).sum()) for p in rest) for key in ("seconds", "steps"))
         rows[name] = {
             "mean": mean.value,
             "ci": mean.ci,
             "vs_simple_percent": ratio.value,
             "vs_simple_ci": ratio.ci,
-            "us_per_decision": 1e6 * seconds / steps,
+            "us_per_decision": us_per_decision(comparison, name),
         }
     return {
         "env": comparison.task.env_id,

@@ -12,6 +12,7 @@ from wavegym.errors import InputError
 from wavegym.evaluation import blocks
 from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.table import aligned, interval, number, signed
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.settled import PLANNER, SIMPLE
 
@@ -31,7 +32,8 @@ def overview(results: list[dict[str, Any]]) -> str:
     for result in results:
         policies, settled = result["policies"], result["settled"]
         cells = [_percent(policies.get(name)) for name in STEPS]
-        rows.append([_short(result), settled.get(SIMPLE, SIMPLE), *cells, _interval(policies[PLANNER]["vs_simple_ci"])])
+        ends = interval(policies[PLANNER]["vs_simple_ci"], signed)
+        rows.append([_short(result), settled.get(SIMPLE, SIMPLE), *cells, ends])
     return _table(head, rows)
 
 
@@ -45,11 +47,11 @@ def chapter(result: dict[str, Any]) -> str:
         rows.append(
             [
                 label,
-                f"{row['mean']:.4g}",
-                _interval(row["ci"], ".4g"),
+                number(row["mean"]),
+                interval(row["ci"], number),
                 _percent(row),
-                _interval(row["vs_simple_ci"]),
-                f"{row['us_per_decision']:.3g}",
+                interval(row["vs_simple_ci"], signed),
+                f"{row['us_per_decision']:.1f}",
             ]
         )
     head = ["policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision"]
@@ -74,16 +76,11 @@ def _short(result: dict[str, Any]) -> str:
 
 
 def _percent(row: dict[str, Any] | None) -> str:
-    return "" if row is None else f"{row['vs_simple_percent']:+.1f}"
-
-
-def _interval(ends: list[float] | None, form: str = "+.1f") -> str:
-    return "" if ends is None else f"{ends[0]:{form}} to {ends[1]:{form}}"
+    return "" if row is None else signed(row["vs_simple_percent"])
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return aligned([list(column) for column in zip(head, *rows, strict=True)])
 
 
 def renewed(page: str, results: list[dict[str, Any]]) -> str:

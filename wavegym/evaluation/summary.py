@@ -53,7 +53,6 @@ def _policy(comparison: Comparison, name: str, costs: dict[str, Array]) -> dict[
     against = statistics.difference(cost, costs[BASELINE], rng)
     floor = statistics.average(costs[FLOOR]) if FLOOR in costs else None
     rmse_mean = statistics.mean(rmse, rng)
-    played = comparison.played[name]
     return {
         "cost": {
             **_named("mean", "ci", mean),
@@ -69,8 +68,14 @@ def _policy(comparison: Comparison, name: str, costs: dict[str, Array]) -> dict[
         "nees": statistics.average(_matrix(comparison, name, "nees")),
         "lost": statistics.average(_matrix(comparison, name, "lost")),
         **_choices(comparison, name),
-        "us_per_decision": 1e6 * sum(m.seconds.sum() for m in played) / sum(m.steps.sum() for m in played),
+        "us_per_decision": us_per_decision(comparison, name),
     }
+
+
+def us_per_decision(comparison: Comparison, name: str) -> float:
+    """Microseconds of a policy's decision."""
+    played = comparison.played[name]
+    return 1e6 * float(sum(m.seconds.sum() for m in played) / sum(m.steps.sum() for m in played))
 
 
 def _targets(comparison: Comparison, name: str) -> dict[str, Any]:

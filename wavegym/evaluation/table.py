@@ -1,4 +1,4 @@
-"""A summary as a Markdown table, with its columns aligned for a terminal."""
+"""Results as Markdown tables, with their columns aligned for a terminal."""
 
 from __future__ import annotations
 
@@ -25,29 +25,34 @@ def markdown(summary: dict[str, Any]) -> str:
     ordered = sorted(summary["policies"].items(), key=lambda item: _or_last(item[1]["cost"]["mean"]))
     columns = [list(column) for column in zip(HEADERS, *(_row(name, p) for name, p in ordered), strict=True)]
     shown = [column for column in columns if any(column[1:])]
-    widths = [max(map(len, column)) for column in shown]
-    lines = [_line(row, widths) for row in zip(*shown, strict=True)]
-    rule = "|".join(["", ":" + "-" * (widths[0] + 1), *("-" * (w + 1) + ":" for w in widths[1:]), ""])
     settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
     worlds = f"{summary['worlds']} world{'s' * (summary['worlds'] > 1)}"
     title = f"{summary['env']}{settings}: {worlds}, seed {summary['seed']}"
-    return "\n".join([title, "", lines[0], rule, *lines[1:]])
+    return f"{title}\n\n{aligned(shown)}"
+
+
+def aligned(columns: list[list[str]]) -> str:
+    """A table of columns, each under its heading: the first to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in columns]
+    lines = [_line(row, widths) for row in zip(*columns, strict=True)]
+    rule = "|".join(["", ":" + "-" * (widths[0] + 1), *("-" * (w + 1) + ":" for w in widths[1:]), ""])
+    return "\n".join([lines[0], rule, *lines[1:]])
 
 
 def _row(name: str, policy: dict[str, Any]) -> tuple[str, ...]:
     cost, against = policy["cost"], policy["vs_myopic"]
     return (
         name,
-        _number(cost["mean"]),
-        _range(cost["ci"], _number),
+        number(cost["mean"]),
+        interval(cost["ci"], number),
         signed(against["percent"]),
-        _range(against["ci"], signed),
+        interval(against["ci"], signed),
         signed(against["geometric_percent"]),
-        _range(against["geometric_ci"], signed),
+        interval(against["geometric_ci"], signed),
         "" if policy["score"] is None else f"{policy['score']:.3f}",
-        _number(policy["rmse"]["mean"]),
-        _number(policy["nees"]),
-        _number(policy["lost"]),
+        number(policy["rmse"]["mean"]),
+        number(policy["nees"]),
+        number(policy["lost"]),
         f"{policy['us_per_decision']:.1f}",
     )
 
@@ -57,7 +62,7 @@ def _line(cells: tuple[str, ...], widths: list[int]) -> str:
     return f"| {' | '.join(padded)} |"
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
     """Four digits, and no exponent where four or five places will do."""
     if value is None:
         return ""
@@ -73,7 +78,8 @@ def signed(percent: float | None) -> str:
     return f"{rounded:+.{digits}f}" if rounded else "0"
 
 
-def _range(ci: list[float] | None, shown: Any) -> str:
+def interval(ci: list[float] | None, shown: Any) -> str:
+    """Both ends, each as ``shown`` writes it; nothing of no interval."""
     return "" if ci is None else f"{shown(ci[0])} to {shown(ci[1])}"
 
 

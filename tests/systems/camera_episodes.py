@@ -1,0 +1,28 @@
+"""Episodes of the camera that has to turn."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracles
+
+SETTLES = (0, 1, 3)
+OPEN: dict = {"shown": (10_000, 10_000), "hidden": (0, 0)}  # nothing hides
+
+
+def wrap(angle):
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def azimuth(system, mean):
+    """Of every target one step ahead, from the camera, (env, target)."""
+    x = mean @ system.transition.T
+    return np.arctan2(x[..., 0] - system.platforms[0][0], x[..., 2] - system.platforms[0][1])
+
+
+def later(system, count, steps, seed=0):
+    """A batch some drawn choices on, and its tapes."""
+    worlds, rng = oracles.worlds(system, count), np.random.default_rng(seed)
+    state = system.begin(worlds)
+    for _ in range(steps):
+        state = system.advance(state, rng.integers(system.targets, size=count), worlds)
+    return state, worlds
