@@ -13,9 +13,11 @@ from wavegym.evaluation.command import Parser, settings
 
 POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,
 myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:closed-form,
-myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action=box), myopic-information (also with
-:slsqp or :polish), myopic-margin:M, lookahead:H, optimum, or the folder of a trained run (or of several runs, one for
-each seed)"""
+myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action=box), myopic-information,
+myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; rules whose constants are
+tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, until-seen, priced, adaptive-price, paced,
+best-simple (the best of them); planners that simulate futures: rollout:H, tree:H, beam:W, mcts:N, replan, plan-once,
+best-planner; or the folder of a trained run (or of several runs, one for each seed)"""
 
 # What `compare` takes besides parameters of the environment, and where a user says it.
 COMPARISON = {

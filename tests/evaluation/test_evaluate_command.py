@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import types
@@ -12,6 +13,7 @@ import pytest
 
 import evaluate
 from wavegym.schedulers import Fixed
+from wavegym.schedulers.names import FORMS
 
 ROOT = Path(evaluate.__file__).parent
 QUICK = ["--worlds", "3", "--jobs", "1", "--set", "horizon=4"]
@@ -23,6 +25,13 @@ def run(out, *arguments):
 
 def policies(out):
     return json.loads((out / "summary.json").read_text())["policies"]
+
+
+def test_help_names_every_policy(capsys):
+    with pytest.raises(SystemExit):
+        evaluate.main(["--help"])
+    listed = set(re.split(r"[\s,;()]+", " ".join(capsys.readouterr().out.split()).replace("- ", "-")))
+    assert set(FORMS) <= listed
 
 
 @pytest.mark.parametrize("env_id", ["KershawEvansPosition-v0", "wavegym/KershawEvansPosition-v0"])
