@@ -188,14 +188,15 @@ class EnergyBudget(AgileClutter):
 
     def _transmitted(self, used: Array, sight: Array) -> Pulse:
         """What actions (env, candidate) transmit in slots clear with chance ``sight`` (env, 1 or candidate)."""
-        options = self.menu.actions.indices.take(used, axis=0)
-        chance = (sight[..., None] * (options > 0))[..., None].repeat(len(self.starts), axis=-1)
-        return Pulse(self.menu.unit_covariances.take(options, axis=0), self.menu.strength.take(options), chance)
+        C, strength, looked = (a.take(used, axis=0) for a in self._everything)
+        return Pulse(C, strength, sight[..., None, None] * looked)
 
     @cached_property
     def _everything(self) -> tuple[Array, ...]:
         """What every candidate transmits in clear slots, each (candidate, ...)."""
-        return tuple(a[0] for a in self._transmitted(self.menu.candidates[None], np.ones((1, 1))))
+        options = self.menu.actions.indices
+        looked = np.repeat((options > 0)[..., None], len(self.starts), axis=2).astype(np.float64)
+        return self.menu.unit_covariances[options], self.menu.strength[options], looked
 
     @property
     def chances(self) -> tuple[int, ...]:  # type: ignore[override]
