@@ -21,7 +21,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from wavegym.errors import InputError, choice
-from wavegym.evaluation import compare, write_report
+from wavegym.evaluation import blocks, compare, write_report
 from wavegym.evaluation.command import Parser, guarded, settings
 
 ROOT = Path(__file__).parents[1]
@@ -130,18 +130,10 @@ def run(name: str, studies: dict[str, Study], jobs: int) -> str:
     comparison = compare(study.env, policies, worlds=study.worlds, jobs=jobs, **study.parameters())
     table = write_report(comparison, FOLDER / name)
     shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), name, table), encoding="utf-8")
-    return table
-
-
-def filled(page: str, name: str, text: str) -> str:
-    """``page`` with ``text`` between the marks ``<!-- name:begin -->`` and ``<!-- name:end -->``."""
+    page = PAGE.read_text(encoding="utf-8")
     begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-    head, found, rest = page.partition(begin)
-    _, closed, tail = rest.partition(end)
-    if not found or not closed:
-        raise InputError(f"{PAGE.name} has no place for {name!r}, expected the marks {begin} and {end}")
-    return f"{head}{begin}\n\n{text.strip()}\n\n{end}{tail}"
+    PAGE.write_text(blocks.renewed(page, begin, end, table.strip()), encoding="utf-8")
+    return table
 
 
 def main() -> None:

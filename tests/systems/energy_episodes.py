@@ -25,7 +25,7 @@ def at_random(system, seed=0):
 
 
 def beliefs(system, count=4, steps=(0, 5, 30)):
-    """Public states of episodes in which little is spent, so that all actions can be paid."""
+    """Public states of episodes in which little is spent, so that all actions can be paid from .27 a step."""
     rng = np.random.default_rng(1)
     played = states(system, oracles.worlds(system, count, 1), lambda p: rng.choice([0, 1, 4], size=len(p.step)))
     return [played[k].public for k in steps]
