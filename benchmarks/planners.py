@@ -14,7 +14,9 @@ from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.rules.price import Priced
 from wavegym.systems.contract import System
 from wavegym.systems.kershaw_evans import KershawEvansPosition
+from wavegym.systems.planning.camera_slew import CameraSlew
 from wavegym.systems.planning.energy_budget import EnergyBudget
+from wavegym.systems.planning.sector_setup import SectorSetup
 
 
 class Decision(NamedTuple):
@@ -56,12 +58,17 @@ def run() -> dict[str, list[Decision]]:
 
 
 def rollouts() -> dict[str, list[Decision]]:
-    """Rollouts of 16 candidates for 10 steps, on a base that looks at nothing and on one that prices candidates."""
-    system = EnergyBudget()
-    bases: dict[str, Policy] = {"a fixed choice": Fixed(0), "priced": Priced(1e3, 8)}
+    """Rollouts of at most 16 candidates for 10 steps of one future, on a base that looks at nothing."""
+    named: dict[str, tuple[System, Policy]] = {
+        "KershawEvansPosition, 16 candidates of 56": (KershawEvansPosition(), Fixed(0)),
+        "CameraSlew, 4 candidates": (CameraSlew(), Fixed(0)),
+        "SectorSetup, 8 candidates": (SectorSetup(), Fixed(0)),
+        "EnergyBudget, 16 candidates": (EnergyBudget(), Fixed(0)),
+        "EnergyBudget, 16 candidates, on `priced`": (EnergyBudget(), Priced(1e3, 8)),
+    }
     return {
-        f"rollout:10 on {name}, one future": [
-            measure(RolloutPlanner(base, 10, futures=1), batch, system) for batch in (1, 64)
+        f"rollout:10, {name}": [
+            measure(RolloutPlanner(base, 10, futures=1, shortlist=16), batch, system) for batch in (1, 64)
         ]
-        for name, base in bases.items()
+        for name, (system, base) in named.items()
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Literal
 
@@ -211,27 +212,24 @@ class AgileClutter(SensorAfterSensor):
         """
         several = actions.ndim == (2 if self.action == "joint" else 3)
         pulse = self.pulse(public, actions if several else actions[:, None])
-        if outcome is not None and not several:
-            outcome = outcome[:, None]
-        ahead = self._imagine(public, pulse, max(a.shape[1] for a in pulse), outcome)
-        return ahead if several else trees.tree_map(lambda leaf: leaf[:, 0], ahead)
-
-    def _imagine(self, public: Public, pulse: Pulse, candidates: int, outcome: Array | None) -> Public:
-        """``imagine`` with any pulse, (env, candidate, ...), for systems that add a resource."""
-        shape = (len(public.step), candidates)
-        draws = -self._everywhere[1][0]  # negative: none
+        shape = (len(public.step), max(a.shape[1] for a in pulse))
         if outcome is not None:
-            each = self._everywhere[1].shape[2:]
-            full = outcome if outcome.shape == shape + each else np.broadcast_to(outcome, shape + each)
-            draws = np.ascontiguousarray(full, float).reshape(-1, *each)
-        many = candidates > 1
-        step, mean, covariance = (a.repeat(candidates, 0) if many else np.ascontiguousarray(a) for a in public[:3])
+            full = shape + self._everywhere[1].shape[2:]
+            outcome = np.broadcast_to(outcome if several else outcome[:, None], full).reshape(-1, *full[2:])
+        many = trees.repeated(public._replace(particles=None), shape[1]) if several else public
+        ahead = self._imagine(many, pulse.rows(shape), outcome)
+        return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), ahead) if several else ahead
+
+    def _imagine(self, public: Any, pulse: Sequence[Array], draws: Array | None) -> Public:
+        """``imagine`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
+        draws = -self._everywhere[1][0] if draws is None else np.ascontiguousarray(draws)  # negative: none
+        step, mean, covariance = map(np.ascontiguousarray, public[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         foresight.imagine(
-            step, mean, covariance, pulse.rows(shape), draws, self._targets, *self._model, self._radar,
-            reduction_table(), x, P, NN
+            step, mean, covariance, tuple(pulse), draws, self._targets, *self._model, self._radar, reduction_table(),
+            x, P, NN
         )  # fmt: skip
-        return Public((step + 1).reshape(shape), x.reshape(*shape, -1, 4), P.reshape(*shape, -1, 4, 4), None)
+        return Public(step + 1, x, P, None)
 
     def pulse(self, public: Public, actions: Array) -> Pulse:
         """What ``actions`` (env or 1, candidate, ...) transmit: here every sensor looks at all targets."""

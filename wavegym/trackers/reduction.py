@@ -40,7 +40,7 @@ def information_reduction(pd: ArrayLike, clutter: ArrayLike) -> Array:
         InputError: pd outside [0, 1], or clutter negative or not finite.
     """
     shape, p, n = _checked(pd, clutter)
-    return np.asarray(reduction(p.ravel(), n.ravel(), *_table())).reshape(shape)
+    return np.asarray(reduction(p.ravel(), n.ravel(), *reduction_table())).reshape(shape)
 
 
 def fitted_information_reduction(pd: ArrayLike, clutter: ArrayLike) -> Array:
@@ -55,15 +55,14 @@ def fitted_information_reduction(pd: ArrayLike, clutter: ArrayLike) -> Array:
     return np.asarray(np.divide(0.997 * p * power, scale, out=np.zeros(shape), where=scale > 0.0))
 
 
-def reduction_table() -> tuple[Array, Array, Array]:
-    """Writeable copies of the table as ``reduction_one`` takes it: pd (p,), log clutter (n,), log f (p, n)."""
-    pd, log_clutter, table = _table()
-    return pd.copy(), log_clutter.copy(), table.copy()
-
-
 @lru_cache(maxsize=1)
-def _table() -> tuple[Array, Array, Array]:
-    """The shipped values of q2 turned into log f, with the limit at Pd = 0 as the first row."""
+def reduction_table() -> tuple[Array, Array, Array]:
+    """The shipped values of q2 turned into log f, as ``reduction_one`` takes them, with the limit at Pd = 0 first.
+
+    Returns:
+        pd (p,), log clutter (n,), log f (p, n): one set for all callers, writeable as compiled code wants it, and not
+        to be written.
+    """
     rows = np.loadtxt(TABLE, delimiter=",", skiprows=1)
     clutter = np.array(TABLE.read_text("utf-8").split("\n", 1)[0].split(",")[1:], np.float64)
     pd, q2 = rows[:, :1], rows[:, 1:]

@@ -67,17 +67,15 @@ class Futures:
         envs, count = len(public.step), 1 if plans is None else plans.shape[1]
         futures = 1 if draws is None else draws.shape[2]
         chunk = max(1, ROWS // (count * futures))
+        if envs <= chunk:
+            return self._followed(public, plans, settled, draws).reshape(-1, count, futures)
         parts = []
         for at in range(0, envs, chunk):
             part = slice(at, at + chunk)
-            parts.append(
-                self._followed(
-                    trees.tree_map(lambda leaf, part=part: leaf[part], public),
-                    None if plans is None else plans[part],
-                    None if settled is None else settled[part],
-                    None if draws is None else draws[:, part],
-                ).reshape(-1, count, futures)
+            here, its_plans, its_settled = (
+                trees.tree_map(lambda leaf, part=part: leaf[part], each) for each in (public, plans, settled)
             )
+            parts.append(self.costs(here, its_plans, its_settled, None if draws is None else draws[:, part]))
         return np.concatenate(parts)
 
     def nominal(self, public: Any, plan: Array | None, settled: Array | None) -> Array:
@@ -105,6 +103,7 @@ class Futures:
         futures = 1 if draws is None else draws.shape[2]
         each, steps = count * futures, 0 if plans is None else plans.shape[2]
         live = np.arange(envs * each)  # rows whose episode goes on
+        env, future = live // each, live % futures
         here = trees.repeated(public, each)
         held = None if settled is None else np.repeat(settled, each, axis=0)
         total = np.zeros(envs * each)
@@ -112,16 +111,12 @@ class Futures:
             over = self.system.ended(here)
             if over.any():
                 live, here = live[~over], trees.take(here, ~over)
+                env, future = live // each, live % futures
                 held = None if held is None else held[~over]
             if not len(live):
                 return total
-            action = None
-            if plans is not None and t < steps:
-                action = np.repeat(plans[:, :, t].reshape(envs * count, *plans.shape[3:]), futures, axis=0)[live]
-            outcome = None
-            if draws is not None:
-                outcome = draws[t, live // each, live % futures]
-            here = self._step(here, action, held, outcome)
+            action = None if plans is None or t >= steps else plans[env, live // futures % count, t]
+            here = self._step(here, action, held, None if draws is None else draws[t, env, future])
             total[live] += self.system.cost(here)
         if self._has_leftover:
             total[live] += np.where(self.system.ended(here), 0.0, self.base.leftover(here, held))
@@ -157,11 +152,12 @@ def significant(costs: Array, base: Array, errors: float) -> Array:
         base: of the base in the same futures, (env, 1, future).
         errors: standard errors of the mean paired gain.
     """
-    with np.errstate(invalid="ignore"):
-        gain = base - costs
-        bound = gain.mean(axis=2)
-        futures = gain.shape[2]
-        if futures > 1:
-            bound = bound - errors * gain.std(axis=2, ddof=1) / np.sqrt(futures)
+    gain = base - costs
+    futures = gain.shape[2]
+    if futures > 1:
+        with np.errstate(invalid="ignore"):
+            bound = gain.mean(axis=2) - errors * gain.std(axis=2, ddof=1) / np.sqrt(futures)
+    else:
+        bound = gain[:, :, 0]
     bound = np.where(np.isfinite(bound), bound, -np.inf)
     return np.where(bound.max(axis=1) > 0.0, bound.argmax(axis=1), -1)

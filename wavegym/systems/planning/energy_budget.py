@@ -31,8 +31,6 @@ from wavegym.systems.several_targets import Pulse
 from wavegym.trackers.reduction import reduction_table
 
 Array = NDArray[Any]
-
-NOW = np.zeros((1, 1), np.int64)  # no wait, of any environment and candidate
 WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
 
 
@@ -172,22 +170,37 @@ class EnergyBudget(AgileClutter):
     def _lived(self, public: Any, world: World) -> tuple[Array, Array]:
         """Whether the slot ahead is clear, (env,) bool, and what is public of the occlusions after it."""
         draw = world.occlusion[np.arange(len(public.step)), public.step]
-        is_clear = draw < self._sight(public, NOW)[:, 0]
+        is_clear = draw < self._clear(public)
         return is_clear, (~is_clear).astype(np.float64)
+
+    def _clear(self, public: Any) -> Array:
+        """Chance that the slot ahead is clear, (env,)."""
+        after_clear, after_occluded = self._onset
+        sight: Array = after_clear + (after_occluded - after_clear) * public.occluded
+        return sight
 
     def _sight(self, public: Any, wait: Array) -> Array:
         """Chance that the slot after ``wait`` (env, candidate) more steps is clear."""
-        usual, memory = spells(self.mean_clear, self.mean_occluded, self.horizon)
+        usual, memory = self._spells
         occluded = usual + (public.occluded[:, None] - usual) * memory[np.minimum(wait, len(memory) - 1)]
         return 1.0 - occluded
+
+    @cached_property
+    def _spells(self) -> tuple[float, Array]:
+        return spells(self.mean_clear, self.mean_occluded, self.horizon)
+
+    @cached_property
+    def _onset(self) -> tuple[float, float]:
+        """Chance that a slot after a clear one is clear, and after an occluded one."""
+        return 1.0 - 1.0 / self.mean_clear, 1.0 / self.mean_occluded
 
     def pulse(self, public: Any, actions: Array) -> Pulse:
         """What actions (env, candidate) transmit, as far as the account pays, in slots that may be clear."""
         used, _ = self.menu.account.pay(public.energy[:, None], actions)
-        return self._transmitted(used, self._sight(public, NOW))
+        return self._transmitted(used, self._clear(public)[:, None])
 
     def _transmitted(self, used: Array, sight: Array) -> Pulse:
-        """What actions (env, candidate) transmit in slots clear with chance ``sight`` (env, 1 or candidate)."""
+        """What actions (...) transmit in slots clear with chance ``sight`` (...), or shapes that broadcast."""
         C, strength, looked = (a.take(used, axis=0) for a in self._everything)
         return Pulse(C, strength, sight[..., None, None] * looked)
 
@@ -210,22 +223,28 @@ class EnergyBudget(AgileClutter):
         draws (env, *chances) or (env, candidate, *chances), detections sensor by sensor, then whether the slot is
         clear; a draw below its probability makes it happen.
         """
-        several = actions.ndim == 2
-        if not several:
-            actions, outcome = actions[:, None], None if outcome is None else outcome[:, None]
-        used, left = self.menu.account.pay(public.energy[:, None], actions)
-        sight, air, draws = self._foreseen(public, used.shape, outcome)
-        base = self._imagine(public, self._transmitted(used, sight), used.shape[1], draws)
-        ahead = self._public(base, left, air)
-        return ahead if several else trees.tree_map(lambda leaf: leaf[:, 0], ahead)
+        if actions.ndim == 1:
+            return self._imagined(public, actions, outcome)
+        shape = len(public.step), actions.shape[1]
+        rows = np.broadcast_to(actions, shape).reshape(-1)
+        if outcome is not None:
+            outcome = np.broadcast_to(outcome, shape + self.chances).reshape(-1, *self.chances)
+        ahead = self._imagined(trees.repeated(public, shape[1]), rows, outcome)
+        return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), ahead)
 
-    def _foreseen(self, public: Any, shape: tuple[int, ...], outcome: Array | None) -> tuple[Array, Array, Any]:
-        """Chance of a clear slot (env, 1 or candidate), what is public of it after, draws (..., sensor, target)."""
-        sight = self._sight(public, NOW)
+    def _imagined(self, public: Any, actions: Array, outcome: Array | None) -> Any:
+        """``imagine`` of one action (env,) each."""
+        used, left = self.menu.account.pay(public.energy, actions)
+        sight, air, draws = self._foreseen(public, outcome)
+        return self._public(self._imagine(public, self._transmitted(used, sight), draws), left, air)
+
+    def _foreseen(self, public: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
+        """Chance of a clear slot (env,), what is public of it after, draws (env, sensor, target)."""
+        sight = self._clear(public)
         if outcome is None:
-            return sight, np.repeat(1.0 - sight, shape[1], axis=1), None
-        clear = (outcome[..., -1] < sight).astype(np.float64)
-        return clear, 1.0 - clear, self._by_sensor(outcome[..., :-1])
+            return sight, 1.0 - sight, None
+        clear = (outcome[:, -1] < sight).astype(np.float64)
+        return clear, 1.0 - clear, self._by_sensor(outcome[:, :-1])
 
     def _by_sensor(self, draws: Array) -> Array:
         """Draws (..., sensor, target) of draws in a row."""

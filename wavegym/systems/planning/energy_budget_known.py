@@ -11,7 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.errors import InputError
 from wavegym.systems.contract import Element
-from wavegym.systems.planning.energy_budget import NOW, EnergyBudget
+from wavegym.systems.planning.energy_budget import EnergyBudget
 from wavegym.systems.planning.energy_state import World
 from wavegym.systems.planning.windows import alternating_windows, given_windows, window_draws
 
@@ -91,6 +91,10 @@ class EnergyBudgetKnown(EnergyBudget):
     def _lived(self, public: Any, world: World) -> tuple[Array, Array]:
         return public.visible[np.arange(len(public.step)), public.step], public.visible.copy()
 
+    def _clear(self, public: Any) -> Array:
+        slot = np.minimum(public.step, self.horizon - 1)
+        return public.visible[np.arange(len(slot)), slot].astype(np.float64)
+
     def _sight(self, public: Any, wait: Array) -> Array:
         slot = np.minimum(public.step[:, None] + wait, self.horizon - 1)
         return np.take_along_axis(public.visible, slot, axis=1).astype(np.float64)
@@ -100,10 +104,8 @@ class EnergyBudgetKnown(EnergyBudget):
         """A draw for every sensor and target, sensor by sensor: whether it is detected."""
         return (len(self.sensors) * len(self.starts),)
 
-    def _foreseen(self, public: Any, shape: tuple[int, ...], outcome: Array | None) -> tuple[Array, Array, Any]:
-        sight = self._sight(public, NOW)
-        draws = None if outcome is None else self._by_sensor(outcome)
-        return sight, np.repeat(public.visible[:, None], shape[1], axis=1), draws
+    def _foreseen(self, public: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
+        return self._clear(public), public.visible, None if outcome is None else self._by_sensor(outcome)
 
     def _air_elements(self) -> tuple[Element, ...]:
         return (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -90,7 +89,6 @@ def check_budget(system: EnergyBudget) -> None:
     within("budget", budget, least / ROUND, len(system.sensors), "a step")
 
 
-@lru_cache(maxsize=64)
 def spells(mean_clear: float, mean_occluded: float, horizon: int) -> tuple[float, Array]:
     """Share of occluded slots in the long run, and how much of what is known now counts after 1, 2, ... slots.
 
