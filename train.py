@@ -53,7 +53,7 @@ def train(arguments: Sequence[str] | None) -> None:
     chosen = load_settings(env_id, options.algo, changes, settings(options.environment))
     plan = Plan(env_id, options.algo, options.seed, chosen)
     run(plan, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
-    print(f"written to {options.out}: policy.zip, run.json, curve.csv")
+    print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
     if chosen.environment:
         same = " ".join(f"{name}={value}" for name, value in chosen.environment.items())
         print(f"trained with {same}: evaluate.py takes the same as --set {same}")

@@ -4,30 +4,38 @@ from __future__ import annotations
 
 import dataclasses
 import io
+from typing import Any
 
 import numpy as np
 import torch
 from gymnasium import spaces
+from sb3_contrib import MaskablePPO
+from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
 from agents.plan import Plan
-from agents.runs import MODELS
+from agents.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
+from agents.settings import PPOSettings, Settings
 from wavegym.envs.sb3 import SB3VecEnv
 from wavegym.errors import InputError
 from wavegym.evaluation import training_seeds
 
 ROOT = 0  # of the training worlds' seeds; test worlds differ from them whatever their root is
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-TRANSLATED = (
-    "steps",
-    "num_envs",
-    "reward",
-    "network",
-    "activation",
-    "learning_rate",
-    "environment",
-)  # the rest is SB3's
+# Settings that are not Stable-Baselines3's own.
+OURS = (
+    *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
+    *("masks", "teacher", "lessons", "rounds", "lesson_epochs", "warm_up"),
+)
+POLICIES = {PPO: ScorerPolicy, MaskablePPO: MaskableScorerPolicy, DQN: ScorerDQNPolicy}
+
+
+def model_class(settings: Settings) -> type[BaseAlgorithm]:
+    """The algorithm that these settings are for."""
+    if not isinstance(settings, PPOSettings):
+        return DQN
+    return MaskablePPO if settings.masks else PPO
 
 
 def build_model(plan: Plan) -> BaseAlgorithm:
@@ -36,25 +44,40 @@ def build_model(plan: Plan) -> BaseAlgorithm:
     Raises:
         InputError: a setting that the environment does not know, or actions that the algorithm cannot choose.
     """
-    settings = plan.settings
-    env = SB3VecEnv(plan.env, settings.num_envs, reward=settings.reward, **settings.environment)
-    own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in TRANSLATED}
-    if plan.algo == "dqn":
+    settings, algorithm = plan.settings, model_class(plan.settings)
+    env = _environments(plan, settings.num_envs)
+    own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in OURS}
+    if algorithm is DQN:
         own["train_freq"] = 1
-        if not isinstance(env.action_space, spaces.Discrete):
-            wanted = "a finite library, the joint one where there are several sensors (or --algo ppo)"
-            raise InputError(f"dqn cannot choose from {env.action_space}, expected {wanted}")
-    model = MODELS[plan.algo](
-        "MlpPolicy",
+    network = {"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]}
+    policy: Any = "MlpPolicy"
+    if settings.policy == "scorer":
+        policy = POLICIES[algorithm]
+        elements = len(env.get_attr("system", 0)[0].elements)
+        network["layout"] = Layout.of(env.observation_space, env.action_space, elements)  # type: ignore[arg-type]
+    model = algorithm(
+        policy,
         env,
         learning_rate=LinearSchedule(settings.learning_rate, 0.0, 1.0),
-        policy_kwargs={"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]},
+        policy_kwargs=network,
         seed=plan.seed,
         device="cpu",
         **own,
     )
     env.seed(training_seeds(ROOT, plan.seed, settings.num_envs))
     return model
+
+
+def _environments(plan: Plan, count: int) -> SB3VecEnv:
+    """A batch of the plan's environments; InputError where the algorithm or the policy cannot choose there."""
+    settings = plan.settings
+    env = SB3VecEnv(plan.env, count, reward=settings.reward, forecasts=settings.forecasts, **settings.environment)
+    if not isinstance(env.action_space, spaces.Discrete):
+        for name, asked in (("dqn", plan.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
+            if asked:
+                wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
+                raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
+    return env
 
 
 def try_out(plan: Plan) -> None:
@@ -65,7 +88,7 @@ def try_out(plan: Plan) -> None:
             reward that its system cannot give.
     """
     settings = plan.settings
-    env = SB3VecEnv(plan.env, 1, reward=settings.reward, **settings.environment)
+    env = _environments(plan, 1)
     env.seed(training_seeds(ROOT, plan.seed, 1))
     env.action_space.seed(0)
     try:

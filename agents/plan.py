@@ -15,7 +15,7 @@ from agents.runs import CONTENTS, PLAN
 from agents.settings import Settings
 from wavegym.errors import InputError
 
-PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3")
+PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3", "sb3-contrib")
 
 
 @dataclasses.dataclass(frozen=True)

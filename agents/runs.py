@@ -6,72 +6,28 @@
     checkpoints/   the last two, while training lasts and after
     tensorboard/   for ``tensorboard --logdir``
     curve.csv      steps, episodes, mean episode cost
-    policy.zip     Stable-Baselines3's own file: load it only from people you trust, it can hold code
+    policy.npz     the trained network in plain NumPy: what is played
+    model.zip      Stable-Baselines3's own file, to train on: load it only from people you trust, it can hold code
     run.json       written last: what was trained on what; a folder without it holds no finished run
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import torch
-from numpy.typing import NDArray
-from stable_baselines3 import DQN, PPO
-from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.policies import BasePolicy
-
+from agents.networks import LearnedPolicy, Network
 from agents.records import difference, read_run
 from wavegym.errors import InputError, choice
 from wavegym.schedulers import Policy
 from wavegym.systems.contract import System
 from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 
-Array = NDArray[Any]
-
-PLAN, RUN, POLICY, CURVE = "plan.json", "run.json", "policy.zip", "curve.csv"
+PLAN, RUN, POLICY, MODEL, CURVE = "plan.json", "run.json", "policy.npz", "model.zip", "curve.csv"
 CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
-CONTENTS = (PLAN, RUN, POLICY, CURVE, CHECKPOINTS, BOARD)
+CONTENTS = (PLAN, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
 LEARNER = ("env", "algo", "settings")  # what training seeds of one learner have in common
-MODELS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "dqn": DQN}
-
-
-class LearnedPolicy:
-    """A trained network as a policy: deterministic, a batch at a time.
-
-    Args:
-        network: a policy of Stable-Baselines3's PPO or DQN.
-    """
-
-    def __init__(self, network: BasePolicy) -> None:
-        self.network = network
-
-    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. One thread: for networks of this size a second one only costs."""
-        torch.set_num_threads(1)
-
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``: the likeliest action, or the one of highest value, among those allowed."""
-        if observation is None:
-            raise InputError("a learned policy was shown no observation, expected an environment's")
-        if mask is None:
-            return self.network.predict(observation, deterministic=True)[0]
-        return np.argmax(np.where(mask, self._scores(observation), -np.inf), axis=1)
-
-    def _scores(self, observation: Array) -> Array:
-        """Q values or log probabilities, (env, actions)."""
-        network: Any = self.network
-        with torch.no_grad():
-            inputs, _ = network.obs_to_tensor(observation)
-            scores = (
-                network.q_net(inputs)
-                if hasattr(network, "q_net")
-                else network.get_distribution(inputs).distribution.logits
-            )
-        return scores.numpy()
 
 
 def signature(system: System) -> dict[str, Any]:
@@ -133,14 +89,13 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
         raise InputError(f"training in {str(folder)!r} is unfinished, expected {RUN}; finish it with train.py --resume")
     run = read_run(folder / RUN)
     _check_same(folder, run, env_id, system)
-    model = MODELS[choice(f"algo in {folder / RUN}", run["algo"], MODELS)]
+    choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
     content = read_policy(folder, run)
     try:
-        # seed=None: loading must not seed the global generators.
-        return LearnedPolicy(model.load(io.BytesIO(content), device="cpu", seed=None).policy)
-    except Exception as error:  # unpickling foreign bytes can raise anything
+        return LearnedPolicy(Network.from_bytes(content), bool(run["settings"].get("forecasts", False)))
+    except (ValueError, KeyError, OSError) as error:
         text = f"{type(error).__name__}: {error}"
-        raise InputError(f"{folder / POLICY} is no {run['algo']} policy that can be loaded: {text}") from error
+        raise InputError(f"{folder / POLICY} is no policy that can be loaded: {text}") from error
 
 
 def read_policy(folder: Path, run: dict[str, Any]) -> bytes:

@@ -19,6 +19,7 @@ from wavegym.registration import list_envs
 SHELL = {
     "num_envs": "--set num_envs=N",
     "reward": "--set reward=NAME",
+    "forecasts": "--set forecasts=true",
     "autoreset_mode": "none: training needs SameStep",
     "render_mode": "none: training shows nothing",
     "vectorization_mode": "none: training uses the native batch",
@@ -31,6 +32,7 @@ SHELL = {
 FILE = Path(__file__).with_name("settings.toml")
 
 Count = Annotated[int, Field(ge=1)]
+NonNegativeCount = Annotated[int, Field(ge=0)]
 Several = Annotated[int, Field(ge=2)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -45,7 +47,9 @@ class Settings:
         steps: environment steps in a whole training, over all environments together.
         num_envs: environments in the batch.
         reward: the environment's training reward.
-        network: widths of the hidden layers.
+        forecasts: whether the observation holds forecasts of each candidate.
+        policy: "mlp", or "scorer": one network that scores every candidate alike (``agents.scorer``).
+        network: widths of the hidden layers; a scorer takes the first.
         activation: of the hidden layers.
         learning_rate: Adam's, at the start; falls linearly to 0.
         gamma: discount; 0 learns the one-step scheduler.
@@ -57,6 +61,8 @@ class Settings:
     steps: Count
     num_envs: Count
     reward: str
+    forecasts: bool
+    policy: Literal["mlp", "scorer"]
     network: tuple[Count, ...]
     activation: Literal["tanh", "relu"]
     learning_rate: Positive
@@ -71,7 +77,22 @@ class PPOSettings(Settings):
     """Proximal policy optimisation; see Stable-Baselines3's PPO. ``n_steps`` is the rollout of each environment.
 
     Advantages are divided by their standard deviation over a batch, so that one transition is too few.
+
+    Attributes:
+        masks: whether actions that are not allowed are never tried (sb3-contrib's MaskablePPO).
+        teacher: a scheduler that the actor imitates before it learns by itself; "" for none.
+        lessons: episodes in which the teacher is asked, in each round.
+        rounds: of lessons; in all but the first the learner acts and the teacher says what it would do (DAgger).
+        lesson_epochs: passes over all lessons so far, after each round.
+        warm_up: rollouts after the lessons in which the critic learns alone.
     """
+
+    masks: bool
+    teacher: str
+    lessons: Count
+    rounds: Count
+    lesson_epochs: Count
+    warm_up: NonNegativeCount
 
     batch_size: Several
     n_steps: Count
@@ -84,7 +105,13 @@ class PPOSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
 class DQNSettings(Settings):
-    """Deep Q-learning; see Stable-Baselines3's DQN. ``gradient_steps`` follow every step of the batch."""
+    """Deep Q-learning; see Stable-Baselines3's DQN. ``gradient_steps`` follow every step of the batch.
+
+    Attributes:
+        n_steps: of the returns.
+    """
+
+    n_steps: Count
 
     buffer_size: Count
     learning_starts: Count
@@ -125,6 +152,10 @@ def load_settings(
     for name in SHELL.keys() & values["environment"].keys():
         raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
     settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
+    if settings.policy == "scorer" and len(settings.network) != 1:
+        raise InputError(
+            f"network is {settings.network}, expected one width for a scorer (nearest: {settings.network[:1]})"
+        )
     if isinstance(settings, PPOSettings) and settings.n_steps * settings.num_envs < 2:
         raise InputError("n_steps times num_envs is 1, expected >= 2 transitions in a rollout (nearest: n_steps=2)")
     return settings

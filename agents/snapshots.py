@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents.models import model_bytes
-from agents.runs import MODELS
+from agents.models import model_bytes, model_class
+from agents.plan import Plan
 from wavegym.errors import InputError
 
 
@@ -36,15 +36,17 @@ def snapshot(model: BaseAlgorithm, notes: Any) -> bytes:
     return pickle.dumps(state, protocol=pickle.HIGHEST_PROTOCOL)
 
 
-def restore(algo: str, content: bytes) -> tuple[BaseAlgorithm, Any]:
+def restore(plan: Plan, content: bytes) -> tuple[BaseAlgorithm, Any]:
     """The model with its environment, ready for ``learn(reset_num_timesteps=False)``, and the notes.
 
     Raises:
-        InputError: the content is no snapshot of a run of ``algo``, or one of another version of the code.
+        InputError: the content is no snapshot of a run of this plan, or one of another version of the code.
     """
     try:
         state = pickle.loads(content)
-        model = MODELS[algo].load(io.BytesIO(state["model"]), env=state["env"], device="cpu", force_reset=False)
+        model = model_class(plan.settings).load(
+            io.BytesIO(state["model"]), env=state["env"], device="cpu", force_reset=False
+        )
         model.action_space = state["action_space"]
     except Exception as error:  # unpickling foreign bytes can raise anything
         raise InputError(f"checkpoint is no snapshot of this training: {type(error).__name__}: {error}") from error

@@ -9,14 +9,19 @@ from typing import Any
 
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.checkpoints import load_checkpoint
 from agents.curve import LearningCurve
+from agents.export import export
 from agents.keeper import Keeper, tensorboard
+from agents.lessons import WarmUp, teach
 from agents.models import build_model, model_bytes, try_out
 from agents.plan import Plan, check_same, check_unused
 from agents.records import read_run
-from agents.runs import CHECKPOINTS, CURVE, PLAN, POLICY, RUN, read_policy, signature
+from agents.runs import CHECKPOINTS, CURVE, MODEL, PLAN, POLICY, RUN, read_policy, signature
+from agents.settings import PPOSettings
 from agents.snapshots import restore
 from wavegym.errors import whole
 from wavegym.evaluation.files import write_whole
@@ -55,7 +60,7 @@ def train(plan: Plan, folder: Path, checkpoint_every: int, resume: bool = False,
         model, curve, start = build_model(plan), LearningCurve(plan.settings.num_envs), None
     else:
         start, content = saved
-        model, curve = restore(plan.algo, content)
+        model, curve = restore(plan, content)
     for half_written in folder.glob(".*.part"):
         half_written.unlink()
     _learn(plan, folder, checkpoint_every, progress, model, curve, start)
@@ -65,25 +70,32 @@ def _learn(
     plan: Plan, folder: Path, every: int, progress: bool, model: BaseAlgorithm, curve: LearningCurve, start: int | None
 ) -> None:
     """Learn from ``start`` (steps; None: the beginning) to the end, and leave the results in the folder."""
+    settings, env = plan.settings, model.get_env()
+    assert env is not None
+    system = env.get_attr("system", 0)[0]
     keeper = Keeper(plan, folder, curve, every, start, progress)
+    callbacks: list[BaseCallback] = [keeper]
+    if isinstance(settings, PPOSettings) and isinstance(model, OnPolicyAlgorithm) and settings.teacher:
+        if start is None:
+            teach(model, settings, system, plan.seed)
+        callbacks.append(WarmUp(settings.warm_up * settings.n_steps * settings.num_envs))
     with tensorboard(folder, start or 0) as logger, keeper.bar:
         model.set_logger(logger)
         model.learn(
-            plan.settings.steps - (start or 0),
-            callback=keeper,
-            log_interval=1 if plan.algo == "ppo" else plan.settings.num_envs,  # rollouts; episodes
+            settings.steps - (start or 0),
+            callback=callbacks,
+            log_interval=1 if plan.algo == "ppo" else settings.num_envs,  # rollouts; episodes
             reset_num_timesteps=start is None,
         )
     curve.close_row(model.num_timesteps, 1)
-    policy, env = model_bytes(model), model.get_env()
-    assert env is not None
+    policy = export(model.policy).to_bytes()
     run = {
         **plan.record(),
         "steps": model.num_timesteps,
         "policy_sha256": hashlib.sha256(policy).hexdigest(),
-        **signature(env.get_attr("system", 0)[0]),
+        **signature(system),
     }
-    write_whole(folder, {CURVE: curve.csv().encode(), POLICY: policy, RUN: _json(run)})
+    write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(run)})
 
 
 def _json(record: dict[str, Any]) -> bytes:

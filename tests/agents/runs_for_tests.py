@@ -49,7 +49,7 @@ def arguments(algo: str, out: Path, *more: str) -> list[str]:
 def trained_state(folder: Path) -> dict[str, np.ndarray]:
     """Weights and the optimiser's moments of a finished run."""
     run = json.loads((folder / "run.json").read_text())
-    model = {"ppo": PPO, "dqn": DQN}[run["algo"]].load(io.BytesIO((folder / "policy.zip").read_bytes()), device="cpu")
+    model = {"ppo": PPO, "dqn": DQN}[run["algo"]].load(io.BytesIO((folder / "model.zip").read_bytes()), device="cpu")
     state = {name: tensor.numpy() for name, tensor in model.policy.state_dict().items()}
     for i, moments in model.policy.optimizer.state_dict()["state"].items():
         state |= {f"{i}.{name}": torch.as_tensor(value).numpy() for name, value in moments.items()}

@@ -89,8 +89,8 @@ def test_a_finished_run_is_left_alone(unbroken: dict[str, Path], tmp_path: Path)
 
 def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
-    (folder / "policy.zip").write_bytes(b"torn")
-    with pytest.raises(InputError, match=r"policy\.zip is torn"):
+    (folder / "policy.npz").write_bytes(b"torn")
+    with pytest.raises(InputError, match=r"policy\.npz is torn"):
         train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
 
 
@@ -116,7 +116,7 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(unbroken: dict[str
 def unfinished(run: Path, folder: Path) -> Path:
     """A copy of a finished run as a kill in its last rollout would leave it."""
     shutil.copytree(run, folder)
-    for name in ("run.json", "policy.zip"):
+    for name in ("run.json", "policy.npz"):
         (folder / name).unlink()
     return folder
 
@@ -197,7 +197,7 @@ def test_a_disk_full_at_the_very_end_leaves_no_half_result(
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
 
     def full(*_: Any) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "policy.zip")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "policy.npz")
 
     with monkeypatch.context() as patch:
         patch.setattr(training, "write_whole", full)

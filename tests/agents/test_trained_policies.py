@@ -7,12 +7,13 @@ import json
 import pickle
 import random
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from runs_for_tests import ENVIRONMENT, ID, small_plan
 from stable_baselines3 import DQN, PPO
 
@@ -35,8 +36,8 @@ def rewrite(folder: Path, **changes: Any) -> None:
 
 
 def forge(folder: Path, content: bytes) -> None:
-    """Another policy.zip, with the record that vouches for it."""
-    (folder / "policy.zip").write_bytes(content)
+    """Another policy.npz, with the record that vouches for it."""
+    (folder / "policy.npz").write_bytes(content)
     rewrite(folder, policy_sha256=hashlib.sha256(content).hexdigest())
 
 
@@ -50,7 +51,7 @@ def test_a_policy_chooses_what_its_model_predicts(algo: str, unbroken: dict[str,
     (policy,) = load_policy(unbroken[algo], ID, SYSTEM)
     assert isinstance(policy, Policy)
     policy.begin(SYSTEM, 40, np.random.default_rng(0))
-    model = CLASSES[algo].load(unbroken[algo] / "policy.zip", device="cpu")
+    model = CLASSES[algo].load(unbroken[algo] / "model.zip", device="cpu")
     shown = observations()
     expected = model.predict(shown, deterministic=True)[0]
     assert (policy.act(None, shown, None) == expected).all()
@@ -112,7 +113,7 @@ def test_a_folder_of_runs_gives_all_in_order(unbroken: dict[str, Path], tmp_path
     first, second = load_policy(folder, ID, SYSTEM)
     shown = observations()
     for policy, name in ((first, "seed0"), (second, "seed1")):
-        model = PPO.load(folder / name / "policy.zip", device="cpu")
+        model = PPO.load(folder / name / "model.zip", device="cpu")
         assert (policy.act(None, shown, None) == model.predict(shown, deterministic=True)[0]).all()
 
 
@@ -150,8 +151,8 @@ def test_another_scaling_of_the_observation_is_refused(unbroken: dict[str, Path]
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda folder: (folder / "policy.zip").unlink(), "policy.zip cannot be read"),
-        (lambda folder: (folder / "policy.zip").write_bytes((folder / "policy.zip").read_bytes()[:-9]), "is torn"),
+        (lambda folder: (folder / "policy.npz").unlink(), "policy.npz cannot be read"),
+        (lambda folder: (folder / "policy.npz").write_bytes((folder / "policy.npz").read_bytes()[:-9]), "is torn"),
         (lambda folder: (folder / "run.json").unlink(), "unfinished, expected run.json"),
         (lambda folder: (folder / "run.json").write_text('{"env": '), "run.json cannot be read"),
         (lambda folder: (folder / "run.json").write_text("[]"), "holds no JSON object"),
@@ -160,7 +161,7 @@ def test_another_scaling_of_the_observation_is_refused(unbroken: dict[str, Path]
         (lambda folder: rewrite(folder, algo=["ppo"]), r"'algo' is \['ppo'\], expected str"),
         (lambda folder: rewrite(folder, observation=[1]), r"'observation' is \[1\], expected names"),
         (lambda folder: rewrite(folder, actions={"form": "box"}), "'actions.count' is missing"),
-        (lambda folder: forge(folder, b"no zip file"), "policy.zip is no ppo policy that can be loaded"),
+        (lambda folder: forge(folder, b"no zip file"), "policy.npz is no policy that can be loaded"),
         (shutil.rmtree, "is not a folder"),
         (lambda folder: (shutil.rmtree(folder), folder.mkdir()), "holds no training run"),
     ],
@@ -174,11 +175,14 @@ def test_a_damaged_run_is_named(damage: Any, message: str, unbroken: dict[str, P
     assert "\n" not in str(caught.value)
 
 
-def test_a_policy_runs_on_one_thread(unbroken: dict[str, Path]) -> None:
-    torch.set_num_threads(2)
-    (policy,) = load_policy(unbroken["ppo"], ID, SYSTEM)
-    policy.begin(SYSTEM, 1, np.random.default_rng(0))
-    assert torch.get_num_threads() == 1
+def test_a_policy_is_played_without_torch(unbroken: dict[str, Path]) -> None:
+    code = (
+        "import sys; from agents.runs import load_policy; from wavegym.evaluation import make_task;"
+        f"load_policy({str(unbroken['ppo'])!r}, {ID!r}, make_task({ID!r}, {{}}).system);"
+        "print('torch' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
 
 
 def test_a_folder_of_runs_holds_seeds_of_one_learner(unbroken: dict[str, Path], tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ INFO_AT_TIMES = {
 }
 MOST_ROWS = 100  # of a joint form's table: a longer one says nothing that its rule does not
 FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system has those it accepts
-SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps")
+SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps", "forecasts")
 
 
 def describe(id: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from wavegym.envs.observations import ObservationScaler
+from wavegym.envs.observer import Observer
 from wavegym.envs.rewards import Reward, Transition
 from wavegym.errors import InputError
 from wavegym.systems import trees
@@ -28,11 +28,12 @@ class Episodes:
         system: the closed loop.
         num_envs: how many.
         reward: what to make of a step.
+        forecasts: whether observations hold forecasts of each candidate too.
     """
 
-    def __init__(self, system: System, num_envs: int, reward: Reward) -> None:
+    def __init__(self, system: System, num_envs: int, reward: Reward, forecasts: bool = False) -> None:
         self.system, self.num_envs, self.reward = system, num_envs, reward
-        self.scaler = ObservationScaler(system.elements)
+        self.observer = Observer(system, forecasts)
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self.seeds: list[int | None] = [None] * num_envs  # -1 where a generator was given instead
         self.world: Any = None
@@ -78,7 +79,7 @@ class Episodes:
         (``check_vector_env`` finds those that do not).
         """
         system, state = self.system, self.state
-        observation, saturated = self.scaler(system.observe(state.public))
+        observation, saturated = self.observer(state.public)
         facts = {"cost": system.cost(state.public), "saturated": saturated, **system.metrics(state)}
         return observation, facts
 

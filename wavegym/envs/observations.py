@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from wavegym.envs import observation_kernels
@@ -23,7 +22,6 @@ class ObservationScaler:
     """
 
     def __init__(self, elements: tuple[Element, ...]) -> None:
-        self.space = spaces.Box(-LIMIT, LIMIT, (len(elements),), np.float32)
         self._centre = np.array([e.centre for e in elements])
         self._scale = np.array([e.scale for e in elements])
 

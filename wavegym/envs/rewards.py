@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from wavegym.errors import InputError, choice
 from wavegym.schedulers import Myopic, Policy, rollout
+from wavegym.schedulers.rules.families import FAMILIES
+from wavegym.schedulers.settled import SIMPLE, recorded, rule
 from wavegym.systems.contract import State, System
 
 Array = NDArray[Any]
@@ -93,20 +95,32 @@ class Relative:
     myopic choice optimal by construction. Where the reference's episode ends before one's own, its last cost stands.
 
     Args:
-        reference: the policy to compare with; the one-step scheduler by default.
+        reference: the policy to compare with, or the name of a rule whose constants are recorded for the system, such
+            as "best-simple"; the one-step scheduler by default.
         form: "share" 1 - cost/reference, "log" ln(reference/cost), or "difference" (reference - cost)/mean reference,
             whose sum ranks policies exactly as the cost does.
     """
 
     def __init__(
-        self, reference: Policy | None = None, form: Literal["share", "log", "difference"] = "difference"
+        self, reference: Policy | str | None = None, form: Literal["share", "log", "difference"] = "difference"
     ) -> None:
         self.reference = reference or Myopic()
+        if isinstance(reference, str):
+            choice("reference policy", reference, [SIMPLE, *FAMILIES])
         self.form = choice("form", form, ["share", "log", "difference"])
 
     def begin(self, system: System, world: Any) -> ReferenceCosts:
-        """Run the reference on these worlds."""
-        played = rollout(system, self.reference, world)
+        """Run the reference on these worlds. Raises an InputError where it is a rule that the system has no record of.
+
+        Nothing is tuned here: a reward that depends on how long somebody tuned is no reward to compare agents by.
+        """
+        reference = self.reference
+        if isinstance(reference, str):
+            if reference not in recorded(system):
+                wanted = "a system at its defaults with such a record (nearest: 'relative')"
+                raise InputError(f"reward is relative to {reference!r}, expected {wanted}")
+            reference = rule(reference, system, None)
+        played = rollout(system, reference, world)
         step = np.minimum(np.arange(played.cost.shape[1]), played.steps[:, None] - 1)
         return ReferenceCosts(np.take_along_axis(played.cost, step, axis=1), played.mean_cost)
 
@@ -124,14 +138,18 @@ class Relative:
         return reward, {"reference_cost": reference}
 
 
-REWARDS = {"trace": Cost, "log-trace": LogCost, "error": TrueError, "relative": Relative}
+REWARDS = {"trace": Cost, "log-trace": LogCost, "error": TrueError}
+RELATIVE = {"relative": "difference", "relative-log": "log", "relative-share": "share"}
 
 
 def make_reward(reward: str | Reward) -> Reward:
-    """A reward by name, or the object itself."""
+    """A reward by name, or the object itself; "relative" and its kin may name a rule: "relative-log:best-simple"."""
     if isinstance(reward, str):
-        return REWARDS[choice("reward", reward, REWARDS)]()
+        family, _, rule_name = reward.partition(":")
+        if family in RELATIVE:
+            return Relative(rule_name or None, RELATIVE[family])  # type: ignore[arg-type]
+        return REWARDS[choice("reward", reward, [*REWARDS, *RELATIVE])]()
     if not callable(reward) or not hasattr(reward, "begin"):
-        names = ", ".join(REWARDS)
+        names = ", ".join([*REWARDS, *RELATIVE])
         raise InputError(f"reward is {reward!r}, expected one of {names} or an object with begin and __call__")
     return reward

@@ -30,11 +30,14 @@ class WaveformVectorEnv(VectorEnv):
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
         num_envs: how many.
         reward: "trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "relative" (gain over the one-step
-            scheduler's own episode on the same world, divided by that episode's mean cost), "error" (minus the squared
-            true position error), or a Reward of your own.
+            scheduler's own episode on the same world, divided by that episode's mean cost), "relative-log" (ln of that
+            scheduler's cost over one's own, step by step), "relative-share" (1 - cost/reference), each also with a rule
+            in its place ("relative:best-simple"), "error" (minus the squared true position error), or a Reward of your
+            own.
         render_mode: None or "rgb_array".
         autoreset_mode: "NextStep", "SameStep" or "Disabled".
         max_episode_steps: truncate here, before the system's own end.
+        forecasts: show, after the system's own elements, what one step ahead holds for each candidate (``Forecasts``).
         **parameters: the system's parameters.
 
     Raises:
@@ -52,6 +55,7 @@ class WaveformVectorEnv(VectorEnv):
         render_mode: str | None = None,
         autoreset_mode: str = "NextStep",
         max_episode_steps: int | None = None,
+        forecasts: bool = False,
         **parameters: Any,
     ) -> None:
         self.system = build_system(system, parameters)
@@ -60,9 +64,9 @@ class WaveformVectorEnv(VectorEnv):
         self.max_episode_steps = _limit(max_episode_steps)
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.episodes = Episodes(self.system, self.num_envs, make_reward(reward))
+        self.episodes = Episodes(self.system, self.num_envs, make_reward(reward), forecasts)
         self._reader = action_reader(self.system)
-        self.single_action_space, self.single_observation_space = self._reader.space, self.episodes.scaler.space
+        self.single_action_space, self.single_observation_space = self._reader.space, self.episodes.observer.space
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False

@@ -14,7 +14,12 @@ from wavegym.errors import InputError, choice
 from wavegym.registration import list_envs
 from wavegym.systems.contract import System
 
-SHELL = ("reward", "render_mode", "autoreset_mode")  # settings of a shell: a comparison reports the cost itself
+SHELL = (
+    "reward",
+    "forecasts",
+    "render_mode",
+    "autoreset_mode",
+)  # settings of a shell: a comparison reports the cost itself
 NAMESPACE = "wavegym/"
 
 

@@ -1,0 +1,116 @@
+"""Imitation: the actor learns from a scheduler what it would do, before it learns by itself.
+
+Behaviour cloning in the first round; in later ones the learner acts and the teacher says what it would have done
+(DAgger: Ross, Gordon and Bagnell, 2011), so that the lessons hold the situations that the learner gets into.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+
+from agents.export import export
+from agents.networks import LearnedPolicy
+from agents.settings import PPOSettings
+from wavegym.envs.observer import Observer
+from wavegym.evaluation.worlds import draw_worlds, training_seeds, word
+from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.rollout import allowed
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+ROOT = word("lessons")  # of their worlds' seeds
+TUNING = 200  # worlds for a teacher that is to be tuned
+BATCH = 1024
+RATE = 2e-3  # Adam's, at the start; falls to 0
+
+
+def teach(model: OnPolicyAlgorithm, settings: PPOSettings, system: System, seed: int) -> None:
+    """Let the actor imitate ``settings.teacher``, whose constants are those recorded or tuned on training worlds.
+
+    Args:
+        model: PPO, untrained.
+        settings: what of the lessons, how many.
+        system: the closed loop.
+        seed: number of the training run.
+    """
+    seeds = training_seeds(ROOT, seed, settings.lessons * settings.rounds)
+    tuning = draw_worlds(system, training_seeds(ROOT, seed, TUNING))
+    teacher = make_policy(settings.teacher, system, tuning)
+    heard: list[tuple[Array, Array]] = []
+    for n in range(settings.rounds):
+        worlds = draw_worlds(system, seeds[n * settings.lessons : (n + 1) * settings.lessons])
+        actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else teacher
+        heard.append(lesson(system, teacher, actor, worlds, settings.forecasts))
+        observations, actions = (np.concatenate(arrays) for arrays in zip(*heard, strict=True))
+        imitate(model, observations, actions, settings.lesson_epochs, np.random.default_rng([seed, n]))
+
+
+def lesson(system: System, teacher: Policy, actor: Policy, worlds: Any, forecasts: bool) -> tuple[Array, Array]:
+    """What the teacher would do at every step of the episodes that ``actor`` plays on ``worlds``.
+
+    Returns:
+        Observations (decision, elements) and the teacher's actions (decision, ...).
+    """
+    observer, state = Observer(system, forecasts), system.begin(worlds)
+    for policy in {id(teacher): teacher, id(actor): actor}.values():
+        policy.begin(system, len(state.public.step), np.random.default_rng(0))
+    seen, told = [], []
+    while not (over := system.ended(state.public)).all():
+        mask = allowed(system, state.public)
+        observation, _ = observer(state.public)
+        right = teacher.act(state.public, observation, mask)
+        done = right if actor is teacher else actor.act(state.public, observation, mask)
+        seen.append(observation[~over])
+        told.append(right[~over])
+        state = system.advance(state, done, worlds)
+    return np.concatenate(seen), np.concatenate(told)
+
+
+def imitate(
+    model: OnPolicyAlgorithm, observations: Array, actions: Array, epochs: int, rng: np.random.Generator
+) -> None:
+    """Raise the likelihood of the teacher's actions."""
+    policy: Any = model.policy
+    seen, told = torch.as_tensor(observations), torch.as_tensor(actions)
+    optimiser = torch.optim.Adam(actor_parameters(model), lr=RATE)
+    steps = max(1, epochs * len(seen) // BATCH)
+    for step in range(steps):
+        optimiser.param_groups[0]["lr"] = RATE * (1.0 - step / steps)
+        batch = torch.as_tensor(rng.integers(len(seen), size=BATCH))
+        loss = -policy.get_distribution(seen[batch]).log_prob(told[batch]).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+
+
+def actor_parameters(model: OnPolicyAlgorithm) -> list[torch.nn.Parameter]:
+    """What chooses; all else is the critic's."""
+    return [p for name, p in model.policy.named_parameters() if "value_net" not in name]
+
+
+class WarmUp(BaseCallback):
+    """Keeps the actor as it was taught until the critic knows what that is worth.
+
+    Args:
+        steps: environment steps for which only the critic learns.
+    """
+
+    def __init__(self, steps: int) -> None:
+        super().__init__()
+        self.steps = steps
+
+    def _on_rollout_start(self) -> None:
+        is_free = self.model.num_timesteps >= self.steps
+        for parameter in actor_parameters(self.model):  # type: ignore[arg-type]
+            parameter.requires_grad_(is_free)
+
+    def _on_step(self) -> bool:
+        return True

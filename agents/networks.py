@@ -1,0 +1,110 @@
+"""Trained networks in plain NumPy: some ten microseconds a decision, and no torch.
+
+A network is a kind and its arrays, float32. ``agents.export`` makes them of Stable-Baselines3's policies.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.envs.forecasts import Forecasts
+from wavegym.errors import InputError
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+
+class Network(NamedTuple):
+    """What a policy file holds.
+
+    Attributes:
+        kind: "mlp" or "scorer".
+        activation: "tanh" or "relu".
+        heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box.
+        arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
+            ``offset``, ``middle`` and ``score`` as ``agents.scorer`` has them.
+    """
+
+    kind: str
+    activation: str
+    heads: tuple[int, ...]
+    arrays: dict[str, Array]
+
+    def outputs(self, observation: Array) -> Array:
+        """Logits, values or means (env, outputs) of observations (env, elements) float32."""
+        rectify = np.tanh if self.activation == "tanh" else _relu
+        given = self.arrays
+        layers = len([name for name in given if name.startswith("W")])
+        if self.kind == "mlp":
+            for n in range(layers - 1):
+                observation = rectify(observation @ given[f"W{n}"].T + given[f"b{n}"])
+            return observation @ given[f"W{layers - 1}"].T + given[f"b{layers - 1}"]
+        elements, (candidates, _) = given["W0"].shape[1], given["offset"].shape
+        context = observation[:, :elements]
+        for n in range(layers):
+            context = rectify(context @ given[f"W{n}"].T + given[f"b{n}"])
+        hidden = (context @ given["shared"].T + given["shared_bias"])[:, None] + given["offset"]
+        if "own" in given:
+            hidden = hidden + observation[:, elements:].reshape(len(observation), candidates, -1) @ given["own"].T
+        return (rectify(rectify(hidden) @ given["middle"].T + given["middle_bias"]) @ given["score"].T)[..., 0]
+
+    def to_bytes(self) -> bytes:
+        """As an .npz file, the same bytes for the same network."""
+        file = io.BytesIO()
+        about = {"kind": self.kind, "activation": self.activation, "heads": np.array(self.heads, np.int64)}
+        content: dict[str, Any] = {**{f"_{key}": np.asarray(value) for key, value in about.items()}, **self.arrays}
+        np.savez(file, **content)
+        return file.getvalue()
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> Network:
+        """The network of such a file. Raises ValueError, KeyError or OSError where it is none; runs no code of it."""
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        kind, activation, heads = (arrays.pop(f"_{name}") for name in ("kind", "activation", "heads"))
+        return cls(str(kind), str(activation), tuple(heads.tolist()), arrays)
+
+
+def _relu(values: Array) -> Array:
+    return np.maximum(values, 0.0)
+
+
+class LearnedPolicy:
+    """A trained network as a policy: deterministic, a batch at a time.
+
+    Args:
+        network: what was learned.
+        forecasts: whether it was shown forecasts of each candidate beside the system's own elements.
+    """
+
+    def __init__(self, network: Network, forecasts: bool = False) -> None:
+        self.network, self.forecasts = network, forecasts
+        self._foresee: Forecasts | None = None
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self._foresee = Forecasts(system) if self.forecasts else None
+        self._elements = len(system.elements)
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``: the likeliest action, or the one of highest value, among those allowed.
+
+        Forecasts that the observation lacks are made of ``public``.
+        """
+        if observation is None:
+            raise InputError("a learned policy was shown no observation, expected an environment's")
+        if self._foresee and observation.shape[1] == self._elements:
+            observation = np.concatenate([observation, self._foresee(public)], axis=1)
+        outputs, heads = self.network.outputs(observation), self.network.heads
+        if not heads:
+            return np.clip(outputs, -1.0, 1.0)
+        if mask is not None:
+            outputs = np.where(mask, outputs, -np.inf)
+        if len(heads) == 1:
+            return outputs.argmax(axis=1)
+        edges = np.cumsum(heads)[:-1]
+        return np.stack([part.argmax(axis=1) for part in np.split(outputs, edges, axis=1)], axis=1)

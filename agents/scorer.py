@@ -1,0 +1,160 @@
+"""One network that scores every candidate alike, from what is foreseen of it and from what all candidates share.
+
+A candidate's score is w' tanh(M tanh(A f + B c + e)): f its forecasts (``wavegym.envs.forecasts``), c a summary of the
+system's own observation, e an offset of its own, learned, that says which candidate it is. An MLP has to learn the same
+function once for each candidate; this learns it once for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import torch
+from gymnasium import spaces
+from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
+from torch import Tensor, nn
+
+MIDDLE = 32  # units between a candidate's features and its score
+
+
+class Layout(NamedTuple):
+    """How an observation is made up: the system's own elements, then the figures of one candidate after another."""
+
+    elements: int
+    candidates: int
+    figures: int
+
+    @classmethod
+    def of(cls, observation: spaces.Box, actions: spaces.Discrete, elements: int) -> Layout:
+        """That of an environment whose system has so many elements of its own."""
+        count = int(actions.n)
+        return cls(elements, count, (observation.shape[0] - elements) // count)
+
+
+class Scorer(nn.Module):
+    """Scores (env, candidate) of observations (env, elements + candidates * figures)."""
+
+    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.layout, self.activation = layout, activation()
+        self.context = nn.Sequential(*_layers((layout.elements, width, width), activation))
+        self.shared = nn.Linear(width, width)
+        self.own = nn.Linear(layout.figures, width, bias=False) if layout.figures else None
+        self.offset = nn.Parameter(torch.zeros(layout.candidates, width))
+        self.middle, self.score = nn.Linear(width, MIDDLE), nn.Linear(MIDDLE, 1, bias=False)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """See above."""
+        elements, candidates, figures = self.layout
+        hidden = self.shared(self.context(observation[:, :elements]))[:, None] + self.offset
+        if self.own is not None:
+            hidden = hidden + self.own(observation[:, elements:].reshape(-1, candidates, figures))
+        return self.score(self.activation(self.middle(self.activation(hidden))))[..., 0]
+
+
+class ActorAndCritic(nn.Module):
+    """What Stable-Baselines3 calls an extractor: the actor's scores, and the critic's hidden layers."""
+
+    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.latent_dim_pi, self.latent_dim_vf = layout.candidates, width
+        inputs = layout.elements + layout.candidates * layout.figures
+        self.policy_net = Scorer(layout, width, activation)
+        self.value_net = nn.Sequential(*_layers((inputs, width, width), activation))
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Scores and the critic's last hidden layer."""
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: Tensor) -> Tensor:
+        """(env, candidate)."""
+        return self.policy_net(features)
+
+    def forward_critic(self, features: Tensor) -> Tensor:
+        """(env, width)."""
+        return self.value_net(features)
+
+
+class _Scoring:
+    """Puts the scorer in the place of the MLP; the scores are the logits, nothing follows them."""
+
+    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
+        self.layout = Layout(*layout)
+        super().__init__(*args, **settings)
+
+    def _build_mlp_extractor(self) -> None:
+        own: Any = self
+        own.mlp_extractor = ActorAndCritic(self.layout, own.net_arch[0], own.activation_fn)
+
+    def _build(self, lr_schedule: Callable[[float], float]) -> None:
+        own: Any = self
+        super()._build(lr_schedule)  # type: ignore[misc]
+        own.action_net = nn.Identity()
+        nn.init.orthogonal_(own.mlp_extractor.policy_net.score.weight, 0.01)
+        own.optimizer = own.optimizer_class(own.parameters(), lr=lr_schedule(1), **own.optimizer_kwargs)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "layout": tuple(self.layout)}  # type: ignore[misc]
+
+
+class ScorerPolicy(_Scoring, ActorCriticPolicy):
+    """For PPO."""
+
+
+class MaskableScorerPolicy(_Scoring, MaskableActorCriticPolicy):
+    """For MaskablePPO."""
+
+
+class Dueling(nn.Module):
+    """Q = V + scores less their mean (Wang et al., 2016)."""
+
+    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        inputs = layout.elements + layout.candidates * layout.figures
+        self.scorer = Scorer(layout, width, activation)
+        self.value = nn.Sequential(*_layers((inputs, width, width), activation), nn.Linear(width, 1))
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """(env, candidate)."""
+        scores = self.scorer(observation)
+        return self.value(observation) + scores - scores.mean(dim=1, keepdim=True)
+
+
+class ScorerQNetwork(QNetwork):
+    """DQN's network with the scorer in the place of the MLP."""
+
+    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.layout = Layout(*layout)
+        self.q_net: Any = Dueling(self.layout, self.net_arch[0], self.activation_fn)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "layout": tuple(self.layout)}
+
+
+class ScorerDQNPolicy(DQNPolicy):
+    """For DQN."""
+
+    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
+        self.layout = Layout(*layout)
+        super().__init__(*args, **settings)
+
+    def make_q_net(self) -> QNetwork:
+        """A network; Stable-Baselines3 asks for two."""
+        settings = self._update_features_extractor(self.net_args, features_extractor=None)
+        return ScorerQNetwork(**settings, layout=self.layout).to(self.device)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "layout": tuple(self.layout)}
+
+
+def _layers(widths: tuple[int, ...], activation: type[nn.Module]) -> list[nn.Module]:
+    """Linear layers, each followed by the activation."""
+    layers: list[nn.Module] = []
+    for inputs, outputs in pairwise(widths):
+        layers += [nn.Linear(inputs, outputs), activation()]
+    return layers

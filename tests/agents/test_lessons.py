@@ -1,0 +1,86 @@
+"""Imitation: the lessons are the teacher's, the learner comes to choose as it does, and only then the actor is free."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from runs_for_tests import SMALL
+
+from agents.export import export
+from agents.lessons import WarmUp, actor_parameters, imitate, lesson, teach
+from agents.models import build_model
+from agents.networks import LearnedPolicy
+from agents.plan import Plan
+from agents.settings import PPOSettings, load_settings
+from wavegym.evaluation import make_task, training_seeds
+from wavegym.evaluation.worlds import draw_worlds
+from wavegym.schedulers import Fixed, Myopic
+from wavegym.schedulers.names import make_policy
+
+ID = "wavegym/SectorSetup-v0"
+SYSTEM = make_task(ID, {}).system
+WORLDS = draw_worlds(SYSTEM, training_seeds(9, 0, 40))
+TEACHER = make_policy("cost-of-delay", SYSTEM, None)
+
+
+def plan(**changes: Any) -> Plan:
+    own = {"policy": "scorer", "network": (32,), "forecasts": True, "masks": False}
+    return Plan(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **changes}))
+
+
+def test_a_lesson_holds_what_the_teacher_does_where_the_actor_goes() -> None:
+    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True)
+    assert seen.shape == (40 * SYSTEM.horizon, build_model(plan()).observation_space.shape[0])
+    elsewhere, corrected = lesson(SYSTEM, TEACHER, Fixed(0), WORLDS, forecasts=True)
+    assert (seen[:40] == elsewhere[:40]).all()  # the first step is the same for all
+    assert not np.allclose(seen[-40:], elsewhere[-40:])
+    assert (told[:40] == corrected[:40]).all()
+    assert len(np.unique(corrected)) > 1  # the teacher's choices, not the actor's
+
+
+def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> None:
+    model: Any = build_model(plan())
+    critic = {n: p.detach().clone() for n, p in model.policy.named_parameters() if "value_net" in n}
+    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True)
+
+    def agreement() -> float:
+        return float((LearnedPolicy(export(model.policy)).act(None, seen, None) == told).mean())
+
+    before = agreement()
+    imitate(model, seen, told, 120, np.random.default_rng(0))
+    assert before < 0.5
+    assert agreement() > 0.8
+    after = dict(model.policy.named_parameters())
+    assert critic
+    assert all(torch.equal(values, after[name]) for name, values in critic.items())
+
+
+def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same_actor() -> None:
+    chosen = plan(teacher="cost-of-delay", lessons=10, rounds=2, lesson_epochs=3)
+    assert isinstance(chosen.settings, PPOSettings)
+    networks = []
+    for _ in range(2):
+        model: Any = build_model(chosen)
+        teach(model, chosen.settings, SYSTEM, chosen.seed)
+        networks.append(export(model.policy).to_bytes())
+    assert networks[0] == networks[1]
+    assert networks[0] != export(build_model(chosen).policy).to_bytes()
+
+
+def test_the_actor_waits_for_the_critic() -> None:
+    model: Any = build_model(plan())
+    rollout = model.n_steps * model.n_envs
+    before = export(model.policy).to_bytes()
+    model.learn(4 * rollout, callback=WarmUp(4 * rollout))
+    assert export(model.policy).to_bytes() == before
+    model.learn(4 * rollout, callback=WarmUp(2 * rollout))
+    assert export(model.policy).to_bytes() != before
+    assert all(parameter.requires_grad for parameter in actor_parameters(model))
+
+
+def test_a_policy_that_reads_the_belief_alone_can_be_taught_too() -> None:
+    seen, told = lesson(SYSTEM, Myopic(), Myopic(), WORLDS, forecasts=False)
+    assert seen.shape[1] == len(SYSTEM.elements)
+    assert told.shape == (len(seen),)

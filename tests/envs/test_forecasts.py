@@ -1,0 +1,66 @@
+"""Forecasts of each candidate in the observation: what they are of the belief, and where they are not to be had."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from wavegym.envs import WaveformVectorEnv, check_vector_env
+from wavegym.envs.forecasts import FLOOR, LOOKS, Forecasts
+from wavegym.errors import InputError
+
+ALL = ["KershawEvansPosition", "CameraSlew", "SectorSetup", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown"]
+
+
+def played(name: str, steps: int = 4) -> WaveformVectorEnv:
+    env = gym.make_vec(f"wavegym/{name}-v0", num_envs=5, forecasts=True)
+    env.reset(seed=0)
+    for _ in range(steps):
+        env.step(np.argmax(env.unwrapped.action_masks(), axis=1))
+    return env.unwrapped
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_they_follow_the_systems_own_elements_and_are_what_the_system_foresees(name):
+    env = played(name)
+    system, public = env.system, env.public
+    shown, own = env.episodes.look()[0], len(system.elements)
+    assert env.single_observation_space.shape == (shown.shape[1],) == (len(env.episodes.observer.elements),)
+    assert (shown[:, :own] == WaveformVectorEnv(system, 5).episodes.observer(public)[0]).all()
+    foreseen = Forecasts(system)
+    candidates = system.candidates()
+    raw = shown[:, own:].reshape(5, len(candidates), -1).astype(np.float64)
+    figures = {f.name: raw[:, :, i] * f.scale + f.centre for i, f in enumerate(foreseen.figures)}
+    costs = np.stack([system.cost(system.imagine(public, np.full(5, c))) for c in candidates], axis=1)
+    mean = costs.mean(axis=1, keepdims=True)
+    is_free = np.abs(raw) < 10.0
+    expected = {"ln_cost_ahead": np.log(costs / mean)}
+    if hasattr(system, "gain"):
+        delay = system.delay(public)
+        expected["ln_delay"] = np.log(1.0 + delay)
+        for wait, steps in LOOKS:
+            gain = system.gain(public, delay + wait, steps) / (steps * mean)
+            expected[f"log10_gain_{wait}_{steps}"] = np.log10(FLOOR + gain)
+    if hasattr(system, "spending"):
+        expected["spending"] = np.tile(system.spending, (5, 1))
+    assert figures.keys() == expected.keys()
+    for i, (figure, values) in enumerate(expected.items()):
+        np.testing.assert_allclose(
+            figures[figure][is_free[:, :, i]], values[is_free[:, :, i]], rtol=1e-5, atol=1e-5, err_msg=figure
+        )
+        assert np.ptp(values) > 0.0 or figure == "ln_delay"
+
+
+@pytest.mark.parametrize("name", ["KershawEvansPosition", "EnergyBudgetKnown"])
+def test_the_environment_stays_a_sound_one(name):
+    check_vector_env(lambda **settings: gym.make_vec(f"wavegym/{name}-v0", forecasts=True, **settings))
+
+
+@pytest.mark.parametrize("name", ["AgileClutter", "RfEo"])
+def test_a_system_with_too_many_candidates_has_none(name):
+    with pytest.raises(InputError, match=rf"forecasts were asked for in {name}, expected one index for at most 256"):
+        gym.make_vec(f"wavegym/{name}-v0", num_envs=2, forecasts=True)
+
+
+def test_a_flag_is_wanted():
+    with pytest.raises(InputError, match=r"forecasts is 'yes', expected True or False \(nearest: True\)"):
+        gym.make_vec("wavegym/SectorSetup-v0", num_envs=2, forecasts="yes")

@@ -1,0 +1,81 @@
+"""What one step ahead holds for each candidate, as further elements of the observation.
+
+A learner sees what the analytic rules decide by: the expected cost one step on, the gain of a look, how long it takes
+to set up and what it spends. One network that scores every candidate alike can then be shared by all of them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.envs.observations import LIMIT
+from wavegym.errors import InputError
+from wavegym.schedulers.rules.base import delays
+from wavegym.systems.contract import Element, System
+from wavegym.waveforms import ParameterBox, PerSensor
+
+Array = NDArray[Any]
+
+MOST = 256  # candidates that are worth foreseeing at every step
+LOOKS = ((0, 4), (0, 16), (4, 16))  # steps that a look waits beyond its delay, and over which its gain is summed
+FLOOR = 1e-4  # share of the cost: gains below are shown as this
+
+
+class Forecasts:
+    """Figures (env, candidate * figure) float32 of a belief, candidate after candidate, scaled as observations are.
+
+    Args:
+        system: the closed loop.
+
+    Raises:
+        InputError: its actions are no finite set of at most MOST.
+    """
+
+    def __init__(self, system: System) -> None:
+        if isinstance(system.actions, (ParameterBox, PerSensor)) or len(system.candidates()) > MOST:
+            wanted = f"one index for at most {MOST} actions (nearest: forecasts=False)"
+            raise InputError(f"forecasts were asked for in {type(system).__name__}, expected {wanted}")
+        self.system: Any = system
+        self.candidates = system.candidates()
+        self.figures = self._figures()
+        self._centre, self._scale = (np.array([getattr(f, name) for f in self.figures]) for name in ("centre", "scale"))
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """The figures of every candidate, in order."""
+        labels = self.system.actions.labels
+        return tuple(f._replace(name=f"{f.name}[{label}]") for label in labels for f in self.figures)
+
+    def __call__(self, public: Any) -> Array:
+        """See above; ``public`` as policies take it."""
+        envs, count = len(public.step), len(self.candidates)
+        ahead = self.system.cost(self.system.imagine(public, np.broadcast_to(self.candidates, (envs, count))))
+        mean = ahead.mean(axis=1, keepdims=True)
+        ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0: all targets are gone
+        columns = [np.log(ahead / mean)]
+        if hasattr(self.system, "gain"):
+            delay = np.broadcast_to(delays(self.system, public), ahead.shape)
+            for wait, steps in LOOKS:
+                gain = self.system.gain(public, delay + wait, steps)
+                columns.append(np.log10(FLOOR + gain / (mean * steps)))
+            columns.append(np.log1p(delay))
+        if hasattr(self.system, "spending"):
+            columns.append(np.broadcast_to(self.system.spending, ahead.shape))
+        scaled = (np.stack(columns, axis=2) - self._centre) / self._scale
+        return np.clip(scaled, -LIMIT, LIMIT).astype(np.float32).reshape(envs, -1)
+
+    def _figures(self) -> tuple[Element, ...]:
+        """What is foreseen of a candidate."""
+        listed = [Element("ln_cost_ahead", "1", 0.0, 0.3, "expected cost one step ahead over the candidates' mean")]
+        if hasattr(self.system, "gain"):
+            for wait, steps in LOOKS:
+                late = f" {wait} steps late" if wait else ""
+                meaning = f"what its look{late} takes off the cost of {steps} steps, over that mean cost"
+                listed.append(Element(f"log10_gain_{wait}_{steps}", "log10(1)", -1.3, 1.3, meaning))
+            listed.append(Element("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps without a measurement before its look"))
+        if hasattr(self.system, "spending"):
+            listed.append(Element("spending", "1", 0.0, 1.0, "energy that it takes, in longest pulses"))
+        return tuple(listed)
