@@ -7,7 +7,9 @@ from small_systems import Burner
 from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
 from wavegym.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
+from wavegym.schedulers.names import make_policy
 from wavegym.systems.kershaw_evans import KershawEvansPosition
+from wavegym.systems.planning.sector_setup import SectorSetup
 
 SYSTEM = KershawEvansPosition(horizon=12)
 NUM_ENVS = 4
@@ -54,7 +56,7 @@ def test_error_is_minus_the_squared_true_position_error():
         assert (info["cost"] == state.public.covariance[:, 0, 0]).all()  # what is reported does not follow the reward
 
 
-@pytest.mark.parametrize("form", ["share", "log", "difference"])
+@pytest.mark.parametrize("form", ["share", "log", "difference", "scaled"])
 @pytest.mark.parametrize("reference", [Myopic(), Fixed(3)], ids=["myopic", "fixed"])
 def test_relative_compares_with_the_references_own_trajectory_on_the_same_worlds(form, reference):
     policy = Lookahead(2)
@@ -64,6 +66,7 @@ def test_relative_compares_with_the_references_own_trajectory_on_the_same_worlds
         "share": 1 - ours / theirs,
         "log": np.log(theirs / ours),
         "difference": (theirs - ours) / theirs.mean(axis=0),
+        "scaled": 1 - ours / theirs.mean(axis=0),
     }
     np.testing.assert_allclose(rewards, want[form], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose([info["reference_cost"] for info in infos], theirs, rtol=1e-12)
@@ -124,7 +127,7 @@ def test_an_unknown_reward_is_refused(reward, message):
         Relative(form="shares")
 
 
-@pytest.mark.parametrize("form", ["share", "log", "difference"])
+@pytest.mark.parametrize("form", ["share", "log", "difference", "scaled"])
 def test_after_its_own_early_end_the_reference_is_held_at_its_last_cost(form):
     env = WaveformVectorEnv(Burner(), 6, reward=Relative(RoundRobin(), form), autoreset_mode="Disabled")
     env.reset(seed=0)
@@ -137,8 +140,41 @@ def test_after_its_own_early_end_the_reference_is_held_at_its_last_cost(form):
         _, reward, _, _, info = env.step(np.zeros(6, np.int64))  # whose cost is 1
         reference, mean = np.array([costs[f][k] for f in fuel]), np.array([means[f] for f in fuel])
         np.testing.assert_allclose(info["reference_cost"], reference, rtol=1e-12)
-        want = {"share": 1 - 1 / reference, "log": np.log(reference), "difference": (reference - 1) / mean}
+        want = {
+            "share": 1 - 1 / reference,
+            "log": np.log(reference),
+            "difference": (reference - 1) / mean,
+            "scaled": 1 - 1 / mean,
+        }
         np.testing.assert_allclose(reward, want[form], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [("relative", "difference"), ("relative-log", "log"), ("relative-share", "share"), ("relative-scaled", "scaled")],
+)
+def test_a_name_says_the_form_and_the_rule_whose_constants_are_recorded(name, form):
+    system = SectorSetup()
+    given = Relative(make_policy("best-simple", system, None), form)
+    envs = [WaveformVectorEnv(system, 3, reward=reward) for reward in (f"{name}:best-simple", given, name)]
+    for env in envs:
+        env.reset(seed=1)
+    rewards = [[env.step(np.array([k % 8, 0, 5]))[1] for k in range(9)] for env in envs]
+    assert np.array_equal(rewards[0], rewards[1])
+    assert not np.array_equal(rewards[0], rewards[2])  # which is relative to the one-step scheduler
+
+
+@pytest.mark.parametrize(
+    ("system", "name", "message"),
+    [
+        (SectorSetup(), "best-simpel", "reference policy is 'best-simpel', .*did you mean 'best-simple'"),
+        (SectorSetup(horizon=30), "best-simple", "relative to 'best-simple', expected a system at its defaults"),
+        (SectorSetup(), "priced", "relative to 'priced', expected a system at its defaults with such a record"),
+    ],
+)
+def test_a_rule_without_recorded_constants_is_refused(system, name, message):
+    with pytest.raises(InputError, match=message):
+        WaveformVectorEnv(system, 2, reward=f"relative:{name}").reset(seed=0)
 
 
 def test_the_true_error_needs_its_metric():

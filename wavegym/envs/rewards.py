@@ -97,17 +97,20 @@ class Relative:
     Args:
         reference: the policy to compare with, or the name of a rule whose constants are recorded for the system, such
             as "best-simple"; the one-step scheduler by default.
-        form: "share" 1 - cost/reference, "log" ln(reference/cost), or "difference" (reference - cost)/mean reference,
-            whose sum ranks policies exactly as the cost does.
+        form: "share" 1 - cost/reference, "log" ln(reference/cost), "difference" (reference - cost)/mean reference,
+            whose sum ranks policies exactly as the cost does, or "scaled" 1 - cost/mean reference, which does too and
+            does not vary with what happened to the reference, of which a critic knows nothing.
     """
 
     def __init__(
-        self, reference: Policy | str | None = None, form: Literal["share", "log", "difference"] = "difference"
+        self,
+        reference: Policy | str | None = None,
+        form: Literal["share", "log", "difference", "scaled"] = "difference",
     ) -> None:
         self.reference = reference or Myopic()
         if isinstance(reference, str):
             choice("reference policy", reference, [SIMPLE, *FAMILIES])
-        self.form = choice("form", form, ["share", "log", "difference"])
+        self.form = choice("form", form, ["share", "log", "difference", "scaled"])
 
     def begin(self, system: System, world: Any) -> ReferenceCosts:
         """Run the reference on these worlds. Raises an InputError where it is a rule that the system has no record of.
@@ -133,13 +136,20 @@ class Relative:
             reward = np.log(reference / cost)
         elif self.form == "share":
             reward = 1.0 - cost / reference
+        elif self.form == "scaled":
+            reward = 1.0 - cost / memory.mean
         else:
             reward = (reference - cost) / memory.mean
         return reward, {"reference_cost": reference}
 
 
 REWARDS = {"trace": Cost, "log-trace": LogCost, "error": TrueError}
-RELATIVE = {"relative": "difference", "relative-log": "log", "relative-share": "share"}
+RELATIVE = {
+    "relative": "difference",
+    "relative-log": "log",
+    "relative-share": "share",
+    "relative-scaled": "scaled",
+}
 
 
 def make_reward(reward: str | Reward) -> Reward:

@@ -31,9 +31,9 @@ class WaveformVectorEnv(VectorEnv):
         num_envs: how many.
         reward: "trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "relative" (gain over the one-step
             scheduler's own episode on the same world, divided by that episode's mean cost), "relative-log" (ln of that
-            scheduler's cost over one's own, step by step), "relative-share" (1 - cost/reference), each also with a rule
-            in its place ("relative:best-simple"), "error" (minus the squared true position error), or a Reward of your
-            own.
+            scheduler's cost over one's own, step by step), "relative-share" (1 - cost/that cost), "relative-scaled" (1
+            - cost/that episode's mean cost), each of the four also with a rule in that scheduler's place, such as
+            "relative:best-simple", "error" (minus the squared true position error), or a Reward of your own.
         render_mode: None or "rgb_array".
         autoreset_mode: "NextStep", "SameStep" or "Disabled".
         max_episode_steps: truncate here, before the system's own end.
