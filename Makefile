@@ -46,7 +46,7 @@ docs: $(READY)
 	$(BIN)/python -m wavegym.envs.pages docs/environments
 	$(BIN)/mkdocs build --strict --quiet
 
-# Train what is missing and rebuild every table under results/; STUDIES="position" for one of them.
+# Train what is missing and rebuild every table under results/; STUDIES="SectorSetup" for one of them.
 results: $(READY)
 	$(BIN)/python -m agents.study $(STUDIES)
 

@@ -17,7 +17,10 @@ myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action
 myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; rules whose constants are
 tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, until-seen, priced, adaptive-price, paced,
 best-simple (the best of them); planners that simulate futures: rollout:H, tree:H, beam:W, mcts:N, replan, plan-once,
-best-planner; or the folder of a trained run (or of several runs, one for each seed)"""
+best-planner; ppo and dqn, the trained agents that come with the environment; or the folder of a trained run (or of
+several runs, one for each seed)"""
+SAVED = Path(__file__).parents[1] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.study makes them
+LEARNERS = ("ppo", "dqn")
 
 # What `compare` takes besides parameters of the environment, and where a user says it.
 COMPARISON = {
@@ -67,13 +70,17 @@ def parameters(options: Any) -> dict[str, Any]:
 
 
 def policies(names: str, env_id: str) -> dict[str, Any]:
-    """Where each policy comes from: None for a scheduler, a loader for a folder."""
+    """Where each policy comes from: None for a scheduler, a loader for a folder.
+
+    Raises:
+        InputError: two policies of one name, none at all, or a saved agent that this environment does not have.
+    """
     from wavegym.schedulers.names import is_scheduler
 
     found: dict[str, Any] = {}
     for name in filter(None, (part.strip() for part in names.split(","))):
-        folder = Path(name)
-        trained = os.sep in name or (folder.is_dir() and not is_scheduler(name))
+        folder = saved(name, env_id) if name in LEARNERS else Path(name)
+        trained = name in LEARNERS or os.sep in name or (folder.is_dir() and not is_scheduler(name))
         key = folder.resolve().name if trained else name
         if key in found:
             raise InputError(f"two policies are called {key!r}, expected different names (rename a folder)")
@@ -81,6 +88,20 @@ def policies(names: str, env_id: str) -> dict[str, Any]:
     if not found:
         raise InputError(f"--policies is {names!r}, expected at least one name, such as myopic")
     return found
+
+
+def saved(name: str, env_id: str) -> Path:
+    """The folder of the agents called ``name`` that come with an environment.
+
+    Raises:
+        InputError: there are none, the nearest way to have some named.
+    """
+    environment = env_id.rpartition("/")[2].rpartition("-v")[0]
+    folder = SAVED / environment / name
+    if not folder.is_dir():
+        wanted = f"the folder of a run (nearest: python train.py {environment}-v0 --algo {name} --out runs/{name})"
+        raise InputError(f"policy is {name!r}, of which none is saved for {env_id}, expected {wanted}")
+    return folder
 
 
 def load_trained(folder: Path, env_id: str, system: Any) -> Any:

@@ -58,6 +58,7 @@ def _scorer_arrays(scorer: Scorer) -> dict[str, Array]:
         "shared": _array(scorer.shared.weight),
         "shared_bias": _array(scorer.shared.bias),
         **own,
+        "pairs": np.array(scorer.layout.pairs, np.int64),
         "offset": _array(scorer.offset),
         "middle": _array(scorer.middle.weight),
         "middle_bias": _array(scorer.middle.bias),

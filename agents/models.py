@@ -53,8 +53,8 @@ def build_model(plan: Plan) -> BaseAlgorithm:
     policy: Any = "MlpPolicy"
     if settings.policy == "scorer":
         policy = POLICIES[algorithm]
-        elements = len(env.get_attr("system", 0)[0].elements)
-        network["layout"] = Layout.of(env.observation_space, env.action_space, elements)  # type: ignore[arg-type]
+        system = env.get_attr("system", 0)[0]
+        network["layout"] = tuple(Layout.of(env.observation_space, env.action_space, system))  # type: ignore[arg-type]
     model = algorithm(
         policy,
         env,

@@ -26,7 +26,7 @@ class Network(NamedTuple):
         activation: "tanh" or "relu".
         heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
-            ``offset``, ``middle`` and ``score`` as ``agents.scorer`` has them.
+            ``pairs``, ``offset``, ``middle`` and ``score`` as ``agents.scorer`` has them.
     """
 
     kind: str
@@ -49,7 +49,10 @@ class Network(NamedTuple):
             context = rectify(context @ given[f"W{n}"].T + given[f"b{n}"])
         hidden = (context @ given["shared"].T + given["shared_bias"])[:, None] + given["offset"]
         if "own" in given:
-            hidden = hidden + observation[:, elements:].reshape(len(observation), candidates, -1) @ given["own"].T
+            foreseen = observation[:, elements:].reshape(
+                len(observation), candidates, (observation.shape[1] - elements) // candidates
+            )
+            hidden = hidden + np.concatenate([foreseen, observation[:, given["pairs"]]], axis=2) @ given["own"].T
         return (rectify(rectify(hidden) @ given["middle"].T + given["middle_bias"]) @ given["score"].T)[..., 0]
 
     def to_bytes(self) -> bytes:

@@ -1,12 +1,14 @@
 """One network that scores every candidate alike, from what is foreseen of it and from what all candidates share.
 
-A candidate's score is w' tanh(M tanh(A f + B c + e)): f its forecasts (``wavegym.envs.forecasts``), c a summary of the
-system's own observation, e an offset of its own, learned, that says which candidate it is. An MLP has to learn the same
-function once for each candidate; this learns it once for all.
+A candidate's score is w' tanh(M tanh(A f + B c + e)): f its forecasts (``wavegym.envs.forecasts``) and what is observed
+of the targets that it looks at (``System.aims``), c a summary of the whole observation of the system, e an offset of
+its own, learned, that says which candidate it is. An MLP has to learn the same function once for each candidate; this
+learns it once for all.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -18,21 +20,46 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 from torch import Tensor, nn
 
+from wavegym.systems.contract import System
+
 MIDDLE = 32  # units between a candidate's features and its score
 
 
 class Layout(NamedTuple):
-    """How an observation is made up: the system's own elements, then the figures of one candidate after another."""
+    """How an observation is made up: the system's own elements, then the figures of one candidate after another.
+
+    Attributes:
+        elements: how many the system has.
+        candidates: how many.
+        figures: forecasts of one candidate.
+        pairs: which elements tell of the targets that a candidate looks at, (candidate, element) int; rows may be
+            empty.
+    """
 
     elements: int
     candidates: int
     figures: int
+    pairs: tuple[tuple[int, ...], ...]
 
     @classmethod
-    def of(cls, observation: spaces.Box, actions: spaces.Discrete, elements: int) -> Layout:
-        """That of an environment whose system has so many elements of its own."""
-        count = int(actions.n)
-        return cls(elements, count, (observation.shape[0] - elements) // count)
+    def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
+        """That of an environment of a system."""
+        own, count = len(system.elements), int(actions.n)
+        return cls(own, count, (observation.shape[0] - own) // count, pairs(system))
+
+
+def pairs(system: System) -> tuple[tuple[int, ...], ...]:
+    """Where the elements of a candidate's targets stand: those whose names end with the target's number from 1.
+
+    A number after it tells of one sensor, as in ``snr_2_1``.
+    """
+    if system.aims is None:
+        return ((),) * len(system.candidates())
+    of_target: dict[int, list[int]] = {}
+    for n, element in enumerate(system.elements):
+        if named := re.fullmatch(r".*?_(\d+)(_\d+)?", element.name):
+            of_target.setdefault(int(named[1]) - 1, []).append(n)
+    return tuple(tuple(n for target in aims for n in of_target[target]) for aims in system.aims.tolist())
 
 
 class Scorer(nn.Module):
@@ -43,16 +70,20 @@ class Scorer(nn.Module):
         self.layout, self.activation = layout, activation()
         self.context = nn.Sequential(*_layers((layout.elements, width, width), activation))
         self.shared = nn.Linear(width, width)
-        self.own = nn.Linear(layout.figures, width, bias=False) if layout.figures else None
+        self.register_buffer("pairs", torch.tensor(layout.pairs, dtype=torch.int64))
+        inputs = layout.figures + len(layout.pairs[0])
+        self.own = nn.Linear(inputs, width, bias=False) if inputs else None
         self.offset = nn.Parameter(torch.zeros(layout.candidates, width))
         self.middle, self.score = nn.Linear(width, MIDDLE), nn.Linear(MIDDLE, 1, bias=False)
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
-        elements, candidates, figures = self.layout
+        elements, candidates, figures, _ = self.layout
         hidden = self.shared(self.context(observation[:, :elements]))[:, None] + self.offset
         if self.own is not None:
-            hidden = hidden + self.own(observation[:, elements:].reshape(-1, candidates, figures))
+            foreseen = observation[:, elements:].reshape(len(observation), candidates, figures)
+            of_pairs: Any = self.pairs
+            hidden = hidden + self.own(torch.cat([foreseen, observation[:, of_pairs]], dim=2))
         return self.score(self.activation(self.middle(self.activation(hidden))))[..., 0]
 
 

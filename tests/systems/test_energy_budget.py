@@ -149,9 +149,9 @@ def test_the_observation_tells_what_a_planner_knows(kind):
             np.testing.assert_array_equal(seen["occluded"], system.metrics(state)["occluded"])
         elif k < 72:
             for e, row in enumerate(state.public.visible[:, k:]):
-                changes = np.flatnonzero(row != row[0])
+                changes = [*(np.flatnonzero(row[1:] != row[:-1]) + 1), FAR, FAR, FAR]
                 assert seen["occluded"][e] == (not row[0])
-                assert seen["change"][e] == min(changes[0] if len(changes) else FAR, FAR)
+                assert [seen[f"change_{n}"][e] for n in (1, 2, 3)] == [min(change, FAR) for change in changes[:3]]
                 assert seen["visible_ahead"][e] == pytest.approx(row.mean())
 
 

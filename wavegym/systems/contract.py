@@ -81,6 +81,11 @@ class System:
         return (0,)
 
     @property
+    def aims(self) -> Array | None:
+        """Which target each candidate looks at with each of its beams, (candidate, beam) int; None: at all alike."""
+        return None
+
+    @property
     def actions(self) -> Choices | PerSensor | ParameterBox:
         """The action set."""
         raise NotImplementedError

@@ -147,6 +147,11 @@ class BeamAllocation(AgileClutter):
         """Steps before each candidate's pulse does its work, (env, candidate): none, beams turn at once."""
         return np.zeros((len(public.step), len(self.menu.joint)), np.int64)
 
+    @property
+    def aims(self) -> Array:
+        """The target of each radar's beam, (candidate, radar)."""
+        return self.menu.looks.argmax(axis=2)
+
     def gain(self, public: Public, wait: Array | int, ahead: Array | int) -> Array:
         """By how much each candidate's pulses lower the summed cost of the ``ahead`` steps from the look on.
 

@@ -243,6 +243,11 @@ class CameraSlew(System):
         """
         return self._turns(public)[0]
 
+    @property
+    def aims(self) -> Array:
+        """The target that each candidate turns the camera to, (candidate, 1)."""
+        return self.candidates()[:, None]
+
     def gain(self, public: Public, wait: Array | int, ahead: int) -> Array:
         """By how much a look at each target after ``wait`` steps lowers the summed cost of the ``ahead`` from it on.
 

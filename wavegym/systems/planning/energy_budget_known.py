@@ -17,7 +17,8 @@ from wavegym.systems.planning.windows import alternating_windows, given_windows,
 
 Array = NDArray[Any]
 
-FAR = 20  # steps: a change of the occlusion further ahead is shown as this
+FAR = 40  # steps: a change of the occlusion further ahead is shown as this
+CHANGES = 3  # of the occlusion that are shown
 
 
 class Public(NamedTuple):
@@ -110,14 +111,19 @@ class EnergyBudgetKnown(EnergyBudget):
     def _air_elements(self) -> tuple[Element, ...]:
         return (
             Element("occluded", "1", 0.5, 0.5, "whether the next slot is occluded"),
-            Element("change", "steps", 5.0, 5.0, f"steps until that changes, at most {FAR}"),
+            *(
+                Element(f"change_{k}", "steps", 10.0 * k, 10.0, f"steps until that has changed {k} x, at most {FAR}")
+                for k in range(1, CHANGES + 1)
+            ),
             Element("visible_ahead", "1", 0.5, 0.3, "share of the slots still to come that are clear"),
         )
 
     def _air(self, public: Any) -> tuple[Array, ...]:
         slots, step = np.arange(self.horizon), public.step[:, None]
         now = np.take_along_axis(public.visible, np.minimum(step, self.horizon - 1), axis=1)
-        is_other = (public.visible != now) & (slots > step)
-        change = np.where(is_other.any(axis=1), is_other.argmax(axis=1) - public.step, FAR)
+        is_change = np.diff(public.visible, axis=1, prepend=public.visible[:, :1]) & (slots > step)
+        nth = np.cumsum(is_change, axis=1) * is_change
+        at = [nth == k for k in range(1, CHANGES + 1)]
+        changes = [np.where(k.any(axis=1), np.minimum(k.argmax(axis=1) - public.step, FAR), FAR) for k in at]
         ahead = (public.visible & (slots >= step)).sum(axis=1) / np.maximum(self.horizon - public.step, 1)
-        return ~now[:, 0], np.minimum(change, FAR), ahead
+        return ~now[:, 0], *changes, ahead

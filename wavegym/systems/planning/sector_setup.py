@@ -198,6 +198,11 @@ class SectorSetup(System):
         """Target and waveform of each candidate."""
         return self._split(self.candidates())
 
+    @property
+    def aims(self) -> Array:
+        """The illuminated target of each candidate, (candidate, 1)."""
+        return self._aims[0][:, None]
+
     def delay(self, public: Public) -> Array:
         """Steps without sensing before each candidate's pulse is sent, (env, candidate)."""
         target = self._aims[0]
