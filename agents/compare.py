@@ -130,4 +130,4 @@ def evaluate(arguments: Sequence[str] | None) -> None:
         **parameters(options),
     )
     print(write_report(comparison, options.out))
-    print(f"\nwritten to {options.out}: summary.json, episodes.csv, table.md, comparison.png")
+    print(f"\nwritten to {options.out}: report.html, summary.json, episodes.csv, table.md, comparison.png")

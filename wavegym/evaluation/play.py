@@ -30,13 +30,21 @@ class Played(NamedTuple):
     target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
     nees: Array  # (world,) mean over steps and the targets present
     lost: Array  # (world,) tracks lost when the episode ended
-    chosen: Array  # (world, sensor, waveform) int, how often each was transmitted; (world, 0, 0) for a box
+    choice: Array  # (world, H, sensor) int, what was transmitted; -1 past an episode's end; no sensor for a box
+    options: Array  # (world,) int, how many waveforms each sensor has; 0 for a box
     seconds: Array  # (world,) spent on decisions
 
     def episode_cost(self) -> Array:
         """Mean cost per step, (world,)."""
         ran = np.arange(self.cost.shape[1]) < self.steps[:, None]
         return np.where(ran, self.cost, 0.0).sum(axis=1) / self.steps
+
+    @property
+    def chosen(self) -> Array:
+        """How often each waveform was transmitted, (world, sensor, waveform) int; (world, 0, 0) for a box."""
+        alternatives = np.arange(self.options[0])
+        each = [(self.choice[:, :, i, None] == alternatives).sum(axis=1) for i in range(self.choice.shape[2])]
+        return np.stack(each, axis=1) if each else np.zeros((len(self.steps), 0, 0), np.int64)
 
 
 def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None = None) -> Played:
@@ -78,7 +86,9 @@ class _Account:
         self.costs: list[Array] = []
         self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
         self.square, self.nees, self.lost = _Sum(), _Sum(), np.zeros(count)
-        self.chosen = np.zeros((count, *_menu_size(task.system)), np.int64)
+        self.sensors, options = _menu_size(task.system)
+        self.options = np.full(count, options)
+        self.choices: list[Array] = []
 
     def add(self, info: dict[str, Array], ended: Array) -> None:
         """One step of every environment; only those still in their first episode count."""
@@ -88,16 +98,16 @@ class _Account:
         self.square.add(np.square(_metric(info, "position_error")), _counted(info, "position_error", on))
         self.nees.add(_metric(info, "nees"), _counted(info, "nees", on))
         self.lost[on] = _metric(info, "lost")[on].sum(axis=1)
-        if self.chosen.size:
-            rows, sensors = np.flatnonzero(on)[:, None], np.arange(self.chosen.shape[1])
-            self.chosen[rows, sensors, by_sensor(self.actions, info["waveform"][on])] += 1
+        if self.sensors:
+            self.choices.append(np.where(on[:, None], by_sensor(self.actions, info["waveform"]), -1))
         self.running = on & ~ended
 
     def close(self) -> Played:
         """The sums as means."""
         rmse, target_rmse = np.sqrt(self.square.mean()), np.sqrt(self.square.of_each())
         costs, nees = np.stack(self.costs, axis=1), self.nees.mean()
-        return Played(costs, self.steps, rmse, target_rmse, nees, self.lost, self.chosen, self.seconds)
+        choice = np.stack(self.choices, axis=1) if self.sensors else np.zeros((*costs.shape, 0), np.int64)
+        return Played(costs, self.steps, rmse, target_rmse, nees, self.lost, choice, self.options, self.seconds)
 
 
 class _Sum:
@@ -152,6 +162,12 @@ def _counted(info: dict[str, Array], key: str, on: Array) -> Array:
 def merged(parts: Sequence[Played]) -> Played:
     """One account from those of consecutive chunks of worlds."""
     longest = max(part.cost.shape[1] for part in parts)
-    costs = [np.pad(p.cost, ((0, 0), (0, longest - p.cost.shape[1])), constant_values=np.nan) for p in parts]
-    rest = [np.concatenate(arrays) for arrays in zip(*(part[1:] for part in parts), strict=True)]
-    return Played(np.concatenate(costs), *rest)
+    gaps = [(0, longest - part.cost.shape[1]) for part in parts]
+    padded = [
+        part._replace(
+            cost=np.pad(part.cost, ((0, 0), gap), constant_values=np.nan),
+            choice=np.pad(part.choice, ((0, 0), gap, (0, 0)), constant_values=-1),
+        )
+        for part, gap in zip(parts, gaps, strict=True)
+    ]
+    return Played(*(np.concatenate(arrays) for arrays in zip(*padded, strict=True)))

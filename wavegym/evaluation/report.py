@@ -1,4 +1,4 @@
-"""A comparison as files: summary.json, episodes.csv, table.md and comparison.png."""
+"""A comparison as files: summary.json, episodes.csv, table.md, comparison.png and report.html."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.page import page
 from wavegym.evaluation.picture import draw
 from wavegym.evaluation.play import Played
 from wavegym.evaluation.summary import summarise
@@ -24,7 +25,7 @@ FAVOURITE = ("favourite", "favourite_share")
 
 
 def write_report(comparison: Comparison, folder: Path | str) -> str:
-    """Write the four files, all or none, and return the table.
+    """Write the five files, all or none, and return the table.
 
     Args:
         comparison: what was played.
@@ -40,6 +41,7 @@ def write_report(comparison: Comparison, folder: Path | str) -> str:
         {
             "episodes.csv": episodes(comparison).encode(),
             "comparison.png": draw(comparison, summary),
+            "report.html": page(comparison, summary),
             "table.md": f"{table}\n".encode(),
             "summary.json": (json.dumps(summary, indent=2, allow_nan=False) + "\n").encode(),
         },

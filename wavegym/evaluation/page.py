@@ -1,0 +1,119 @@
+"""A comparison as one HTML page to look at: self-contained, drawn in the browser from the data that it carries."""
+
+from __future__ import annotations
+
+import html
+import json
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.evaluation.comparison import BASELINE, Comparison
+from wavegym.evaluation.play import Played, merged
+from wavegym.systems.choices import waveform_labels
+from wavegym.waveforms import ParameterBox
+
+Array = NDArray[Any]
+
+TEMPLATE = "page.html"
+DATA, TITLE = "__DATA__", "__TITLE__"
+DIGITS = 4  # significant, of every number on the page
+QUARTILES = (25.0, 50.0, 75.0)
+MOST = 12  # options that are told apart in colour; the rest are one
+
+
+def page(comparison: Comparison, summary: dict[str, Any]) -> bytes:
+    """The page as HTML: cost over time, choices over time, paired differences, and one episode to step through.
+
+    Args:
+        comparison: what was played.
+        summary: what ``summarise`` made of it.
+    """
+    settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
+    title = f"{comparison.task.env_id}{settings}"
+    # Inside a script element nothing may look like its end.
+    data = json.dumps(_data(comparison, summary, title), allow_nan=False).replace("</", "<\\/")
+    template = (resources.files("wavegym.evaluation") / TEMPLATE).read_text("utf-8")
+    return template.replace(TITLE, html.escape(title)).replace(DATA, data).encode()
+
+
+def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[str, Any]:
+    """All that the page draws."""
+    played = {name: merged(members) for name, members in comparison.played.items()}
+    options, names = _options(comparison, played)
+    world = _typical(comparison)
+    return {
+        "title": title,
+        "worlds": len(comparison.seeds),
+        "dt": comparison.task.system.dt,
+        "baseline": BASELINE,
+        "options": names,
+        "replay": {"world": world, "seed": str(comparison.seeds[world])},
+        "policies": [
+            {
+                "name": name,
+                "summary": summary["policies"][name],
+                **_over_time(account),
+                "percent": _short(_percent(comparison, name)),
+                "shares": _shares(account, options),
+                "episode": _episode(comparison.played[name][0], world, options),
+            }
+            for name, account in sorted(played.items(), key=lambda item: item[1].episode_cost().mean())
+        ],
+    }
+
+
+def _options(comparison: Comparison, played: dict[str, Played]) -> tuple[Array, list[str]]:
+    """Which row of the legend each waveform has, (waveform,), and the legend: the commonest first, the rest as one."""
+    actions = comparison.task.system.actions
+    if isinstance(actions, ParameterBox):
+        return np.zeros(0, np.int64), []
+    labels = list(waveform_labels(actions))
+    used = np.sum([account.chosen.sum(axis=(0, 1)) for account in played.values()], axis=0)
+    order = [int(i) for i in np.argsort(-used, kind="stable") if used[i]]
+    shown = order if len(order) <= MOST else order[: MOST - 1]
+    row = np.full(len(labels), len(shown))
+    row[shown] = np.arange(len(shown))
+    return row, [labels[i] for i in shown] + (["other"] if len(order) > len(shown) else [])
+
+
+def _over_time(account: Played) -> dict[str, Any]:
+    """Quartiles over worlds, of those still running, of the cost after each step."""
+    low, middle, high = np.nanpercentile(account.cost, QUARTILES, axis=0)
+    return {"low": _short(low), "median": _short(middle), "high": _short(high)}
+
+
+def _percent(comparison: Comparison, name: str) -> Array:
+    """By how many per cent each world's cost differs from the baseline's, (world,); the mean over training runs."""
+    ratio: Array = comparison.cost(name).mean(axis=0) / comparison.cost(BASELINE).mean(axis=0)
+    return 100.0 * (ratio - 1.0)
+
+
+def _shares(account: Played, options: Array) -> list[list[list[float | None]]]:
+    """The share of each row of the legend at each step and sensor, (sensor, step, row)."""
+    if not len(options):
+        return []
+    rows = np.where(account.choice >= 0, options[account.choice], -1)
+    count = options.max() + 1
+    shares = np.stack([(rows == k).sum(axis=0) for k in range(count)], axis=2) / (rows >= 0).sum(axis=0)[..., None]
+    return [[_short(step) for step in sensor] for sensor in np.swapaxes(shares, 0, 1)]
+
+
+def _episode(account: Played, world: int, options: Array) -> dict[str, Any]:
+    """One world's cost after each step, and the row of the legend that each sensor transmitted, (sensor, step)."""
+    steps = account.steps[world]
+    rows = options[account.choice[world, :steps]].T.tolist() if len(options) else []
+    return {"cost": _short(account.cost[world, :steps]), "rows": rows}
+
+
+def _typical(comparison: Comparison) -> int:
+    """The world whose cost is the median one of the baseline."""
+    cost = comparison.cost(BASELINE).mean(axis=0)
+    return int(np.argsort(cost, kind="stable")[len(cost) // 2])
+
+
+def _short(values: Array) -> list[float | None]:
+    """Numbers with DIGITS significant digits; None for what is not finite."""
+    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in np.asarray(values).tolist()]
