@@ -16,7 +16,7 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	@# torch by itself first: with its exact version there, no other package asks for a newer build.
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[agents,dev]"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[agents,tune,dev]"
 	touch $@
 
 demo: $(READY)
@@ -38,7 +38,7 @@ $(VENV)-oldest/.ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)-oldest
 	sed 's/^gymnasium==.*/gymnasium==1.2.2/' constraints.txt > $(VENV)-oldest/constraints.txt
 	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt torch
-	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt --editable ".[agents,dev]"
+	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt --editable ".[agents,tune,dev]"
 	touch $@
 
 docs: $(READY)

@@ -32,6 +32,8 @@ def parser() -> Parser:
     options.add_argument(
         "--checkpoint-every", type=int, default=50_000, metavar="N", help="steps (default: %(default)s)"
     )
+    tune = "instead of one training, search settings until there are N trials; DIR/best.toml has the best"
+    options.add_argument("--tune", type=int, metavar="N", help=tune)
     options.add_argument("--resume", action="store_true", help="go on with the run in DIR, from its last checkpoint")
     options.add_argument("--quiet", action="store_true", help="no progress bar")
     return options
@@ -50,6 +52,14 @@ def train(arguments: Sequence[str] | None) -> None:
     env_id, changes = full_id(options.env), settings(options.set)
     if options.steps is not None:
         changes["steps"] = options.steps
+    if options.tune is not None:
+        from agents.tuning import tune
+
+        best = tune(
+            env_id, options.algo, options.tune, options.seed, changes, settings(options.environment), options.out
+        )
+        print(f"{best}written to {options.out}: best.toml, trials.csv, trials.log")
+        return
     chosen = load_settings(env_id, options.algo, changes, settings(options.environment))
     plan = Plan(env_id, options.algo, options.seed, chosen)
     run(plan, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
