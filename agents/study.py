@@ -140,11 +140,16 @@ def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.study", description="Rebuild the tables under results/.")
     parser.add_argument("studies", nargs="*", metavar="STUDY", help="which (default: all)")
+    parser.add_argument("--train", action="store_true", help="train what is missing, compare nothing")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     options = parser.read(None)
     studies = load_studies()
     for name in options.studies or studies:
-        print(f"\n## {choice('study', name, studies)}\n\n{run(name, studies, options.jobs)}")
+        choice("study", name, studies)
+        if options.train:
+            train_missing(name, studies[name], options.jobs)
+            continue
+        print(f"\n## {name}\n\n{run(name, studies, options.jobs)}")
 
 
 if __name__ == "__main__":

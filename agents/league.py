@@ -1,0 +1,211 @@
+"""Where learned and analytic schedulers meet: ``python -m agents.league [ID ...]``.
+
+Plays the saved agents of each environment (results/runs/ENVIRONMENT/ppo and dqn) on the worlds on which
+``make headroom`` played the schedulers, and puts both into one table: docs/learned.md, and README's front table. What
+was played is kept in results/league; ``--tables`` makes the tables of it without playing.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.compare import LEARNERS, SAVED
+from agents.records import read_run
+from agents.runs import RUN, load_policy
+from wavegym.envs.observer import Observer
+from wavegym.errors import InputError
+from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
+from wavegym.evaluation.command import Parser, guarded
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.report import episodes
+from wavegym.evaluation.table import aligned, interval, signed
+from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.registration import SYSTEMS
+from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.settled import PLANNER, SIMPLE, recorded
+from wavegym.systems.contract import System
+
+Array = NDArray[Any]
+
+ROOT = Path(__file__).parents[1]
+HEADROOM, LEAGUE = ROOT / "results" / "headroom", ROOT / "results" / "league"
+PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
+START, END = "<!-- made by `make league`: -->", "<!-- to here -->"
+WORLDS, SEED = 200, 0  # those of `make headroom`
+DECISIONS = 300  # single ones that are timed; the median counts
+SHOWN = ("myopic", PLANNER, *LEARNERS)
+
+
+class Account(NamedTuple):
+    """What a policy did, axis 0 = training run, axis 1 = world."""
+
+    cost: Array  # (member, world), mean per step
+    nees: Array  # (member, world); NaN where it is not measured
+
+
+def stem(env_id: str) -> str:
+    """The environment's name without namespace and version."""
+    return env_id.rpartition("/")[2].rpartition("-v")[0]
+
+
+def play(env_id: str, jobs: int) -> None:
+    """Play the environment's saved agents; their accounts go to results/league."""
+    played: dict[str, Any] = {}
+    times = {}
+    for algo in LEARNERS:
+        folder = SAVED / stem(env_id) / algo
+        if not folder.is_dir():
+            continue
+        settings = _environment(folder)
+        comparison = compare(env_id, {algo: partial(load_policy, folder, env_id)}, worlds=WORLDS, jobs=jobs, **settings)
+        played[algo] = comparison
+        system = comparison.task.system
+        times[algo] = single_decision_us(system, load_policy(folder, env_id, system)[0])
+    files = {f"{stem(env_id)}-{algo}.csv": episodes(comparison).encode() for algo, comparison in played.items()}
+    files[f"{stem(env_id)}.json"] = (json.dumps({"us_single": times}, indent=2) + "\n").encode()
+    write_whole(LEAGUE, files)
+
+
+def _environment(folder: Path) -> dict[str, Any]:
+    """The parameters in which the runs in a folder were trained."""
+    run = read_run(next(iter(sorted(folder.glob(f"*/{RUN}")))))
+    return dict(run["settings"]["environment"])
+
+
+def single_decision_us(system: System, policy: Policy) -> float:
+    """Microseconds of one decision for one environment, what it observes included; the median of many."""
+    public = system.begin(draw_worlds(system, world_seeds(SEED, "tune", 1))).public
+    observer = Observer(system)
+    policy.begin(system, 1, np.random.default_rng(0))
+    took = []
+    for _ in range(DECISIONS):
+        start = perf_counter()
+        policy.act(public, observer(public)[0], None)
+        took.append(perf_counter() - start)
+    return 1e6 * float(np.median(took))
+
+
+def read_accounts(file: Path) -> dict[str, Account]:
+    """The accounts in an episodes.csv by policy; InputError where there is no such file."""
+    if not file.exists():
+        raise InputError(f"{file} is missing, expected it from `make headroom` or `python -m agents.league`")
+    rows: dict[str, dict[int, list[tuple[float, float]]]] = {}
+    with file.open(newline="", encoding="utf-8") as lines:
+        for row in csv.DictReader(lines):
+            members = rows.setdefault(row["policy"], {})
+            members.setdefault(int(row["member"]), []).append((float(row["cost"]), float(row["nees"] or "nan")))
+    values = {name: np.array([members[m] for m in sorted(members)]) for name, members in rows.items()}
+    return {name: Account(table[:, :, 0], table[:, :, 1]) for name, table in values.items()}
+
+
+class Entry(NamedTuple):
+    """One environment's line."""
+
+    env_id: str
+    accounts: dict[str, Account]
+    planner_us: float
+    single_us: dict[str, float]
+
+    def against(self, name: str, reference: str) -> statistics.Estimate:
+        """Geometric mean of the paired ratios of costs, in per cent, with its interval."""
+        rng = np.random.default_rng([SEED, word("bootstrap")])
+        return statistics.difference(self.accounts[name].cost, self.accounts[reference].cost, rng).geometric
+
+    def recovered(self, name: str) -> float | None:
+        """The share of the planner's gain over the best simple rule; None where that gain is not established."""
+        gain = self.against(PLANNER, SIMPLE)
+        if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > -1.0:
+            return None
+        own = self.against(name, SIMPLE).value
+        return None if own is None else float(np.log1p(own / 100.0) / np.log1p(gain.value / 100.0))
+
+
+def entry(env_id: str) -> Entry:
+    """All that was played in one environment."""
+    name = env_id.rpartition("/")[2]
+    accounts = read_accounts(HEADROOM / f"{name}.csv")
+    for algo in LEARNERS:
+        file = LEAGUE / f"{stem(env_id)}-{algo}.csv"
+        if file.exists():
+            accounts[algo] = read_accounts(file)[algo]
+    ladder = json.loads((HEADROOM / f"{name}.json").read_text(encoding="utf-8"))
+    times = LEAGUE / f"{stem(env_id)}.json"
+    single = json.loads(times.read_text(encoding="utf-8"))["us_single"] if times.exists() else {}
+    return Entry(env_id, accounts, ladder["policies"][PLANNER]["us_per_decision"], single)
+
+
+def table(entries: Sequence[Entry]) -> str:
+    """One line for each environment: what each policy costs more or less than the best simple rule."""
+    head = ["environment", "best simple rule", "myopic", "best planner", "PPO", "95 %", "DQN", "95 %", "PPO recovers"]
+    rows = []
+    for e in entries:
+        simple = recorded(make_task(e.env_id, {}).system).get(SIMPLE, SIMPLE)
+        cells = [signed(e.against(name, SIMPLE).value) for name in ("myopic", PLANNER)]
+        for algo in LEARNERS:
+            cells += _cells(e, algo)
+        share = e.recovered("ppo") if "ppo" in e.accounts else None
+        rows.append([e.env_id.rpartition("/")[2], simple, *cells, "" if share is None else f"{100 * share:.0f} %"])
+    return aligned([list(column) for column in zip(head, *rows, strict=True)])
+
+
+def details(entries: Sequence[Entry]) -> str:
+    """One line for each environment: consistency of the filter, and what a decision takes."""
+    head = ["environment", "seeds", "NEES: best simple", "planner", "PPO", "DQN", "µs: planner", "PPO alone", "ratio"]
+    rows = []
+    for e in entries:
+        nees = [_nees(e.accounts.get(name)) for name in (SIMPLE, PLANNER, *LEARNERS)]
+        seeds = str(len(e.accounts["ppo"].cost)) if "ppo" in e.accounts else ""
+        single = e.single_us.get("ppo")
+        took = ["", ""] if single is None else [f"{single:.0f}", f"{e.planner_us / single:.0f}"]
+        rows.append([e.env_id.rpartition("/")[2], seeds, *nees, f"{e.planner_us:.0f}", *took])
+    return aligned([list(column) for column in zip(head, *rows, strict=True)])
+
+
+def _cells(e: Entry, algo: str) -> list[str]:
+    if algo not in e.accounts:
+        return ["", ""]
+    estimate = e.against(algo, SIMPLE)
+    return [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
+
+
+def _nees(account: Account | None) -> str:
+    """The median over episodes of the mean over steps: a lost track's error has no mean."""
+    return "" if account is None or np.isnan(account.nees).all() else f"{np.nanmedian(account.nees):.2f}"
+
+
+def renew(env_ids: Sequence[str]) -> None:
+    """The tables in docs/learned.md and README."""
+    entries = [entry(env_id) for env_id in env_ids]
+    front = table(entries)
+    for file, text in ((PAGE, f"{front}\n\n{details(entries)}"), (README, front)):
+        page = blocks.renewed(file.read_text(encoding="utf-8"), START, END, text)
+        write_whole(file.parent, {file.name: page.encode()})
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m agents.league", description="Learned and analytic schedulers in one table.")
+    parser.add_argument(
+        "ids", nargs="*", metavar="ID", default=list(SYSTEMS), help="environments (default: the suite's)"
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
+    read = parser.read(None)
+    if not read.tables:
+        for env_id in map(full_id, read.ids):
+            play(env_id, read.jobs)
+    renew([env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}.csv").exists()])
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))
