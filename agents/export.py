@@ -52,16 +52,18 @@ def _linear_arrays(modules: Any) -> dict[str, Array]:
 
 
 def _scorer_arrays(scorer: Scorer) -> dict[str, Array]:
-    own = {} if scorer.own is None else {"own": _array(scorer.own.weight)}
+    trunk = scorer.trunk
+    own = {} if trunk.own is None else {"own": _array(trunk.own.weight)}
     return {
-        **_linear_arrays(scorer.context),
-        "shared": _array(scorer.shared.weight),
-        "shared_bias": _array(scorer.shared.bias),
+        **_linear_arrays(trunk.context),
+        "shared": _array(trunk.shared.weight),
+        "shared_bias": _array(trunk.shared.bias),
         **own,
-        "pairs": np.array(scorer.layout.pairs, np.int64),
-        "offset": _array(scorer.offset),
+        "pairs": np.array(trunk.layout.pairs, np.int64),
+        "offset": _array(trunk.offset),
         "middle": _array(scorer.middle.weight),
         "middle_bias": _array(scorer.middle.bias),
+        "pooled": _array(scorer.pooled.weight),
         "score": _array(scorer.score.weight),
     }
 

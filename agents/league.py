@@ -66,7 +66,7 @@ def play(env_id: str, jobs: int) -> None:
         folder = SAVED / stem(env_id) / algo
         if not folder.is_dir():
             continue
-        settings = _environment(folder)
+        settings = environment_of(folder)
         comparison = compare(env_id, {algo: partial(load_policy, folder, env_id)}, worlds=WORLDS, jobs=jobs, **settings)
         played[algo] = comparison
         system = comparison.task.system
@@ -76,7 +76,7 @@ def play(env_id: str, jobs: int) -> None:
     write_whole(LEAGUE, files)
 
 
-def _environment(folder: Path) -> dict[str, Any]:
+def environment_of(folder: Path) -> dict[str, Any]:
     """The parameters in which the runs in a folder were trained."""
     run = read_run(next(iter(sorted(folder.glob(f"*/{RUN}")))))
     return dict(run["settings"]["environment"])

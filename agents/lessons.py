@@ -28,8 +28,8 @@ Array = NDArray[Any]
 
 ROOT = word("lessons")  # of their worlds' seeds
 TUNING = 200  # worlds for a teacher that is to be tuned
-BATCH = 1024
-RATE = 2e-3  # Adam's, at the start; falls to 0
+BATCH = 256
+RATE = 3e-3  # Adam's, at the start; falls to 0
 
 
 def teach(model: OnPolicyAlgorithm, settings: PPOSettings, system: System, seed: int) -> None:

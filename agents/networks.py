@@ -26,7 +26,7 @@ class Network(NamedTuple):
         activation: "tanh" or "relu".
         heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
-            ``pairs``, ``offset``, ``middle`` and ``score`` as ``agents.scorer`` has them.
+            ``pairs``, ``offset``, ``middle``, ``pooled`` and ``score`` as ``agents.scorer`` has them.
     """
 
     kind: str
@@ -53,7 +53,9 @@ class Network(NamedTuple):
                 len(observation), candidates, (observation.shape[1] - elements) // candidates
             )
             hidden = hidden + np.concatenate([foreseen, observation[:, given["pairs"]]], axis=2) @ given["own"].T
-        return (rectify(rectify(hidden) @ given["middle"].T + given["middle_bias"]) @ given["score"].T)[..., 0]
+        hidden = rectify(hidden)
+        others = (hidden.mean(axis=1) @ given["pooled"].T)[:, None]
+        return (rectify(hidden @ given["middle"].T + given["middle_bias"] + others) @ given["score"].T)[..., 0]
 
     def to_bytes(self) -> bytes:
         """As an .npz file, the same bytes for the same network."""

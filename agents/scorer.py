@@ -1,9 +1,9 @@
 """One network that scores every candidate alike, from what is foreseen of it and from what all candidates share.
 
-A candidate's score is w' tanh(M tanh(A f + B c + e)): f its forecasts (``wavegym.envs.forecasts``) and what is observed
-of the targets that it looks at (``System.aims``), c a summary of the whole observation of the system, e an offset of
-its own, learned, that says which candidate it is. An MLP has to learn the same function once for each candidate; this
-learns it once for all.
+A candidate's score is w' tanh(M h + N m), h = tanh(A f + B c + e), m the mean of all h: f its forecasts
+(``wavegym.envs.forecasts``) and what is observed of the targets that it looks at (``System.aims``), c a summary of the
+whole observation of the system, e an offset of its own, learned, that says which candidate it is. An MLP has to learn
+the same function once for each candidate; this learns it once for all.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def pairs(system: System) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(n for target in aims for n in of_target[target]) for aims in system.aims.tolist())
 
 
-class Scorer(nn.Module):
-    """Scores (env, candidate) of observations (env, elements + candidates * figures)."""
+class Trunk(nn.Module):
+    """What is made of each candidate, (env, candidate, width), of observations as ``Layout`` has them."""
 
     def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
@@ -74,7 +74,6 @@ class Scorer(nn.Module):
         inputs = layout.figures + len(layout.pairs[0])
         self.own = nn.Linear(inputs, width, bias=False) if inputs else None
         self.offset = nn.Parameter(torch.zeros(layout.candidates, width))
-        self.middle, self.score = nn.Linear(width, MIDDLE), nn.Linear(MIDDLE, 1, bias=False)
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
@@ -84,7 +83,37 @@ class Scorer(nn.Module):
             foreseen = observation[:, elements:].reshape(len(observation), candidates, figures)
             of_pairs: Any = self.pairs
             hidden = hidden + self.own(torch.cat([foreseen, observation[:, of_pairs]], dim=2))
-        return self.score(self.activation(self.middle(self.activation(hidden))))[..., 0]
+        return self.activation(hidden)
+
+
+class Scorer(nn.Module):
+    """Scores (env, candidate) of observations (env, elements + candidates * figures)."""
+
+    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.trunk, self.activation = Trunk(layout, width, activation), activation()
+        self.middle, self.pooled = nn.Linear(width, MIDDLE), nn.Linear(width, MIDDLE, bias=False)
+        self.score = nn.Linear(MIDDLE, 1, bias=False)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """See above."""
+        hidden = self.trunk(observation)
+        others = self.pooled(hidden.mean(dim=1))[:, None]
+        return self.score(self.activation(self.middle(hidden) + others))[..., 0]
+
+
+class Critic(nn.Module):
+    """What the candidates have in common, (env, width): their mean and their greatest, in every unit."""
+
+    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.trunk = Trunk(layout, width, activation)
+        self.summary = nn.Sequential(*_layers((2 * width, width), activation))
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """See above."""
+        hidden = self.trunk(observation)
+        return self.summary(torch.cat([hidden.mean(dim=1), hidden.amax(dim=1)], dim=1))
 
 
 class ActorAndCritic(nn.Module):
@@ -93,9 +122,7 @@ class ActorAndCritic(nn.Module):
     def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
         self.latent_dim_pi, self.latent_dim_vf = layout.candidates, width
-        inputs = layout.elements + layout.candidates * layout.figures
-        self.policy_net = Scorer(layout, width, activation)
-        self.value_net = nn.Sequential(*_layers((inputs, width, width), activation))
+        self.policy_net, self.value_net = Scorer(layout, width, activation), Critic(layout, width, activation)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Scores and the critic's last hidden layer."""
@@ -145,9 +172,8 @@ class Dueling(nn.Module):
 
     def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
-        inputs = layout.elements + layout.candidates * layout.figures
         self.scorer = Scorer(layout, width, activation)
-        self.value = nn.Sequential(*_layers((inputs, width, width), activation), nn.Linear(width, 1))
+        self.value = nn.Sequential(Critic(layout, width, activation), nn.Linear(width, 1))
 
     def forward(self, observation: Tensor) -> Tensor:
         """(env, candidate)."""
