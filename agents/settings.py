@@ -131,7 +131,7 @@ def load_settings(
     environment: Mapping[str, Any] | None = None,
     file: Path = FILE,
 ) -> Settings:
-    """Settings of ``algo`` in ``env_id``: the algorithm's, then the environment's own, then ``changes``.
+    """Settings of ``algo`` in ``env_id``: the algorithm's, those of the table it is ``like``, its own, ``changes``.
 
     Args:
         env_id: a registered id; one without a table of its own takes the algorithm's settings.
@@ -145,7 +145,13 @@ def load_settings(
     """
     choice("algorithm", algo, ALGORITHMS)
     tables = _tables(file)
-    layers = [tables.get(algo, {}), tables.get(env_id, {}).get(algo, {}), changes or {}]
+    own = dict(tables.get(env_id, {}).get(algo, {}))
+    layers = [tables.get(algo, {}), own, changes or {}]
+    if "like" in own:
+        shared = choice(
+            f"like in table {env_id!r} of {file.name}", own.pop("like"), tables.keys() - {*ALGORITHMS, env_id}
+        )
+        layers.insert(1, tables[shared].get(algo, {}))
     values = {key: value for layer in layers for key, value in layer.items()}
     parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
     values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
@@ -168,7 +174,14 @@ def _tables(file: Path) -> dict[str, Any]:
         raise InputError(f"settings file {file} cannot be read: {error}") from None
     for name, table in tables.items():
         if name not in ALGORITHMS:
-            choice(f"table of {file.name}", name, [*ALGORITHMS, *list_envs()])
+            if name not in _shared(tables):
+                choice(f"table of {file.name}", name, [*ALGORITHMS, *list_envs()])
             for algo in table:
                 choice(f"table {name!r} of {file.name}", algo, ALGORITHMS)
     return tables
+
+
+def _shared(tables: dict[str, Any]) -> set[str]:
+    """Names of the tables that others are ``like``."""
+    groups = (table for name, table in tables.items() if name not in ALGORITHMS)
+    return {own["like"] for table in groups for own in table.values() if isinstance(own, dict) and "like" in own}
