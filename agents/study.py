@@ -51,7 +51,7 @@ class Study:
 
     Attributes:
         env: id of the environment.
-        worlds: how many.
+        worlds: how many; 0 trains the learners for ``make league``, which compares them with the ladder's schedulers.
         policies: schedulers by name.
         seeds: training seeds.
         learners: by name.
@@ -61,8 +61,8 @@ class Study:
     """
 
     env: str
-    worlds: int
-    policies: tuple[str, ...]
+    worlds: int = 0
+    policies: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
     learners: dict[str, Learner] = field(default_factory=dict)
     environment: tuple[str, ...] = ()
@@ -146,7 +146,7 @@ def main() -> None:
     studies = load_studies()
     for name in options.studies or studies:
         choice("study", name, studies)
-        if options.train:
+        if options.train or not studies[name].worlds:
             train_missing(name, studies[name], options.jobs)
             continue
         print(f"\n## {name}\n\n{run(name, studies, options.jobs)}")
