@@ -1,7 +1,9 @@
 """Imitation: the actor learns from a scheduler what it would do, before it learns by itself.
 
 Behaviour cloning in the first round; in later ones the learner acts and the teacher says what it would have done
-(DAgger: Ross, Gordon and Bagnell, 2011), so that the lessons hold the situations that the learner gets into.
+(DAgger: Ross, Gordon and Bagnell, 2011), so that the lessons hold the situations that the learner gets into. Of a
+planner that follows its base in rollouts the learner is told what each candidate saves, not only which is the best: one
+step of policy iteration by regression (Lagoudakis and Parr, 2003), for which two futures a candidate are enough.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
@@ -20,6 +23,7 @@ from agents.settings import PPOSettings
 from wavegym.envs.observer import Observer
 from wavegym.evaluation.worlds import draw_worlds, training_seeds, word
 from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.systems.contract import System
@@ -29,6 +33,8 @@ Array = NDArray[Any]
 ROOT = word("lessons")  # of their worlds' seeds
 TUNING = 200  # worlds for a teacher that is to be tuned
 BATCH = 256
+SHARPNESS = 20.0  # logits for a saving of the whole cost
+MOST = 10.0  # of a logit
 RATE = 3e-3  # Adam's, at the start; falls to 0
 
 
@@ -44,20 +50,24 @@ def teach(model: OnPolicyAlgorithm, settings: PPOSettings, system: System, seed:
     seeds = training_seeds(ROOT, seed, settings.lessons * settings.rounds)
     tuning = draw_worlds(system, training_seeds(ROOT, seed, TUNING))
     teacher = make_policy(settings.teacher, system, tuning)
+    guide = teacher
+    if isinstance(teacher, RolloutPlanner):
+        teacher.futures.count, guide = settings.teacher_futures, teacher.futures.base
     heard: list[tuple[Array, Array]] = []
     for n in range(settings.rounds):
         worlds = draw_worlds(system, seeds[n * settings.lessons : (n + 1) * settings.lessons])
-        actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else teacher
+        actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else guide
         heard.append(lesson(system, teacher, actor, worlds, settings.forecasts))
-        observations, actions = (np.concatenate(arrays) for arrays in zip(*heard, strict=True))
-        imitate(model, observations, actions, settings.lesson_epochs, np.random.default_rng([seed, n]))
+        observations, told = (np.concatenate(arrays) for arrays in zip(*heard, strict=True))
+        imitate(model, observations, told, settings.lesson_epochs, np.random.default_rng([seed, n]))
 
 
 def lesson(system: System, teacher: Policy, actor: Policy, worlds: Any, forecasts: bool) -> tuple[Array, Array]:
     """What the teacher would do at every step of the episodes that ``actor`` plays on ``worlds``.
 
     Returns:
-        Observations (decision, elements) and the teacher's actions (decision, ...).
+        Observations (decision, elements), and the teacher's actions (decision, ...); or, of a RolloutPlanner, the
+        logits (decision, candidate) that its advantages are worth, NaN where a candidate is not allowed.
     """
     observer, state = Observer(system, forecasts), system.begin(worlds)
     for policy in {id(teacher): teacher, id(actor): actor}.values():
@@ -66,29 +76,44 @@ def lesson(system: System, teacher: Policy, actor: Policy, worlds: Any, forecast
     while not (over := system.ended(state.public)).all():
         mask = allowed(system, state.public)
         observation, _ = observer(state.public)
-        right = teacher.act(state.public, observation, mask)
-        done = right if actor is teacher else actor.act(state.public, observation, mask)
+        if isinstance(teacher, RolloutPlanner):
+            word = np.clip(SHARPNESS * teacher.advantages(state.public, mask), -MOST, MOST).astype(np.float32)
+        else:
+            word = teacher.act(state.public, observation, mask)
         seen.append(observation[~over])
-        told.append(right[~over])
+        told.append(word[~over])
+        done = word if actor is teacher else actor.act(state.public, observation, mask)
         state = system.advance(state, done, worlds)
     return np.concatenate(seen), np.concatenate(told)
 
 
-def imitate(
-    model: OnPolicyAlgorithm, observations: Array, actions: Array, epochs: int, rng: np.random.Generator
-) -> None:
-    """Raise the likelihood of the teacher's actions."""
+def imitate(model: OnPolicyAlgorithm, observations: Array, told: Array, epochs: int, rng: np.random.Generator) -> None:
+    """Bring the actor to what it was told: the likeliest actions, or the nearest logits."""
     policy: Any = model.policy
-    seen, told = torch.as_tensor(observations), torch.as_tensor(actions)
+    is_valued = told.dtype == np.float32 and isinstance(model.action_space, spaces.Discrete)
+    seen, wanted = torch.as_tensor(observations), torch.as_tensor(told)
     optimiser = torch.optim.Adam(actor_parameters(model), lr=RATE)
     steps = max(1, epochs * len(seen) // BATCH)
     for step in range(steps):
         optimiser.param_groups[0]["lr"] = RATE * (1.0 - step / steps)
         batch = torch.as_tensor(rng.integers(len(seen), size=BATCH))
-        loss = -policy.get_distribution(seen[batch]).log_prob(told[batch]).mean()
+        if is_valued:
+            logits = policy.get_distribution(seen[batch]).distribution.logits
+            loss = _distance(logits, wanted[batch])
+        else:
+            loss = -policy.get_distribution(seen[batch]).log_prob(wanted[batch]).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
+
+
+def _distance(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """Mean squared distance of logits, each less its mean over the allowed candidates: only differences count."""
+    allowed_here = ~wanted.isnan()
+    count = allowed_here.sum(dim=1, keepdim=True)
+    both = (torch.where(allowed_here, values, 0.0) for values in (logits, wanted))
+    own, theirs = (values - values.sum(dim=1, keepdim=True) / count for values in both)
+    return torch.where(allowed_here, (own - theirs) ** 2, 0.0).sum() / count.sum()
 
 
 def actor_parameters(model: OnPolicyAlgorithm) -> list[torch.nn.Parameter]:

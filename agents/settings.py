@@ -80,7 +80,9 @@ class PPOSettings(Settings):
 
     Attributes:
         masks: whether actions that are not allowed are never tried (sb3-contrib's MaskablePPO).
-        teacher: a scheduler that the actor imitates before it learns by itself; "" for none.
+        teacher: a scheduler that the actor imitates before it learns by itself; "" for none. Of a planner that follows
+            its base in rollouts ("rollout:H") the actor learns what each candidate saves.
+        teacher_futures: of each candidate, where the teacher is such a planner.
         lessons: episodes in which the teacher is asked, in each round.
         rounds: of lessons; in all but the first the learner acts and the teacher says what it would do (DAgger).
         lesson_epochs: passes over all lessons so far, after each round.
@@ -89,6 +91,7 @@ class PPOSettings(Settings):
 
     masks: bool
     teacher: str
+    teacher_futures: Count
     lessons: Count
     rounds: Count
     lesson_epochs: Count

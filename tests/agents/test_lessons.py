@@ -9,7 +9,7 @@ import torch
 from runs_for_tests import SMALL
 
 from agents.export import export
-from agents.lessons import WarmUp, actor_parameters, imitate, lesson, teach
+from agents.lessons import MOST, WarmUp, _distance, actor_parameters, imitate, lesson, teach
 from agents.models import build_model
 from agents.networks import LearnedPolicy
 from agents.plan import Plan
@@ -18,6 +18,7 @@ from wavegym.evaluation import make_task, training_seeds
 from wavegym.evaluation.worlds import draw_worlds
 from wavegym.schedulers import Fixed, Myopic
 from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.planners import RolloutPlanner
 
 ID = "wavegym/SectorSetup-v0"
 SYSTEM = make_task(ID, {}).system
@@ -84,3 +85,47 @@ def test_a_policy_that_reads_the_belief_alone_can_be_taught_too() -> None:
     seen, told = lesson(SYSTEM, Myopic(), Myopic(), WORLDS, forecasts=False)
     assert seen.shape[1] == len(SYSTEM.elements)
     assert told.shape == (len(seen),)
+
+
+def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
+    planner = make_policy("rollout:6", SYSTEM, None)
+    assert isinstance(planner, RolloutPlanner)
+    planner.futures.count = 2
+    few = draw_worlds(SYSTEM, training_seeds(9, 0, 6))
+    seen, told = lesson(SYSTEM, planner, TEACHER, few, forecasts=True)
+    again, the_same = lesson(SYSTEM, planner, TEACHER, few, forecasts=True)
+    assert told.shape == (len(seen), 8)
+    assert told.dtype == np.float32
+    assert (told == the_same).all()
+    assert (np.abs(told) <= MOST).all()
+    assert (seen == again).all()  # where the teacher's rule goes, whatever the planner would have done
+
+
+def test_the_actor_comes_to_the_logits_it_is_told() -> None:
+    model: Any = build_model(plan())
+    seen, chosen = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True)
+    told = np.where(np.arange(8) == chosen[:, None], 3.0, 0.0).astype(np.float32)
+    told[:, 5] = np.nan  # not allowed, so nothing is asked of it
+
+    def distance() -> float:
+        logits = model.policy.get_distribution(torch.as_tensor(seen)).distribution.logits
+        return float(_distance(logits, torch.as_tensor(told)).detach())
+
+    before = distance()
+    imitate(model, seen, told, 60, np.random.default_rng(0))
+    assert distance() < 0.3 * before
+    assert np.isfinite(distance())
+
+
+def test_only_differences_between_logits_count() -> None:
+    wanted = torch.tensor([[1.0, 2.0, float("nan")]])
+    assert float(_distance(torch.tensor([[5.0, 6.0, -70.0]]), wanted)) == 0.0
+    assert float(_distance(torch.tensor([[5.0, 5.0, 0.0]]), wanted)) == 0.25
+
+
+def test_training_with_a_rollout_for_a_teacher() -> None:
+    chosen = plan(teacher="rollout:4", teacher_futures=2, lessons=3, rounds=2, lesson_epochs=2)
+    assert isinstance(chosen.settings, PPOSettings)
+    model: Any = build_model(chosen)
+    teach(model, chosen.settings, SYSTEM, chosen.seed)
+    assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()

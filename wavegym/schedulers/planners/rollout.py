@@ -38,11 +38,29 @@ class RolloutPlanner(Planner):
     def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, permitted = self.options(public, mask)
+        allowed = permitted.repeat(len(self.holds), axis=1)
+        return self.chosen(public, own, self._plans(options), allowed, settled, FINALISTS)
+
+    def advantages(self, public: Any, mask: Array | None) -> Array:
+        """What each option saves of the mean cost of all options' futures, as a share of it, (env, option).
+
+        All options meet the same futures; of several holds the best counts. NaN where an option is not allowed. It is a
+        noisy estimate whose error has next to no mean, so that a few futures are enough to learn from.
+        """
+        options, permitted = self.options(public, mask)
+        draws = self.futures.draw(len(options))
+        costs = self.futures.costs(public, self._plans(options), self.futures.base.settle(public), draws).mean(axis=2)
+        least = costs.reshape(*permitted.shape, -1).min(axis=2)
+        least = np.where(permitted, least, np.nan)
+        mean = np.nanmean(least, axis=1, keepdims=True)
+        return np.divide(mean - least, mean, out=np.where(permitted, 0.0, np.nan), where=permitted & (mean > 0.0))
+
+    def _plans(self, options: Array) -> Array:
+        """Every option held for each number of steps, (env, option * hold, steps, ...)."""
         if max(self.holds) == 1:
-            return self.chosen(public, own, options[:, :, None], permitted, settled, FINALISTS)
+            return options[:, :, None]
         is_held = np.arange(max(self.holds)) < np.array(self.holds)[:, None]  # (hold, step)
-        plans = np.where(is_held, options[:, :, None, None], -1).reshape(len(options), -1, is_held.shape[1])
-        return self.chosen(public, own, plans, permitted.repeat(len(self.holds), axis=1), settled, FINALISTS)
+        return np.where(is_held, options[:, :, None, None], -1).reshape(len(options), -1, is_held.shape[1])
 
 
 class TreeSearch(Planner):
