@@ -26,7 +26,7 @@ CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "dqn": (POSITION, "dqn", {}, {}),
     "box": (POSITION, "ppo", {}, {"action": "box"}),
     "several sensors": (CLUTTER, "ppo", {}, {"action": "library"}),
-    "masked": (SECTOR, "ppo", {"masks": True}, {}),
+    "masked": (SECTOR, "ppo", {"masks": True, "policy": "mlp"}, {}),
     "scorer": (SECTOR, "ppo", SCORER, {}),
     "masked scorer": (SECTOR, "ppo", {**SCORER, "masks": True}, {}),
     "scorer without forecasts": (SECTOR, "ppo", {**SCORER, "forecasts": False}, {}),

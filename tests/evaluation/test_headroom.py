@@ -42,7 +42,8 @@ def played(costs):
     count = len(costs)
     nothing = np.full(count, np.nan)
     steps = np.full(count, costs.shape[1])
-    return [Played(costs, steps, nothing, nothing[:, None], nothing, nothing, np.zeros((count, 0, 0)), steps * 1e-6)]
+    choice, options = np.zeros((count, costs.shape[1], 0), int), np.zeros(count, int)
+    return [Played(costs, steps, nothing, nothing[:, None], nothing, nothing, choice, options, steps * 1e-6)]
 
 
 def comparison_of(costs):

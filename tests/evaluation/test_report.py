@@ -16,7 +16,7 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import play
 from wavegym.schedulers import Fixed
 
-FILES = ["comparison.png", "episodes.csv", "summary.json", "table.md"]
+FILES = ["comparison.png", "episodes.csv", "report.html", "summary.json", "table.md"]
 
 
 @pytest.fixture(scope="module")

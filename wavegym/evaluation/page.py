@@ -87,7 +87,8 @@ def _over_time(account: Played) -> dict[str, Any]:
 
 def _percent(comparison: Comparison, name: str) -> Array:
     """By how many per cent each world's cost differs from the baseline's, (world,); the mean over training runs."""
-    ratio: Array = comparison.cost(name).mean(axis=0) / comparison.cost(BASELINE).mean(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):  # costs of 0: no ratio, nothing is drawn
+        ratio: Array = comparison.cost(name).mean(axis=0) / comparison.cost(BASELINE).mean(axis=0)
     return 100.0 * (ratio - 1.0)
 
 
