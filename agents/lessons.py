@@ -57,13 +57,15 @@ def teach(model: OnPolicyAlgorithm, settings: PPOSettings, system: System, seed:
     for n in range(settings.rounds):
         worlds = draw_worlds(system, seeds[n * settings.lessons : (n + 1) * settings.lessons])
         actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else guide
-        heard.append(lesson(system, teacher, actor, worlds, settings.forecasts))
+        heard.append(lesson(system, teacher, actor, worlds, settings.forecasts, np.random.default_rng([seed, n])))
         observations, told = (np.concatenate(arrays) for arrays in zip(*heard, strict=True))
         imitate(model, observations, told, settings.lesson_epochs, np.random.default_rng([seed, n]))
 
 
-def lesson(system: System, teacher: Policy, actor: Policy, worlds: Any, forecasts: bool) -> tuple[Array, Array]:
-    """What the teacher would do at every step of the episodes that ``actor`` plays on ``worlds``.
+def lesson(
+    system: System, teacher: Policy, actor: Policy, worlds: Any, forecasts: bool, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """What the teacher would do at every step of the episodes that ``actor`` plays on ``worlds``; ``rng`` is theirs.
 
     Returns:
         Observations (decision, elements), and the teacher's actions (decision, ...); or, of a RolloutPlanner, the
@@ -71,18 +73,18 @@ def lesson(system: System, teacher: Policy, actor: Policy, worlds: Any, forecast
     """
     observer, state = Observer(system, forecasts), system.begin(worlds)
     for policy in {id(teacher): teacher, id(actor): actor}.values():
-        policy.begin(system, len(state.public.step), np.random.default_rng(0))
+        policy.begin(system, len(state.public.step), rng)
     seen, told = [], []
     while not (over := system.ended(state.public)).all():
         mask = allowed(system, state.public)
         observation, _ = observer(state.public)
         if isinstance(teacher, RolloutPlanner):
-            word = np.clip(SHARPNESS * teacher.advantages(state.public, mask), -MOST, MOST).astype(np.float32)
+            answer = np.clip(SHARPNESS * teacher.advantages(state.public, mask), -MOST, MOST).astype(np.float32)
         else:
-            word = teacher.act(state.public, observation, mask)
+            answer = teacher.act(state.public, observation, mask)
         seen.append(observation[~over])
-        told.append(word[~over])
-        done = word if actor is teacher else actor.act(state.public, observation, mask)
+        told.append(answer[~over])
+        done = answer if actor is teacher else actor.act(state.public, observation, mask)
         state = system.advance(state, done, worlds)
     return np.concatenate(seen), np.concatenate(told)
 

@@ -32,9 +32,9 @@ def plan(**changes: Any) -> Plan:
 
 
 def test_a_lesson_holds_what_the_teacher_does_where_the_actor_goes() -> None:
-    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True)
+    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
     assert seen.shape == (40 * SYSTEM.horizon, build_model(plan()).observation_space.shape[0])
-    elsewhere, corrected = lesson(SYSTEM, TEACHER, Fixed(0), WORLDS, forecasts=True)
+    elsewhere, corrected = lesson(SYSTEM, TEACHER, Fixed(0), WORLDS, forecasts=True, rng=np.random.default_rng(0))
     assert (seen[:40] == elsewhere[:40]).all()  # the first step is the same for all
     assert not np.allclose(seen[-40:], elsewhere[-40:])
     assert (told[:40] == corrected[:40]).all()
@@ -44,7 +44,7 @@ def test_a_lesson_holds_what_the_teacher_does_where_the_actor_goes() -> None:
 def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> None:
     model: Any = build_model(plan())
     critic = {n: p.detach().clone() for n, p in model.policy.named_parameters() if "value_net" in n}
-    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True)
+    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
 
     def agreement() -> float:
         return float((LearnedPolicy(export(model.policy)).act(None, seen, None) == told).mean())
@@ -82,7 +82,7 @@ def test_the_actor_waits_for_the_critic() -> None:
 
 
 def test_a_policy_that_reads_the_belief_alone_can_be_taught_too() -> None:
-    seen, told = lesson(SYSTEM, Myopic(), Myopic(), WORLDS, forecasts=False)
+    seen, told = lesson(SYSTEM, Myopic(), Myopic(), WORLDS, forecasts=False, rng=np.random.default_rng(0))
     assert seen.shape[1] == len(SYSTEM.elements)
     assert told.shape == (len(seen),)
 
@@ -92,8 +92,8 @@ def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
     assert isinstance(planner, RolloutPlanner)
     planner.futures.count = 2
     few = draw_worlds(SYSTEM, training_seeds(9, 0, 6))
-    seen, told = lesson(SYSTEM, planner, TEACHER, few, forecasts=True)
-    again, the_same = lesson(SYSTEM, planner, TEACHER, few, forecasts=True)
+    seen, told = lesson(SYSTEM, planner, TEACHER, few, forecasts=True, rng=np.random.default_rng(0))
+    again, the_same = lesson(SYSTEM, planner, TEACHER, few, forecasts=True, rng=np.random.default_rng(0))
     assert told.shape == (len(seen), 8)
     assert told.dtype == np.float32
     assert (told == the_same).all()
@@ -103,7 +103,7 @@ def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
 
 def test_the_actor_comes_to_the_logits_it_is_told() -> None:
     model: Any = build_model(plan())
-    seen, chosen = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True)
+    seen, chosen = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
     told = np.where(np.arange(8) == chosen[:, None], 3.0, 0.0).astype(np.float32)
     told[:, 5] = np.nan  # not allowed, so nothing is asked of it
 
