@@ -90,13 +90,18 @@ def policies(names: str, env_id: str) -> dict[str, Any]:
     return found
 
 
+def stem(env_id: str) -> str:
+    """The environment's name without namespace and version."""
+    return env_id.rpartition("/")[2].rpartition("-v")[0]
+
+
 def saved(name: str, env_id: str) -> Path:
     """The folder of the agents called ``name`` that come with an environment.
 
     Raises:
         InputError: there are none, the nearest way to have some named.
     """
-    environment = env_id.rpartition("/")[2].rpartition("-v")[0]
+    environment = stem(env_id)
     folder = SAVED / environment / name
     if not folder.is_dir():
         wanted = f"the folder of a run (nearest: python train.py {environment}-v0 --algo {name} --out runs/{name})"

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.compare import LEARNERS, SAVED
+from agents.compare import LEARNERS, SAVED, stem
 from agents.records import read_run
 from agents.runs import RUN, load_policy
 from wavegym.envs.observer import Observer
@@ -51,11 +51,6 @@ class Account(NamedTuple):
 
     cost: Array  # (member, world), mean per step
     nees: Array  # (member, world); NaN where it is not measured
-
-
-def stem(env_id: str) -> str:
-    """The environment's name without namespace and version."""
-    return env_id.rpartition("/")[2].rpartition("-v")[0]
 
 
 def play(env_id: str, jobs: int) -> None:

@@ -89,7 +89,7 @@ def test_a_missing_ladder_is_named(folders: Path) -> None:
 
 @pytest.mark.parametrize("env_id", SYSTEMS)
 def test_every_saved_agent_can_be_played(env_id: str) -> None:
-    folders = [command.SAVED / league.stem(env_id) / algo for algo in command.LEARNERS]
+    folders = [command.SAVED / command.stem(env_id) / algo for algo in command.LEARNERS]
     for folder in filter(Path.is_dir, folders):
         system = make_task(env_id, league.environment_of(folder)).system
         for policy in command.load_trained(folder, env_id, system):
