@@ -28,7 +28,7 @@ from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.command import Parser, guarded
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
-from wavegym.evaluation.table import aligned, interval, signed
+from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.policy import Policy
@@ -43,7 +43,6 @@ PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
 START, END = "<!-- made by `make league`: -->", "<!-- to here -->"
 WORLDS, SEED = 200, 0  # those of `make headroom`
 DECISIONS = 300  # single ones that are timed; the median counts
-SHOWN = ("myopic", PLANNER, *LEARNERS)
 
 
 class Account(NamedTuple):
@@ -51,6 +50,15 @@ class Account(NamedTuple):
 
     cost: Array  # (member, world), mean per step
     nees: Array  # (member, world); NaN where it is not measured
+
+    def against(self, reference: Account) -> statistics.Estimate:
+        """Geometric mean of the paired ratios of costs, in per cent, with its interval."""
+        rng = np.random.default_rng([SEED, word("bootstrap")])
+        return statistics.difference(self.cost, reference.cost, rng).geometric
+
+    def median_nees(self) -> float | None:
+        """Over episodes, of the mean over steps: a lost track's error has no mean. None where it is not measured."""
+        return None if np.isnan(self.nees).all() else float(np.nanmedian(self.nees))
 
 
 def play(env_id: str, jobs: int) -> None:
@@ -112,9 +120,8 @@ class Entry(NamedTuple):
     single_us: dict[str, float]
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
-        """Geometric mean of the paired ratios of costs, in per cent, with its interval."""
-        rng = np.random.default_rng([SEED, word("bootstrap")])
-        return statistics.difference(self.accounts[name].cost, self.accounts[reference].cost, rng).geometric
+        """See ``Account``; both by name."""
+        return self.accounts[name].against(self.accounts[reference])
 
     def recovered(self, name: str) -> float | None:
         """The share of the planner's gain over the best simple rule; None where that gain is not established."""
@@ -150,7 +157,7 @@ def table(entries: Sequence[Entry]) -> str:
             cells += _cells(e, algo)
         share = e.recovered("ppo") if "ppo" in e.accounts else None
         rows.append([e.env_id.rpartition("/")[2], simple, *cells, "" if share is None else f"{100 * share:.0f} %"])
-    return aligned([list(column) for column in zip(head, *rows, strict=True)])
+    return tabulated(head, rows)
 
 
 def details(entries: Sequence[Entry]) -> str:
@@ -163,7 +170,7 @@ def details(entries: Sequence[Entry]) -> str:
         single = e.single_us.get("ppo")
         took = ["", ""] if single is None else [f"{single:.0f}", f"{e.planner_us / single:.0f}"]
         rows.append([e.env_id.rpartition("/")[2], seeds, *nees, f"{e.planner_us:.0f}", *took])
-    return aligned([list(column) for column in zip(head, *rows, strict=True)])
+    return tabulated(head, rows)
 
 
 def _cells(e: Entry, algo: str) -> list[str]:
@@ -174,8 +181,8 @@ def _cells(e: Entry, algo: str) -> list[str]:
 
 
 def _nees(account: Account | None) -> str:
-    """The median over episodes of the mean over steps: a lost track's error has no mean."""
-    return "" if account is None or np.isnan(account.nees).all() else f"{np.nanmedian(account.nees):.2f}"
+    middle = None if account is None else account.median_nees()
+    return "" if middle is None else f"{middle:.2f}"
 
 
 def renew(env_ids: Sequence[str]) -> None:

@@ -49,7 +49,7 @@ class Settings:
         reward: the environment's training reward.
         forecasts: whether the observation holds forecasts of each candidate.
         policy: "mlp", or "scorer": one network that scores every candidate alike (``agents.scorer``).
-        network: widths of the hidden layers; a scorer takes the first.
+        network: widths of the hidden layers; one of a scorer.
         activation: of the hidden layers.
         learning_rate: Adam's, at the start; falls linearly to 0.
         gamma: discount; 0 learns the one-step scheduler.

@@ -20,13 +20,11 @@ from agents.compare import LEARNERS, SAVED
 from agents.league import PAGE, ROOT, Account, environment_of
 from agents.runs import load_policy
 from wavegym.errors import InputError, choice
-from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
+from wavegym.evaluation import blocks, compare, full_id, make_task
 from wavegym.evaluation.command import Parser, guarded, settings
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.table import aligned, interval, signed
-from wavegym.evaluation.worlds import word
+from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.schedulers.names import make_policy
-from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.settled import SIMPLE
 
 FILE, FOLDER = ROOT / "results" / "shifts.toml", ROOT / "results" / "shift"
@@ -47,16 +45,18 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
     """Costs against the best simple rule's under every shift, in per cent with intervals; and the filter's NEES."""
     env_id = full_id(f"{name}-v0")
     made_for = make_task(env_id, {}).system
-    rule = _ready(make_policy(SIMPLE, made_for, None), made_for)
+    rule = make_policy(SIMPLE, made_for, None)
+    agents = {}
+    for algo in LEARNERS:
+        folder = SAVED / name / algo
+        if folder.is_dir():
+            own = environment_of(folder)
+            agents[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
     found: dict[str, Any] = {}
     for shift, parameters in shifts.items():
         accounts = _accounts(env_id, SIMPLE, lambda _: rule, parameters, jobs)
-        for algo in LEARNERS:
-            folder = SAVED / name / algo
-            if folder.is_dir():
-                own = environment_of(folder)
-                agents = load_policy(folder, env_id, make_task(env_id, own).system)
-                accounts[algo] = _accounts(env_id, algo, lambda _, a=agents: a, {**own, **parameters}, jobs)[algo]
+        for algo, (own, runs) in agents.items():
+            accounts[algo] = _accounts(env_id, algo, lambda _, runs=runs: runs, {**own, **parameters}, jobs)[algo]
         found[shift] = _against_simple(accounts)
     return found
 
@@ -70,18 +70,11 @@ def _accounts(env_id: str, name: str, policy: Any, parameters: dict[str, Any], j
     }
 
 
-def _ready(policy: Policy, system: Any) -> Policy:
-    policy.begin(system, 1, np.random.default_rng(0))
-    return policy
-
-
 def _against_simple(accounts: dict[str, Account]) -> dict[str, Any]:
     rows = {}
-    for name, (cost, nees) in accounts.items():
-        rng = np.random.default_rng([0, word("bootstrap")])
-        estimate = statistics.difference(cost, accounts[SIMPLE].cost, rng).geometric
-        middle = None if np.isnan(nees).all() else float(np.nanmedian(nees))
-        rows[name] = {"percent": estimate.value, "ci": estimate.ci, "nees": middle}
+    for name, account in accounts.items():
+        estimate = account.against(accounts[SIMPLE])
+        rows[name] = {"percent": estimate.value, "ci": estimate.ci, "nees": account.median_nees()}
     return rows
 
 
@@ -97,7 +90,7 @@ def table(results: dict[str, dict[str, Any]]) -> str:
                 row = policies.get(algo)
                 cells += [signed(row["percent"]), interval(row["ci"], signed)] if row else ["", ""]
             rows.append(cells)
-    return aligned([list(column) for column in zip(head, *rows, strict=True)])
+    return tabulated(head, rows)
 
 
 def renew(names: Sequence[str]) -> None:

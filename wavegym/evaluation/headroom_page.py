@@ -12,7 +12,7 @@ from wavegym.errors import InputError
 from wavegym.evaluation import blocks
 from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.table import aligned, interval, number, signed
+from wavegym.evaluation.table import interval, number, signed, tabulated
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.settled import PLANNER, SIMPLE
 
@@ -34,7 +34,7 @@ def overview(results: list[dict[str, Any]]) -> str:
         cells = [_percent(policies.get(name)) for name in STEPS]
         ends = interval(policies[PLANNER]["vs_simple_ci"], signed)
         rows.append([_short(result), settled.get(SIMPLE, SIMPLE), *cells, ends])
-    return _table(head, rows)
+    return tabulated(head, rows)
 
 
 def chapter(result: dict[str, Any]) -> str:
@@ -56,7 +56,7 @@ def chapter(result: dict[str, Any]) -> str:
         )
     head = ["policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision"]
     title = f"## {_short(result)}: {result['worlds']} worlds of {result['horizon']} steps"
-    return f"{title}\n\n{_table(head, rows)}{_recovered(result)}"
+    return f"{title}\n\n{tabulated(head, rows)}{_recovered(result)}"
 
 
 def _recovered(result: dict[str, Any]) -> str:
@@ -77,10 +77,6 @@ def _short(result: dict[str, Any]) -> str:
 
 def _percent(row: dict[str, Any] | None) -> str:
     return "" if row is None else signed(row["vs_simple_percent"])
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    return aligned([list(column) for column in zip(head, *rows, strict=True)])
 
 
 def renewed(page: str, results: list[dict[str, Any]]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.evaluation.comparison import BASELINE, Comparison
+from wavegym.evaluation.picture import percent_off
 from wavegym.evaluation.play import Played, merged
 from wavegym.systems.choices import waveform_labels
 from wavegym.waveforms import ParameterBox
@@ -87,9 +88,7 @@ def _over_time(account: Played) -> dict[str, Any]:
 
 def _percent(comparison: Comparison, name: str) -> Array:
     """By how many per cent each world's cost differs from the baseline's, (world,); the mean over training runs."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # costs of 0: no ratio, nothing is drawn
-        ratio: Array = comparison.cost(name).mean(axis=0) / comparison.cost(BASELINE).mean(axis=0)
-    return 100.0 * (ratio - 1.0)
+    return percent_off(comparison.cost(name).mean(axis=0), comparison.cost(BASELINE).mean(axis=0))
 
 
 def _shares(account: Played, options: Array) -> list[list[list[float | None]]]:

@@ -61,7 +61,7 @@ def _draw_curves(above: Axes, below: Axes, comparison: Comparison, names: list[s
         style = {"color": colours[name], "linewidth": 1.4, "marker": "." if len(curve) == 1 else None}
         above.plot(time, curve, label=name, **style)
         both = min(len(curve), len(reference))
-        below.plot(time[:both], _percent(curve[:both], reference[:both]), **style)
+        below.plot(time[:both], percent_off(curve[:both], reference[:both]), **style)
     values = np.concatenate(list(curves.values()))
     values = values[np.isfinite(values)]
     if len(values) and values.min() > 0 and values.max() > DECADE * values.min():
@@ -86,7 +86,7 @@ def _curve(comparison: Comparison, name: str) -> Array:
     return total / count
 
 
-def _percent(costs: Array, reference: Array) -> Array:
+def percent_off(costs: Array, reference: Array) -> Array:
     """Difference to the reference in per cent; NaN, which is not drawn, where there is no finite one."""
     with np.errstate(divide="ignore", invalid="ignore"):
         percent = 100 * (costs / reference - 1)
@@ -102,7 +102,7 @@ def _draw_differences(
     reference = comparison.cost(BASELINE).mean(axis=0)
     shown = [name for name in names if name != BASELINE] or [BASELINE]
     for place, name in enumerate(reversed(shown)):
-        worlds = _percent(comparison.cost(name), reference)
+        worlds = percent_off(comparison.cost(name), reference)
         if np.isnan(worlds).all():
             axes.annotate("no finite difference", (0, place), ha="center", va="center")
             continue

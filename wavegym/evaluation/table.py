@@ -39,6 +39,11 @@ def aligned(columns: list[list[str]]) -> str:
     return "\n".join([lines[0], rule, *lines[1:]])
 
 
+def tabulated(head: list[str], rows: list[list[str]]) -> str:
+    """The same of a heading and rows."""
+    return aligned([list(column) for column in zip(head, *rows, strict=True)])
+
+
 def _row(name: str, policy: dict[str, Any]) -> tuple[str, ...]:
     cost, against = policy["cost"], policy["vs_myopic"]
     return (

@@ -31,6 +31,7 @@ from wavegym.systems.several_targets import Pulse
 from wavegym.trackers.reduction import reduction_table
 
 Array = NDArray[Any]
+
 WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
 
 

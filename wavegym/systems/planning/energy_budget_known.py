@@ -120,10 +120,9 @@ class EnergyBudgetKnown(EnergyBudget):
 
     def _air(self, public: Any) -> tuple[Array, ...]:
         slots, step = np.arange(self.horizon), public.step[:, None]
-        now = np.take_along_axis(public.visible, np.minimum(step, self.horizon - 1), axis=1)
         is_change = np.diff(public.visible, axis=1, prepend=public.visible[:, :1]) & (slots > step)
         nth = np.cumsum(is_change, axis=1) * is_change
         at = [nth == k for k in range(1, CHANGES + 1)]
         changes = [np.where(k.any(axis=1), np.minimum(k.argmax(axis=1) - public.step, FAR), FAR) for k in at]
         ahead = (public.visible & (slots >= step)).sum(axis=1) / np.maximum(self.horizon - public.step, 1)
-        return ~now[:, 0], *changes, ahead
+        return 1.0 - self._clear(public), *changes, ahead
