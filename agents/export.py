@@ -11,7 +11,7 @@ from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor, nn
 
 from agents.networks import Network
-from agents.scorer import Dueling, Scorer
+from agents.scorer import Dueling, Exchange, Scorer
 
 Array = NDArray[Any]
 
@@ -28,7 +28,7 @@ def export(policy: BasePolicy) -> Network:
         core, rest = chooser.mlp_extractor.policy_net, [chooser.action_net]
     heads = _heads(policy.action_space)
     if isinstance(core, Scorer):
-        return Network("scorer", ACTIVATIONS[type(core.activation)], heads, _scorer_arrays(core))
+        return Network("scorer", ACTIVATIONS[type(core.trunk.activation)], heads, _scorer_arrays(core))
     modules = [*core, *rest]
     (activation,) = {ACTIVATIONS[type(module)] for module in modules if type(module) in ACTIVATIONS}
     return Network("mlp", activation, heads, _linear_arrays(modules))
@@ -54,6 +54,11 @@ def _linear_arrays(modules: Any) -> dict[str, Array]:
 def _scorer_arrays(scorer: Scorer) -> dict[str, Array]:
     trunk = scorer.trunk
     own = {} if trunk.own is None else {"own": _array(trunk.own.weight)}
+    rounds: dict[str, Array] = {}
+    for n, layer in enumerate(scorer.rounds):
+        assert isinstance(layer, Exchange)
+        weights = {"": layer.own.weight, "_bias": layer.own.bias, "_others": layer.others.weight}
+        rounds |= {f"round{n}{suffix}": _array(weight) for suffix, weight in weights.items()}
     return {
         **_linear_arrays(trunk.context),
         "shared": _array(trunk.shared.weight),
@@ -61,9 +66,7 @@ def _scorer_arrays(scorer: Scorer) -> dict[str, Array]:
         **own,
         "pairs": np.array(trunk.layout.pairs, np.int64),
         "offset": _array(trunk.offset),
-        "middle": _array(scorer.middle.weight),
-        "middle_bias": _array(scorer.middle.bias),
-        "pooled": _array(scorer.pooled.weight),
+        **rounds,
         "score": _array(scorer.score.weight),
     }
 

@@ -35,6 +35,7 @@ TUNING = 200  # worlds for a teacher that is to be tuned
 BATCH = 256
 SHARPNESS = 20.0  # logits for a saving of the whole cost
 MOST = 10.0  # of a logit
+REFUSED = -1e8  # logit of a candidate that is not allowed
 RATE = 3e-3  # Adam's, at the start; falls to 0
 
 
@@ -90,7 +91,7 @@ def lesson(
 
 
 def imitate(model: OnPolicyAlgorithm, observations: Array, told: Array, epochs: int, rng: np.random.Generator) -> None:
-    """Bring the actor to what it was told: the likeliest actions, or the nearest logits."""
+    """Bring the actor to what it was told: actions, or the distribution that logits stand for."""
     policy: Any = model.policy
     is_valued = told.dtype == np.float32 and isinstance(model.action_space, spaces.Discrete)
     seen, wanted = torch.as_tensor(observations), torch.as_tensor(told)
@@ -101,7 +102,7 @@ def imitate(model: OnPolicyAlgorithm, observations: Array, told: Array, epochs: 
         batch = torch.as_tensor(rng.integers(len(seen), size=BATCH))
         if is_valued:
             logits = policy.get_distribution(seen[batch]).distribution.logits
-            loss = _distance(logits, wanted[batch])
+            loss = _surprise(logits, wanted[batch])
         else:
             loss = -policy.get_distribution(seen[batch]).log_prob(wanted[batch]).mean()
         optimiser.zero_grad()
@@ -109,13 +110,11 @@ def imitate(model: OnPolicyAlgorithm, observations: Array, told: Array, epochs: 
         optimiser.step()
 
 
-def _distance(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """Mean squared distance of logits, each less its mean over the allowed candidates: only differences count."""
-    allowed_here = ~wanted.isnan()
-    count = allowed_here.sum(dim=1, keepdim=True)
-    both = (torch.where(allowed_here, values, 0.0) for values in (logits, wanted))
-    own, theirs = (values - values.sum(dim=1, keepdim=True) / count for values in both)
-    return torch.where(allowed_here, (own - theirs) ** 2, 0.0).sum() / count.sum()
+def _surprise(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """Mean cross-entropy from the softmax of what was wanted, over the allowed candidates."""
+    refused = wanted.isnan()
+    wanted, logits = (values.masked_fill(refused, REFUSED) for values in (wanted, logits))
+    return -(wanted.softmax(dim=1) * logits.log_softmax(dim=1)).sum(dim=1).mean()
 
 
 def actor_parameters(model: OnPolicyAlgorithm) -> list[torch.nn.Parameter]:

@@ -26,7 +26,7 @@ class Network(NamedTuple):
         activation: "tanh" or "relu".
         heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
-            ``pairs``, ``offset``, ``middle``, ``pooled`` and ``score`` as ``agents.scorer`` has them.
+            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as ``agents.scorer`` has them.
     """
 
     kind: str
@@ -36,26 +36,39 @@ class Network(NamedTuple):
 
     def outputs(self, observation: Array) -> Array:
         """Logits, values or means (env, outputs) of observations (env, elements) float32."""
-        rectify = np.tanh if self.activation == "tanh" else _relu
+        activate = np.tanh if self.activation == "tanh" else _relu
+        layers = self._count("W")
+        return (self._mlp if self.kind == "mlp" else self._scores)(observation, activate, layers)
+
+    def _mlp(self, hidden: Array, activate: Any, layers: int) -> Array:
         given = self.arrays
-        layers = len([name for name in given if name.startswith("W")])
-        if self.kind == "mlp":
-            for n in range(layers - 1):
-                observation = rectify(observation @ given[f"W{n}"].T + given[f"b{n}"])
-            return observation @ given[f"W{layers - 1}"].T + given[f"b{layers - 1}"]
+        for n in range(layers - 1):
+            hidden = activate(hidden @ given[f"W{n}"].T + given[f"b{n}"])
+        return hidden @ given[f"W{layers - 1}"].T + given[f"b{layers - 1}"]
+
+    def _scores(self, observation: Array, activate: Any, layers: int) -> Array:
+        given = self.arrays
         elements, (candidates, _) = given["W0"].shape[1], given["offset"].shape
         context = observation[:, :elements]
         for n in range(layers):
-            context = rectify(context @ given[f"W{n}"].T + given[f"b{n}"])
+            context = activate(context @ given[f"W{n}"].T + given[f"b{n}"])
         hidden = (context @ given["shared"].T + given["shared_bias"])[:, None] + given["offset"]
         if "own" in given:
             foreseen = observation[:, elements:].reshape(
                 len(observation), candidates, (observation.shape[1] - elements) // candidates
             )
             hidden = hidden + np.concatenate([foreseen, observation[:, given["pairs"]]], axis=2) @ given["own"].T
-        hidden = rectify(hidden)
-        others = (hidden.mean(axis=1) @ given["pooled"].T)[:, None]
-        return (rectify(hidden @ given["middle"].T + given["middle_bias"] + others) @ given["score"].T)[..., 0]
+        hidden = activate(hidden)
+        for n in range(self._count("round") // 3):
+            pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
+            others = (pooled @ given[f"round{n}_others"].T)[:, None]
+            told = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
+            hidden = hidden + told if told.shape == hidden.shape else told
+        return (hidden @ given["score"].T)[..., 0]
+
+    def _count(self, start: str) -> int:
+        """Number of arrays whose names begin like this."""
+        return sum(name.startswith(start) for name in self.arrays)
 
     def to_bytes(self) -> bytes:
         """As an .npz file, the same bytes for the same network."""

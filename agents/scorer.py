@@ -1,15 +1,16 @@
 """One network that scores every candidate alike, from what is foreseen of it and from what all candidates share.
 
-A candidate's score is w' tanh(M h + N m), h = tanh(A f + B c + e), m the mean of all h: f its forecasts
-(``wavegym.envs.forecasts``) and what is observed of the targets that it looks at (``System.aims``), c a summary of the
-whole observation of the system, e an offset of its own, learned, that says which candidate it is. An MLP has to learn
-the same function once for each candidate; this learns it once for all.
+Of each candidate h = tanh(A f + B c + e): f its forecasts (``wavegym.envs.forecasts``) and what is observed of the
+targets that it looks at (``System.aims``), c a summary of the whole observation of the system, e an offset of its own,
+learned, that says which candidate it is. In rounds the candidates learn of each other, h + tanh(M h + N m), m the means
+and greatest of all h (deep sets: Zaheer et al., 2017); a score is w'h. An MLP has to learn the same function once for
+each candidate; this learns it once for all.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -21,8 +22,6 @@ from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 from torch import Tensor, nn
 
 from wavegym.systems.contract import System
-
-MIDDLE = 32  # units between a candidate's features and its score
 
 
 class Layout(NamedTuple):
@@ -86,24 +85,42 @@ class Trunk(nn.Module):
         return self.activation(hidden)
 
 
-class Scorer(nn.Module):
-    """Scores (env, candidate) of observations (env, elements + candidates * figures)."""
+class Exchange(nn.Module):
+    """A round in which every candidate learns of the others; what it was stays, where the widths are the same."""
 
-    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+    def __init__(self, inputs: int, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
-        self.trunk, self.activation = Trunk(layout, width, activation), activation()
-        self.middle, self.pooled = nn.Linear(width, MIDDLE), nn.Linear(width, MIDDLE, bias=False)
-        self.score = nn.Linear(MIDDLE, 1, bias=False)
+        self.own, self.others = nn.Linear(inputs, width), nn.Linear(2 * inputs, width, bias=False)
+        self.activation = activation()
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        """(env, candidate, width) of (env, candidate, inputs)."""
+        told = self.activation(self.own(hidden) + self.others(pooled(hidden))[:, None])
+        return hidden + told if told.shape == hidden.shape else told
+
+
+class Scorer(nn.Module):
+    """Scores (env, candidate) of observations (env, elements + candidates * figures).
+
+    Args:
+        layout: of the observations.
+        widths: of the trunk, and of each round after it.
+        activation: of all layers.
+    """
+
+    def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.trunk = Trunk(layout, widths[0], activation)
+        self.rounds = nn.Sequential(*(Exchange(*pair, activation) for pair in pairwise(widths)))
+        self.score = nn.Linear(widths[-1], 1, bias=False)
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
-        hidden = self.trunk(observation)
-        others = self.pooled(hidden.mean(dim=1))[:, None]
-        return self.score(self.activation(self.middle(hidden) + others))[..., 0]
+        return self.score(self.rounds(self.trunk(observation)))[..., 0]
 
 
 class Critic(nn.Module):
-    """What the candidates have in common, (env, width): their mean and their greatest, in every unit."""
+    """A summary, (env, width), of what the candidates have in common."""
 
     def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
@@ -112,17 +129,21 @@ class Critic(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
-        hidden = self.trunk(observation)
-        return self.summary(torch.cat([hidden.mean(dim=1), hidden.amax(dim=1)], dim=1))
+        return self.summary(pooled(self.trunk(observation)))
+
+
+def pooled(hidden: Tensor) -> Tensor:
+    """What candidates have in common, (env, 2 * width): means and greatest over (env, candidate, width)."""
+    return torch.cat([hidden.mean(dim=1), hidden.amax(dim=1)], dim=1)
 
 
 class ActorAndCritic(nn.Module):
     """What Stable-Baselines3 calls an extractor: the actor's scores, and the critic's hidden layers."""
 
-    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+    def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
         super().__init__()
-        self.latent_dim_pi, self.latent_dim_vf = layout.candidates, width
-        self.policy_net, self.value_net = Scorer(layout, width, activation), Critic(layout, width, activation)
+        self.latent_dim_pi, self.latent_dim_vf = layout.candidates, widths[0]
+        self.policy_net, self.value_net = Scorer(layout, widths, activation), Critic(layout, widths[0], activation)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Scores and the critic's last hidden layer."""
@@ -146,7 +167,7 @@ class _Scoring:
 
     def _build_mlp_extractor(self) -> None:
         own: Any = self
-        own.mlp_extractor = ActorAndCritic(self.layout, own.net_arch[0], own.activation_fn)
+        own.mlp_extractor = ActorAndCritic(self.layout, own.net_arch, own.activation_fn)
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         own: Any = self
@@ -170,10 +191,10 @@ class MaskableScorerPolicy(_Scoring, MaskableActorCriticPolicy):
 class Dueling(nn.Module):
     """Q = V + scores less their mean (Wang et al., 2016)."""
 
-    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+    def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
         super().__init__()
-        self.scorer = Scorer(layout, width, activation)
-        self.value = nn.Sequential(Critic(layout, width, activation), nn.Linear(width, 1))
+        self.scorer = Scorer(layout, widths, activation)
+        self.value = nn.Sequential(Critic(layout, widths[0], activation), nn.Linear(widths[0], 1))
 
     def forward(self, observation: Tensor) -> Tensor:
         """(env, candidate)."""
@@ -187,7 +208,7 @@ class ScorerQNetwork(QNetwork):
     def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
         super().__init__(*args, **settings)
         self.layout = Layout(*layout)
-        self.q_net: Any = Dueling(self.layout, self.net_arch[0], self.activation_fn)
+        self.q_net: Any = Dueling(self.layout, self.net_arch, self.activation_fn)
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return {**super()._get_constructor_parameters(), "layout": tuple(self.layout)}

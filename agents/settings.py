@@ -49,7 +49,7 @@ class Settings:
         reward: the environment's training reward.
         forecasts: whether the observation holds forecasts of each candidate.
         policy: "mlp", or "scorer": one network that scores every candidate alike (``agents.scorer``).
-        network: widths of the hidden layers; one of a scorer.
+        network: widths of the hidden layers; of a scorer, of what is made of a candidate and of the rounds after it.
         activation: of the hidden layers.
         learning_rate: Adam's, at the start; falls linearly to 0.
         gamma: discount; 0 learns the one-step scheduler.
@@ -161,10 +161,8 @@ def load_settings(
     for name in SHELL.keys() & values["environment"].keys():
         raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
     settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
-    if settings.policy == "scorer" and len(settings.network) != 1:
-        raise InputError(
-            f"network is {settings.network}, expected one width for a scorer (nearest: {settings.network[:1]})"
-        )
+    if settings.policy == "scorer" and not settings.network:
+        raise InputError("network is (), expected at least one width for a scorer (nearest: (64,))")
     if isinstance(settings, PPOSettings) and settings.n_steps * settings.num_envs < 2:
         raise InputError("n_steps times num_envs is 1, expected >= 2 transitions in a rollout (nearest: n_steps=2)")
     return settings

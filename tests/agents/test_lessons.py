@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 import torch
 from runs_for_tests import SMALL
+from scipy.special import softmax
+from scipy.stats import entropy
 
 from agents.export import export
-from agents.lessons import MOST, WarmUp, _distance, actor_parameters, imitate, lesson, teach
+from agents.lessons import MOST, WarmUp, _surprise, actor_parameters, imitate, lesson, teach
 from agents.models import build_model
 from agents.networks import LearnedPolicy
 from agents.plan import Plan
@@ -101,26 +104,32 @@ def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
     assert (seen == again).all()  # where the teacher's rule goes, whatever the planner would have done
 
 
-def test_the_actor_comes_to_the_logits_it_is_told() -> None:
+def test_the_actor_comes_to_the_distribution_it_is_told() -> None:
     model: Any = build_model(plan())
     seen, chosen = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
     told = np.where(np.arange(8) == chosen[:, None], 3.0, 0.0).astype(np.float32)
     told[:, 5] = np.nan  # not allowed, so nothing is asked of it
+    least = surprise(told, told)
 
-    def distance() -> float:
+    def excess() -> float:
         logits = model.policy.get_distribution(torch.as_tensor(seen)).distribution.logits
-        return float(_distance(logits, torch.as_tensor(told)).detach())
+        return surprise(logits.detach().numpy(), told) - least
 
-    before = distance()
+    before = excess()
     imitate(model, seen, told, 60, np.random.default_rng(0))
-    assert distance() < 0.3 * before
-    assert np.isfinite(distance())
+    assert 0.0 < excess() < 0.3 * before
 
 
-def test_only_differences_between_logits_count() -> None:
-    wanted = torch.tensor([[1.0, 2.0, float("nan")]])
-    assert float(_distance(torch.tensor([[5.0, 6.0, -70.0]]), wanted)) == 0.0
-    assert float(_distance(torch.tensor([[5.0, 5.0, 0.0]]), wanted)) == 0.25
+def surprise(logits: Any, told: Any) -> float:
+    return float(_surprise(torch.tensor(logits), torch.tensor(told)))
+
+
+def test_the_surprise_is_the_cross_entropy_over_what_is_allowed() -> None:
+    told = np.array([[1.0, 2.0, np.nan]])
+    expected = entropy(softmax([1.0, 2.0]))
+    assert surprise(np.array([[5.0, 6.0, -70.0]]), told) == pytest.approx(expected)  # only differences count
+    more = entropy(softmax([1.0, 2.0]), softmax([2.0, 0.0]))  # Kullback-Leibler
+    assert surprise(np.array([[2.0, 0.0, 90.0]]), told) == pytest.approx(expected + more)
 
 
 def test_training_with_a_rollout_for_a_teacher() -> None:

@@ -19,7 +19,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.errors import InputError
 
 SECTOR, CLUTTER, POSITION = (f"wavegym/{name}-v0" for name in ("SectorSetup", "AgileClutter", "KershawEvansPosition"))
-SCORER = {"policy": "scorer", "network": (16,), "forecasts": True}
+SCORER = {"policy": "scorer", "network": (16, 16, 8), "forecasts": True}
 CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "ppo": (POSITION, "ppo", {}, {}),
     "ppo, relu": (POSITION, "ppo", {"activation": "relu", "network": (32, 16, 8)}, {}),
@@ -29,6 +29,7 @@ CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "masked": (SECTOR, "ppo", {"masks": True, "policy": "mlp"}, {}),
     "scorer": (SECTOR, "ppo", SCORER, {}),
     "masked scorer": (SECTOR, "ppo", {**SCORER, "masks": True}, {}),
+    "scorer without rounds": (SECTOR, "ppo", {**SCORER, "network": (16,)}, {}),
     "scorer without forecasts": (SECTOR, "ppo", {**SCORER, "forecasts": False}, {}),
     "dueling scorer": (SECTOR, "dqn", SCORER, {}),
 }
@@ -103,11 +104,11 @@ def test_the_same_network_makes_the_same_file_and_no_pickle_is_read(tmp_path: An
         Network.from_bytes((tmp_path / "evil.npz").read_bytes())
 
 
-def test_a_scorer_wants_one_index_and_one_width() -> None:
+def test_a_scorer_wants_one_index_and_a_width() -> None:
     with pytest.raises(
-        InputError, match=r"network is \(64, 64\), expected one width for a scorer \(nearest: \(64,\)\)"
+        InputError, match=r"network is \(\), expected at least one width for a scorer \(nearest: \(64,\)\)"
     ):
-        load_settings(SECTOR, "ppo", {"policy": "scorer", "network": (64, 64)})
+        load_settings(SECTOR, "ppo", {"policy": "scorer", "network": ()})
     settings = load_settings(CLUTTER, "ppo", {**SMALL["ppo"], "policy": "scorer", "network": (8,)})
     with pytest.raises(InputError, match=r"a scorer cannot choose from MultiDiscrete.*policy=mlp"):
         build_model(Plan(CLUTTER, "ppo", 0, settings))

@@ -20,7 +20,7 @@ from wavegym.waveforms import ParameterBox, PerSensor
 Array = NDArray[Any]
 
 MOST = 256  # candidates that are worth foreseeing at every step
-LOOKS = ((0, 4), (0, 16), (4, 16))  # steps that a look waits beyond its delay, and over which its gain is summed
+LOOKS = ((0, 4), (0, 8), (0, 16), (0, 40), (3, 16), (6, 16), (10, 16), (15, 16))  # steps waited, and steps summed over
 FLOOR = 1e-4  # share of the cost: gains below are shown as this
 
 
