@@ -12,7 +12,7 @@ from scipy.special import softmax
 from scipy.stats import entropy
 
 from agents.export import export
-from agents.lessons import MOST, WarmUp, _surprise, actor_parameters, imitate, lesson, teach
+from agents.lessons import MOST, SHARPER, WarmUp, _surprise, actor_parameters, imitate, lesson, sharpen, teach
 from agents.models import build_model
 from agents.networks import LearnedPolicy
 from agents.plan import Plan
@@ -118,6 +118,18 @@ def test_the_actor_comes_to_the_distribution_it_is_told() -> None:
     before = excess()
     imitate(model, seen, told, 60, np.random.default_rng(0))
     assert 0.0 < excess() < 0.3 * before
+
+
+@pytest.mark.parametrize("policy", ["scorer", "mlp"])
+def test_a_sharper_actor_is_surer_of_the_same_choices(policy: str) -> None:
+    model: Any = build_model(plan(policy=policy))
+    seen = torch.randn(50, model.observation_space.shape[0])
+    before = model.policy.get_distribution(seen).distribution
+    sharpen(model)
+    after = model.policy.get_distribution(seen).distribution
+    assert (before.probs.argmax(dim=1) == after.probs.argmax(dim=1)).all()
+    assert (after.entropy() < before.entropy()).all()
+    torch.testing.assert_close(after.probs, torch.softmax(SHARPER * before.logits, dim=1), rtol=1e-4, atol=1e-6)
 
 
 def surprise(logits: Any, told: Any) -> float:
