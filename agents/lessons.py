@@ -14,12 +14,14 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
+from stable_baselines3 import DQN
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.export import export
 from agents.networks import LearnedPolicy
-from agents.settings import PPOSettings
+from agents.scorer import Dueling
+from agents.settings import Settings
 from wavegym.envs.observer import Observer
 from wavegym.evaluation.worlds import draw_worlds, training_seeds, word
 from wavegym.schedulers.names import make_policy
@@ -40,11 +42,11 @@ REFUSED = -1e8  # logit of a candidate that is not allowed
 RATE = 3e-3  # Adam's, at the start; falls to 0
 
 
-def teach(model: OnPolicyAlgorithm, settings: PPOSettings, system: System, seed: int) -> None:
-    """Let the actor imitate ``settings.teacher``, whose constants are those recorded or tuned on training worlds.
+def teach(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -> None:
+    """Let the learner imitate ``settings.teacher``, whose constants are those recorded or tuned on training worlds.
 
     Args:
-        model: PPO, untrained.
+        model: PPO or DQN, untrained.
         settings: what of the lessons, how many.
         system: the closed loop.
         seed: number of the training run.
@@ -62,7 +64,9 @@ def teach(model: OnPolicyAlgorithm, settings: PPOSettings, system: System, seed:
         heard.append(lesson(system, teacher, actor, worlds, settings.forecasts, np.random.default_rng([seed, n])))
         observations, told = (np.concatenate(arrays) for arrays in zip(*heard, strict=True))
         imitate(model, observations, told, settings.lesson_epochs, np.random.default_rng([seed, n]))
-    if isinstance(teacher, RolloutPlanner):
+    if isinstance(model, DQN):  # what a rollout saves is about what Q differs by
+        model.q_net_target.load_state_dict(model.q_net.state_dict())
+    elif isinstance(teacher, RolloutPlanner):
         sharpen(model)
 
 
@@ -93,7 +97,7 @@ def lesson(
     return np.concatenate(seen), np.concatenate(told)
 
 
-def imitate(model: OnPolicyAlgorithm, observations: Array, told: Array, epochs: int, rng: np.random.Generator) -> None:
+def imitate(model: BaseAlgorithm, observations: Array, told: Array, epochs: int, rng: np.random.Generator) -> None:
     """Bring the actor to what it was told: actions, or the distribution that logits stand for."""
     policy: Any = model.policy
     is_valued = told.dtype == np.float32 and isinstance(model.action_space, spaces.Discrete)
@@ -104,8 +108,9 @@ def imitate(model: OnPolicyAlgorithm, observations: Array, told: Array, epochs: 
         optimiser.param_groups[0]["lr"] = RATE * (1.0 - step / steps)
         batch = torch.as_tensor(rng.integers(len(seen), size=BATCH))
         if is_valued:
-            logits = policy.get_distribution(seen[batch]).distribution.logits
-            loss = _surprise(logits, wanted[batch])
+            loss = _surprise(preferences(model, seen[batch]), wanted[batch])
+        elif isinstance(model, DQN):
+            loss = torch.nn.functional.cross_entropy(preferences(model, seen[batch]), wanted[batch])
         else:
             loss = -policy.get_distribution(seen[batch]).log_prob(wanted[batch]).mean()
         optimiser.zero_grad()
@@ -113,7 +118,13 @@ def imitate(model: OnPolicyAlgorithm, observations: Array, told: Array, epochs: 
         optimiser.step()
 
 
-def sharpen(model: OnPolicyAlgorithm) -> None:
+def preferences(model: BaseAlgorithm, seen: torch.Tensor) -> torch.Tensor:
+    """Of each action, (env, action): the actor's, or the values of Q, of which only differences count."""
+    policy: Any = model.policy
+    return policy.q_net(seen) if isinstance(model, DQN) else policy.get_distribution(seen).distribution.logits
+
+
+def sharpen(model: BaseAlgorithm) -> None:
     """Make the actor surer of the same choices; noise in what it was told had kept it undecided."""
     policy: Any = model.policy
     is_scorer = isinstance(policy.action_net, torch.nn.Identity)
@@ -130,13 +141,21 @@ def _surprise(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
     return -(wanted.softmax(dim=1) * logits.log_softmax(dim=1)).sum(dim=1).mean()
 
 
-def actor_parameters(model: OnPolicyAlgorithm) -> list[torch.nn.Parameter]:
-    """What chooses; all else is the critic's."""
+def actor_parameters(model: BaseAlgorithm) -> list[torch.nn.Parameter]:
+    """What chooses; all else is the critic's. A network of Q that has no V of its own chooses as a whole."""
+    if isinstance(model, DQN):
+        network: Any = model.q_net.q_net
+        return list((network.scorer if has_critic(model) else network).parameters())
     return [p for name, p in model.policy.named_parameters() if "value_net" not in name]
 
 
+def has_critic(model: BaseAlgorithm) -> bool:
+    """Whether what states are worth is learned apart from what chooses: in PPO, and in a dueling network of Q."""
+    return not isinstance(model, DQN) or isinstance(model.q_net.q_net, Dueling)
+
+
 class WarmUp(BaseCallback):
-    """Keeps the actor as it was taught until the critic knows what that is worth.
+    """Keeps the actor as it was taught until the critic, if there is one, knows what that is worth.
 
     Args:
         steps: environment steps for which only the critic learns.
@@ -148,7 +167,7 @@ class WarmUp(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         is_free = self.model.num_timesteps >= self.steps
-        for parameter in actor_parameters(self.model):  # type: ignore[arg-type]
+        for parameter in actor_parameters(self.model) if has_critic(self.model) else ():
             parameter.requires_grad_(is_free)
 
     def _on_step(self) -> bool:

@@ -55,6 +55,13 @@ class Settings:
         gamma: discount; 0 learns the one-step scheduler.
         batch_size: transitions in a gradient step.
         max_grad_norm: longer gradients are shortened to it.
+        teacher: a scheduler that the learner imitates before it learns by itself; "" for none. Of a planner that
+            follows its base in rollouts ("rollout:H") it learns what each candidate saves.
+        teacher_futures: of each candidate, where the teacher is such a planner.
+        lessons: episodes in which the teacher is asked, in each round.
+        rounds: of lessons; in all but the first the learner acts and the teacher says what it would do (DAgger).
+        lesson_epochs: passes over all lessons so far, after each round.
+        warm_up: rollouts after the lessons (of DQN: steps of the batch) in which only the critic learns.
         environment: parameters of the environment other than its defaults.
     """
 
@@ -69,6 +76,12 @@ class Settings:
     gamma: Share
     batch_size: Count
     max_grad_norm: Positive
+    teacher: str
+    teacher_futures: Count
+    lessons: Count
+    rounds: Count
+    lesson_epochs: Count
+    warm_up: NonNegativeCount
     environment: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 
@@ -80,22 +93,9 @@ class PPOSettings(Settings):
 
     Attributes:
         masks: whether actions that are not allowed are never tried (sb3-contrib's MaskablePPO).
-        teacher: a scheduler that the actor imitates before it learns by itself; "" for none. Of a planner that follows
-            its base in rollouts ("rollout:H") the actor learns what each candidate saves.
-        teacher_futures: of each candidate, where the teacher is such a planner.
-        lessons: episodes in which the teacher is asked, in each round.
-        rounds: of lessons; in all but the first the learner acts and the teacher says what it would do (DAgger).
-        lesson_epochs: passes over all lessons so far, after each round.
-        warm_up: rollouts after the lessons in which the critic learns alone.
     """
 
     masks: bool
-    teacher: str
-    teacher_futures: Count
-    lessons: Count
-    rounds: Count
-    lesson_epochs: Count
-    warm_up: NonNegativeCount
 
     batch_size: Several
     n_steps: Count
@@ -120,6 +120,7 @@ class DQNSettings(Settings):
     learning_starts: Count
     gradient_steps: Count
     target_update_interval: Count
+    exploration_initial_eps: Share
     exploration_fraction: Share
     exploration_final_eps: Share
 

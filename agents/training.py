@@ -10,7 +10,6 @@ from typing import Any
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents.checkpoints import load_checkpoint
 from agents.curve import LearningCurve
@@ -21,7 +20,6 @@ from agents.models import build_model, model_bytes, try_out
 from agents.plan import Plan, check_same, check_unused
 from agents.records import read_run
 from agents.runs import CHECKPOINTS, CURVE, MODEL, PLAN, POLICY, RUN, read_policy, signature
-from agents.settings import PPOSettings
 from agents.snapshots import restore
 from wavegym.errors import whole
 from wavegym.evaluation.files import write_whole
@@ -75,10 +73,10 @@ def _learn(
     system = env.get_attr("system", 0)[0]
     keeper = Keeper(plan, folder, curve, every, start, progress)
     callbacks: list[BaseCallback] = [keeper]
-    if isinstance(settings, PPOSettings) and isinstance(model, OnPolicyAlgorithm) and settings.teacher:
+    if settings.teacher:
         if start is None:
             teach(model, settings, system, plan.seed)
-        callbacks.append(WarmUp(settings.warm_up * settings.n_steps * settings.num_envs))
+        callbacks.append(WarmUp(settings.warm_up * keeper.rollout))
     with tensorboard(folder, start or 0) as logger, keeper.bar:
         model.set_logger(logger)
         model.learn(

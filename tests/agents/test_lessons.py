@@ -16,7 +16,7 @@ from agents.lessons import MOST, SHARPER, WarmUp, _surprise, actor_parameters, i
 from agents.models import build_model
 from agents.networks import LearnedPolicy
 from agents.plan import Plan
-from agents.settings import PPOSettings, load_settings
+from agents.settings import load_settings
 from wavegym.evaluation import make_task, training_seeds
 from wavegym.evaluation.worlds import draw_worlds
 from wavegym.schedulers import Fixed, Myopic
@@ -63,7 +63,6 @@ def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> No
 
 def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same_actor() -> None:
     chosen = plan(teacher="cost-of-delay", lessons=10, rounds=2, lesson_epochs=3)
-    assert isinstance(chosen.settings, PPOSettings)
     networks = []
     for _ in range(2):
         model: Any = build_model(chosen)
@@ -146,7 +145,25 @@ def test_the_surprise_is_the_cross_entropy_over_what_is_allowed() -> None:
 
 def test_training_with_a_rollout_for_a_teacher() -> None:
     chosen = plan(teacher="rollout:4", teacher_futures=2, lessons=3, rounds=2, lesson_epochs=2)
-    assert isinstance(chosen.settings, PPOSettings)
     model: Any = build_model(chosen)
     teach(model, chosen.settings, SYSTEM, chosen.seed)
     assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()
+
+
+@pytest.mark.parametrize("policy", ["scorer", "mlp"])
+def test_dqn_can_be_taught_too(policy: str) -> None:
+    own = {"policy": policy, "network": (16,), "forecasts": True, "exploration_initial_eps": 0.1, "warm_up": 40}
+    lessons = {"teacher": "rollout:4", "lessons": 4, "rounds": 2, "lesson_epochs": 2}
+    chosen = Plan(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own, **lessons}))
+    model: Any = build_model(chosen)
+    untaught = export(model.policy).to_bytes()
+    teach(model, chosen.settings, SYSTEM, chosen.seed)
+    taught = export(model.policy).to_bytes()
+    assert taught != untaught
+    for online, target in zip(model.q_net.parameters(), model.q_net_target.parameters(), strict=True):
+        torch.testing.assert_close(online, target)
+    model.learn(150, callback=WarmUp(150))
+    has_learned = export(model.policy).to_bytes() != taught
+    assert has_learned == (policy == "mlp")  # a dueling network's V learns alone first; here is no other part
+    model.learn(150, callback=WarmUp(0))
+    assert export(model.policy).to_bytes() != taught
