@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.envs.observations import LIMIT
+from wavegym.envs.observations import ObservationScaler
 from wavegym.errors import InputError
 from wavegym.schedulers.rules.base import delays
 from wavegym.systems.contract import Element, System
@@ -21,6 +21,7 @@ Array = NDArray[Any]
 
 MOST = 256  # candidates that are worth foreseeing at every step
 LOOKS = ((0, 4), (0, 8), (0, 16), (0, 40), (3, 16), (6, 16), (10, 16), (15, 16))  # steps waited, and steps summed over
+SPANS = np.array([steps for _, steps in LOOKS], np.float64)
 FLOOR = 1e-4  # share of the cost: gains below are shown as this
 
 
@@ -41,7 +42,7 @@ class Forecasts:
         self.system: Any = system
         self.candidates = system.candidates()
         self.figures = self._figures()
-        self._centre, self._scale = (np.array([getattr(f, name) for f in self.figures]) for name in ("centre", "scale"))
+        self._scaler = ObservationScaler(self.elements)
 
     @property
     def elements(self) -> tuple[Element, ...]:
@@ -55,17 +56,20 @@ class Forecasts:
         ahead = self.system.cost(self.system.imagine(public, np.broadcast_to(self.candidates, (envs, count))))
         mean = ahead.mean(axis=1, keepdims=True)
         ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0: all targets are gone
-        columns = [np.log(ahead / mean)]
+        values = np.empty((envs, count, len(self.figures)))
+        values[..., 0] = np.log(ahead / mean)
         if hasattr(self.system, "gain"):
             delay = np.broadcast_to(delays(self.system, public), ahead.shape)
-            for wait, steps in LOOKS:
-                gain = self.system.gain(public, delay + wait, steps)
-                columns.append(np.log10(FLOOR + gain / (mean * steps)))
-            columns.append(np.log1p(delay))
+            gains = values[..., 1 : 1 + len(LOOKS)]
+            for n, (wait, steps) in enumerate(LOOKS):
+                gains[..., n] = self.system.gain(public, delay + wait, steps)
+            gains /= mean[..., None] * SPANS
+            gains += FLOOR
+            np.log10(gains, out=gains)
+            values[..., 1 + len(LOOKS)] = np.log1p(delay)
         if hasattr(self.system, "spending"):
-            columns.append(np.broadcast_to(self.system.spending, ahead.shape))
-        scaled = (np.stack(columns, axis=2) - self._centre) / self._scale
-        return np.clip(scaled, -LIMIT, LIMIT).astype(np.float32).reshape(envs, -1)
+            values[..., -1] = self.system.spending
+        return self._scaler(values.reshape(envs, -1))[0]
 
     def _figures(self) -> tuple[Element, ...]:
         """What is foreseen of a candidate."""
