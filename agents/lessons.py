@@ -138,7 +138,7 @@ def _surprise(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
     """Mean cross-entropy from the softmax of what was wanted, over the allowed candidates."""
     refused = wanted.isnan()
     wanted, logits = (values.masked_fill(refused, REFUSED) for values in (wanted, logits))
-    return -(wanted.softmax(dim=1) * logits.log_softmax(dim=1)).sum(dim=1).mean()
+    return torch.nn.functional.cross_entropy(logits, wanted.softmax(dim=1))
 
 
 def actor_parameters(model: BaseAlgorithm) -> list[torch.nn.Parameter]:
