@@ -8,6 +8,7 @@ step of policy iteration by regression (Lagoudakis and Parr, 2003), for which tw
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ SHARPNESS = 20.0  # logits for a saving of the whole cost
 MOST = 10.0  # of a logit
 SHARPER = 6.0  # factor of the logits after such lessons: what the actor tries stays near what it will play
 REFUSED = -1e8  # logit of a candidate that is not allowed
+NEAR = 0.02  # of a box's half width: about as far from the best point a choice may be without costing much
 RATE = 3e-3  # Adam's, at the start; falls to 0
 
 
@@ -61,19 +63,29 @@ def teach(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -
     for n in range(settings.rounds):
         worlds = draw_worlds(system, seeds[n * settings.lessons : (n + 1) * settings.lessons])
         actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else guide
-        heard.append(lesson(system, teacher, actor, worlds, settings.forecasts, np.random.default_rng([seed, n])))
+        rng = np.random.default_rng([seed, n])
+        heard.append(lesson(system, teacher, actor, worlds, settings.forecasts, rng, settings.lesson_every))
         observations, told = (np.concatenate(arrays) for arrays in zip(*heard, strict=True))
         imitate(model, observations, told, settings.lesson_epochs, np.random.default_rng([seed, n]))
     if isinstance(model, DQN):  # what a rollout saves is about what Q differs by
         model.q_net_target.load_state_dict(model.q_net.state_dict())
-    elif isinstance(teacher, RolloutPlanner):
+    elif isinstance(teacher, RolloutPlanner) or isinstance(model.action_space, spaces.Box):
         sharpen(model)
 
 
 def lesson(
-    system: System, teacher: Policy, actor: Policy, worlds: Any, forecasts: bool, rng: np.random.Generator
+    system: System,
+    teacher: Policy,
+    actor: Policy,
+    worlds: Any,
+    forecasts: bool,
+    rng: np.random.Generator,
+    every: int = 1,
 ) -> tuple[Array, Array]:
-    """What the teacher would do at every step of the episodes that ``actor`` plays on ``worlds``; ``rng`` is theirs.
+    """What the teacher would do at steps of the episodes that ``actor`` plays on ``worlds``; ``rng`` is theirs.
+
+    With ``every`` above 1 it is asked at the first step, and at others once in so many, at random; where it is the
+    actor itself, it does in between what it did last.
 
     Returns:
         Observations (decision, elements), and the teacher's actions (decision, ...); or, of a RolloutPlanner, the
@@ -82,19 +94,25 @@ def lesson(
     observer, state = Observer(system, forecasts), system.begin(worlds)
     for policy in {id(teacher): teacher, id(actor): actor}.values():
         policy.begin(system, len(state.public.step), rng)
-    seen, told = [], []
+    seen: list[Array] = []
+    told: list[Array] = []
     while not (over := system.ended(state.public)).all():
         mask = allowed(system, state.public)
         observation, _ = observer(state.public)
-        if isinstance(teacher, RolloutPlanner):
-            answer = np.clip(SHARPNESS * teacher.advantages(state.public, mask), -MOST, MOST).astype(np.float32)
-        else:
-            answer = teacher.act(state.public, observation, mask)
-        seen.append(observation[~over])
-        told.append(answer[~over])
+        if every == 1 or not seen or rng.random() < 1.0 / every:
+            answer = _answer(teacher, state.public, observation, mask)
+            seen.append(observation[~over])
+            told.append(answer[~over])
         done = answer if actor is teacher else actor.act(state.public, observation, mask)
         state = system.advance(state, done, worlds)
     return np.concatenate(seen), np.concatenate(told)
+
+
+def _answer(teacher: Policy, public: Any, observation: Array, mask: Array | None) -> Array:
+    """See ``lesson``."""
+    if isinstance(teacher, RolloutPlanner):
+        return np.clip(SHARPNESS * teacher.advantages(public, mask), -MOST, MOST).astype(np.float32)
+    return teacher.act(public, observation, mask)
 
 
 def imitate(model: BaseAlgorithm, observations: Array, told: Array, epochs: int, rng: np.random.Generator) -> None:
@@ -111,6 +129,8 @@ def imitate(model: BaseAlgorithm, observations: Array, told: Array, epochs: int,
             loss = _surprise(preferences(model, seen[batch]), wanted[batch])
         elif isinstance(model, DQN):
             loss = torch.nn.functional.cross_entropy(preferences(model, seen[batch]), wanted[batch])
+        elif isinstance(model.action_space, spaces.Box):
+            loss = _distance(policy.get_distribution(seen[batch]).distribution.mean, wanted[batch].float())
         else:
             loss = -policy.get_distribution(seen[batch]).log_prob(wanted[batch]).mean()
         optimiser.zero_grad()
@@ -125,8 +145,15 @@ def preferences(model: BaseAlgorithm, seen: torch.Tensor) -> torch.Tensor:
 
 
 def sharpen(model: BaseAlgorithm) -> None:
-    """Make the actor surer of the same choices; noise in what it was told had kept it undecided."""
+    """Make the actor surer of the same choices; noise in what it was told had kept it undecided.
+
+    In a box, where lessons say nothing of it, it becomes as sure as is worth anything.
+    """
     policy: Any = model.policy
+    if isinstance(model.action_space, spaces.Box):
+        with torch.no_grad():
+            policy.log_std.fill_(math.log(NEAR))
+        return
     is_scorer = isinstance(policy.action_net, torch.nn.Identity)
     last = policy.mlp_extractor.policy_net.score if is_scorer else policy.action_net
     with torch.no_grad():
@@ -139,6 +166,15 @@ def _surprise(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
     refused = wanted.isnan()
     wanted, logits = (values.masked_fill(refused, REFUSED) for values in (wanted, logits))
     return torch.nn.functional.cross_entropy(logits, wanted.softmax(dim=1))
+
+
+def _distance(points: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """Of points from those wanted, in a box of [-1, 1]: beyond its edge is at its edge.
+
+    Huber's loss, because a teacher that switches between points is to be followed, not met halfway.
+    """
+    is_there = (wanted.abs() >= 1.0) & (points * wanted >= 1.0)
+    return torch.nn.functional.smooth_l1_loss(torch.where(is_there, wanted, points), wanted, beta=NEAR)
 
 
 def actor_parameters(model: BaseAlgorithm) -> list[torch.nn.Parameter]:

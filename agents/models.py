@@ -26,7 +26,7 @@ ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that are not Stable-Baselines3's own.
 OURS = (
     *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
-    *("masks", "teacher", "teacher_futures", "lessons", "rounds", "lesson_epochs", "warm_up"),
+    *("masks", "teacher", "teacher_futures", "lessons", "rounds", "lesson_every", "lesson_epochs", "warm_up"),
 )
 POLICIES = {PPO: ScorerPolicy, MaskablePPO: MaskableScorerPolicy, DQN: ScorerDQNPolicy}
 

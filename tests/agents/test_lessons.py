@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,22 @@ import pytest
 import torch
 from runs_for_tests import SMALL
 from scipy.special import softmax
-from scipy.stats import entropy
+from scipy.stats import binomtest, entropy
 
 from agents.export import export
-from agents.lessons import MOST, SHARPER, WarmUp, _surprise, actor_parameters, imitate, lesson, sharpen, teach
+from agents.lessons import (
+    MOST,
+    NEAR,
+    SHARPER,
+    WarmUp,
+    _distance,
+    _surprise,
+    actor_parameters,
+    imitate,
+    lesson,
+    sharpen,
+    teach,
+)
 from agents.models import build_model
 from agents.networks import LearnedPolicy
 from agents.plan import Plan
@@ -44,6 +57,37 @@ def test_a_lesson_holds_what_the_teacher_does_where_the_actor_goes() -> None:
     assert len(np.unique(corrected)) > 1  # the teacher's choices, not the actor's
 
 
+class Counting(Fixed):
+    """The fixed choice k at its k-th call."""
+
+    calls = 0
+
+    def act(self, public: Any, observation: Any = None, mask: Any = None) -> Any:
+        self.calls += 1
+        return np.full(len(public.step), self.calls % 8)
+
+
+def test_a_teacher_that_is_asked_now_and_then_stays_with_its_answer_in_between() -> None:
+    rng = np.random.default_rng
+    played = []
+
+    class Recording(type(SYSTEM)):  # type: ignore[misc]
+        def advance(self, state: Any, action: Any, world: Any) -> Any:
+            played.append(int(action[0]))
+            return super().advance(state, action, world)
+
+    _, told = lesson(Recording(), teacher := Counting(0), teacher, WORLDS, forecasts=False, rng=rng(0), every=4)
+    assert len(played) == SYSTEM.horizon
+    assert len(told) == 40 * teacher.calls
+    assert binomtest(teacher.calls - 1, SYSTEM.horizon - 1, 0.25).pvalue > 1e-3
+    assert [k for k, _ in groupby(played)] == [k % 8 for k in range(1, teacher.calls + 1)]
+    seen, _ = lesson(SYSTEM, asked := Counting(0), TEACHER, WORLDS, forecasts=False, rng=rng(0), every=4)
+    every_step, _ = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=False, rng=rng(0))
+    assert asked.calls == teacher.calls
+    rows = {row.tobytes() for row in every_step}
+    assert all(row.tobytes() in rows for row in seen)  # the actor plays on as if nobody asked
+
+
 def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> None:
     model: Any = build_model(plan())
     critic = {n: p.detach().clone() for n, p in model.policy.named_parameters() if "value_net" in n}
@@ -70,6 +114,34 @@ def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same
         networks.append(export(model.policy).to_bytes())
     assert networks[0] == networks[1]
     assert networks[0] != export(build_model(chosen).policy).to_bytes()
+
+
+def test_a_point_beyond_the_edge_of_a_box_is_at_its_edge() -> None:
+    def distance(point: float, wanted: float) -> float:
+        return float(_distance(torch.tensor([point]), torch.tensor([wanted])))
+
+    assert distance(1.7, 1.0) == distance(-1.2, -1.0) == 0.0
+    assert distance(1.7, -1.0) == pytest.approx(2.7 - NEAR / 2)
+    assert distance(1.7, 0.9) == pytest.approx(0.8 - NEAR / 2)
+    assert distance(0.9 + NEAR / 2, 0.9) == pytest.approx(NEAR / 8, rel=1e-4)  # Huber's: x^2 / 2 NEAR
+
+
+def test_lessons_in_a_box() -> None:
+    env = "wavegym/RfEoFar-v0"
+    own = {"teacher": "myopic", "lessons": 20, "rounds": 2, "lesson_epochs": 40, "network": (64, 64)}
+    chosen = Plan(env, "ppo", 0, load_settings(env, "ppo", {**SMALL["ppo"], **own}, {"horizon": 20}))
+    model: Any = build_model(chosen)
+    system = make_task(env, {"horizon": 20}).system
+    worlds, teacher = draw_worlds(system, training_seeds(9, 0, 20)), make_policy("myopic", system, None)
+    seen, told = lesson(system, teacher, teacher, worlds, forecasts=False, rng=np.random.default_rng(0))
+
+    def distance() -> float:
+        return float(np.abs(LearnedPolicy(export(model.policy), False).act(None, seen, None) - told).mean())
+
+    before = distance()
+    teach(model, chosen.settings, system, chosen.seed)
+    assert distance() < 0.2 * before
+    assert model.policy.log_std.exp().detach().numpy() == pytest.approx(NEAR)
 
 
 def test_the_actor_waits_for_the_critic() -> None:

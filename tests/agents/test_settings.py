@@ -38,10 +38,10 @@ def test_layers_override_each_other(tmp_path: Path) -> None:
 
 def test_a_table_that_is_like_another_takes_its_settings_and_keeps_its_own(tmp_path: Path) -> None:
     file = tmp_path / "settings.toml"
-    shared = '\n["wavegym/RfEo-v0".ppo]\nlike = "long"\nlearning_rate = 0.25\n'
+    shared = '\n["wavegym/AgileClutter-v0".ppo]\nlike = "long"\nlearning_rate = 0.25\n'
     shared += "[long.ppo]\nlearning_rate = 0.5\nclip_range = 0.75\n"
-    file.write_text(re.sub(r'(?m)^\["wavegym/RfEo-v0".ppo\]\n.*\n', "", FILE.read_text()) + shared)
-    settings = load_settings("wavegym/RfEo-v0", "ppo", {"clip_range": 0.125}, file=file)
+    file.write_text(re.sub(r'(?m)^\["wavegym/AgileClutter-v0".ppo\]\n.*\n', "", FILE.read_text()) + shared)
+    settings = load_settings("wavegym/AgileClutter-v0", "ppo", {"clip_range": 0.125}, file=file)
     assert isinstance(settings, PPOSettings)
     assert (settings.learning_rate, settings.clip_range) == (0.25, 0.125)
     assert settings.gamma == load_settings("mine/Env-v0", "ppo").gamma
@@ -49,10 +49,12 @@ def test_a_table_that_is_like_another_takes_its_settings_and_keeps_its_own(tmp_p
         load_settings(env_id, "ppo")
     file.write_text(file.read_text().replace("[long.ppo]", "[lomg.ppo]"))
     with pytest.raises(InputError, match=r"table of settings\.toml is 'lomg'"):
-        load_settings("wavegym/RfEo-v0", "ppo", file=file)
+        load_settings("wavegym/AgileClutter-v0", "ppo", file=file)
     file.write_text(file.read_text().replace("[lomg.ppo]", '["wavegym/RfEoFar-v0".dqn.more]'))
-    with pytest.raises(InputError, match=r"like in table 'wavegym/RfEo-v0' of settings\.toml is 'long', expected"):
-        load_settings("wavegym/RfEo-v0", "ppo", file=file)
+    with pytest.raises(
+        InputError, match=r"like in table 'wavegym/AgileClutter-v0' of settings\.toml is 'long', expected"
+    ):
+        load_settings("wavegym/AgileClutter-v0", "ppo", file=file)
 
 
 def test_types_are_those_of_the_algorithms() -> None:
