@@ -39,6 +39,7 @@ BATCH = 256
 SHARPNESS = 20.0  # logits for a saving of the whole cost
 MOST = 10.0  # of a logit
 SHARPER = 6.0  # factor of the logits after such lessons: what the actor tries stays near what it will play
+MARGIN = 0.2  # of Q, in steps' mean costs
 REFUSED = -1e8  # logit of a candidate that is not allowed
 NEAR = 0.02  # of a box's half width: about as far from the best point a choice may be without costing much
 RATE = 3e-3  # Adam's, at the start; falls to 0
@@ -117,25 +118,29 @@ def _answer(teacher: Policy, public: Any, observation: Array, mask: Array | None
 
 def imitate(model: BaseAlgorithm, observations: Array, told: Array, epochs: int, rng: np.random.Generator) -> None:
     """Bring the actor to what it was told: actions, or the distribution that logits stand for."""
-    policy: Any = model.policy
-    is_valued = told.dtype == np.float32 and isinstance(model.action_space, spaces.Discrete)
     seen, wanted = torch.as_tensor(observations), torch.as_tensor(told)
     optimiser = torch.optim.Adam(actor_parameters(model), lr=RATE)
     steps = max(1, epochs * len(seen) // BATCH)
     for step in range(steps):
         optimiser.param_groups[0]["lr"] = RATE * (1.0 - step / steps)
         batch = torch.as_tensor(rng.integers(len(seen), size=BATCH))
-        if is_valued:
-            loss = _surprise(preferences(model, seen[batch]), wanted[batch])
-        elif isinstance(model, DQN):
-            loss = torch.nn.functional.cross_entropy(preferences(model, seen[batch]), wanted[batch])
-        elif isinstance(model.action_space, spaces.Box):
-            loss = _distance(policy.get_distribution(seen[batch]).distribution.mean, wanted[batch].float())
-        else:
-            loss = -policy.get_distribution(seen[batch]).log_prob(wanted[batch]).mean()
+        loss = _loss(model, seen[batch], wanted[batch])
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
+
+
+def _loss(model: BaseAlgorithm, seen: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """How far the actor is from what it was told."""
+    if isinstance(model.action_space, spaces.Discrete) and wanted.is_floating_point():
+        return _surprise(preferences(model, seen), wanted)
+    if isinstance(model, DQN):  # Hester et al., 2018: the teacher's choice is worth more than any other by a margin
+        return torch.nn.functional.multi_margin_loss(preferences(model, seen), wanted, margin=MARGIN)
+    policy: Any = model.policy
+    chosen = policy.get_distribution(seen)
+    if isinstance(model.action_space, spaces.Box):
+        return _distance(chosen.distribution.mean, wanted.float())
+    return -chosen.log_prob(wanted).mean()
 
 
 def preferences(model: BaseAlgorithm, seen: torch.Tensor) -> torch.Tensor:

@@ -14,6 +14,7 @@ from scipy.stats import binomtest, entropy
 
 from agents.export import export
 from agents.lessons import (
+    MARGIN,
     MOST,
     NEAR,
     SHARPER,
@@ -23,6 +24,7 @@ from agents.lessons import (
     actor_parameters,
     imitate,
     lesson,
+    preferences,
     sharpen,
     teach,
 )
@@ -220,6 +222,17 @@ def test_training_with_a_rollout_for_a_teacher() -> None:
     model: Any = build_model(chosen)
     teach(model, chosen.settings, SYSTEM, chosen.seed)
     assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()
+
+
+def test_values_that_are_taught_choices_set_them_apart_by_the_margin() -> None:
+    own = {"policy": "scorer", "network": (32,), "forecasts": True}
+    model: Any = build_model(Plan(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own})))
+    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
+    imitate(model, seen, told, 120, np.random.default_rng(0))
+    values = preferences(model, torch.as_tensor(seen)).detach().numpy()
+    assert (values.argmax(axis=1) == told).mean() > 0.8
+    first, second = np.sort(values, axis=1)[:, :-3:-1].T
+    assert 0.5 * MARGIN < np.median(first - second) < 3 * MARGIN  # no more is asked; a cross-entropy would ask for it
 
 
 @pytest.mark.parametrize("policy", ["scorer", "mlp"])
