@@ -85,8 +85,8 @@ def lesson(
 ) -> tuple[Array, Array]:
     """What the teacher would do at steps of the episodes that ``actor`` plays on ``worlds``; ``rng`` is theirs.
 
-    With ``every`` above 1 it is asked at the first step, and at others once in so many, at random; where it is the
-    actor itself, it does in between what it did last.
+    With ``every`` above 1 it is asked at each of the first so many steps, in which much changes, and then once in so
+    many, at random; where it is the actor itself, it does in between what it did last.
 
     Returns:
         Observations (decision, elements), and the teacher's actions (decision, ...); or, of a RolloutPlanner, the
@@ -100,7 +100,7 @@ def lesson(
     while not (over := system.ended(state.public)).all():
         mask = allowed(system, state.public)
         observation, _ = observer(state.public)
-        if every == 1 or not seen or rng.random() < 1.0 / every:
+        if len(seen) < every or every == 1 or rng.random() < 1.0 / every:
             answer = _answer(teacher, state.public, observation, mask)
             seen.append(observation[~over])
             told.append(answer[~over])
