@@ -41,6 +41,7 @@ ROOT = Path(__file__).parents[1]
 HEADROOM, LEAGUE = ROOT / "results" / "headroom", ROOT / "results" / "league"
 PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
 START, END = "<!-- made by `make league`: -->", "<!-- to here -->"
+MYOPIC = "myopic"
 WORLDS, SEED = 200, 0  # those of `make headroom`
 DECISIONS = 300  # single ones that are timed; the median counts
 
@@ -139,7 +140,8 @@ def entry(env_id: str) -> Entry:
     for algo in LEARNERS:
         file = LEAGUE / f"{stem(env_id)}-{algo}.csv"
         if file.exists():
-            accounts[algo] = read_accounts(file)[algo]
+            read = read_accounts(file)
+            accounts |= {algo: read[algo], _rival(algo): read[MYOPIC]}
     ladder = json.loads((HEADROOM / f"{name}.json").read_text(encoding="utf-8"))
     times = LEAGUE / f"{stem(env_id)}.json"
     single = json.loads(times.read_text(encoding="utf-8"))["us_single"] if times.exists() else {}
@@ -152,7 +154,7 @@ def table(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         simple = recorded(make_task(e.env_id, {}).system).get(SIMPLE, SIMPLE)
-        cells = [signed(e.against(name, SIMPLE).value) for name in ("myopic", PLANNER)]
+        cells = [signed(e.against(name, SIMPLE).value) for name in (MYOPIC, PLANNER)]
         for algo in LEARNERS:
             cells += _cells(e, algo)
         share = e.recovered("ppo") if "ppo" in e.accounts else None
@@ -166,17 +168,35 @@ def details(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         nees = [_nees(e.accounts.get(name)) for name in (SIMPLE, PLANNER, *LEARNERS)]
-        seeds = str(len(e.accounts["ppo"].cost)) if "ppo" in e.accounts else ""
+        seeds = ", ".join(str(len(e.accounts[algo].cost)) for algo in LEARNERS if algo in e.accounts)
         single = e.single_us.get("ppo")
         took = ["", ""] if single is None else [f"{single:.0f}", f"{e.planner_us / single:.0f}"]
         rows.append([e.env_id.rpartition("/")[2], seeds, *nees, f"{e.planner_us:.0f}", *took])
     return tabulated(head, rows)
 
 
-def _cells(e: Entry, algo: str) -> list[str]:
+def libraries(entries: Sequence[Entry]) -> str:
+    """One line for each agent that chooses from other actions than the ladder's schedulers: against myopic there."""
+    head = ["environment", "agent", "parameters", "myopic there", "agent against it", "95 %"]
+    rows = []
+    for e in entries:
+        for algo in filter(e.accounts.__contains__, LEARNERS):
+            if parameters := environment_of(SAVED / stem(e.env_id) / algo):
+                told = ", ".join(f"{name}={value}" for name, value in parameters.items())
+                there = signed(e.against(_rival(algo), SIMPLE).value)
+                rows.append([stem(e.env_id), algo.upper(), told, there, *_cells(e, algo, _rival(algo))])
+    return tabulated(head, rows)
+
+
+def _rival(algo: str) -> str:
+    """The account of the one-step scheduler where it chooses from what the agent does."""
+    return f"{MYOPIC} for {algo}"
+
+
+def _cells(e: Entry, algo: str, reference: str = SIMPLE) -> list[str]:
     if algo not in e.accounts:
         return ["", ""]
-    estimate = e.against(algo, SIMPLE)
+    estimate = e.against(algo, reference)
     return [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
 
 
@@ -189,7 +209,7 @@ def renew(env_ids: Sequence[str]) -> None:
     """The tables in docs/learned.md and README."""
     entries = [entry(env_id) for env_id in env_ids]
     front = table(entries)
-    for file, text in ((PAGE, f"{front}\n\n{details(entries)}"), (README, front)):
+    for file, text in ((PAGE, "\n\n".join([front, details(entries), libraries(entries)])), (README, front)):
         page = blocks.renewed(file.read_text(encoding="utf-8"), START, END, text)
         write_whole(file.parent, {file.name: page.encode()})
 

@@ -60,8 +60,8 @@ class Settings:
         teacher_futures: of each candidate, where the teacher is such a planner.
         lessons: episodes in which the teacher is asked, in each round.
         rounds: of lessons; in all but the first the learner acts and the teacher says what it would do (DAgger).
-        lesson_every: steps from one question to the teacher to the next, on average, after as many first steps; where it
-            plays itself, it stays with its answer in between. More than 1 only where it needs no memory.
+        lesson_every: steps from one question to the teacher to the next, on average, after as many first steps; where
+            it plays itself, it stays with its answer in between. More than 1 only where it needs no memory.
         lesson_epochs: passes over all lessons so far, after each round.
         warm_up: rollouts after the lessons (of DQN: steps of the batch) in which only the critic learns.
         environment: parameters of the environment other than its defaults.

@@ -53,7 +53,10 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
 def test_accounts_are_what_was_played(folders: Path) -> None:
     league.play(ID, jobs=1)
     found = league.entry(ID)
-    assert set(found.accounts) == {"myopic", "best-simple", "best-planner", "ppo", "dqn"}
+    rivals = {"myopic for ppo", "myopic for dqn"}
+    assert set(found.accounts) == {"myopic", "best-simple", "best-planner", "ppo", "dqn", *rivals}
+    for name in rivals:  # the same actions here
+        np.testing.assert_allclose(found.accounts[name].cost, found.accounts["myopic"].cost, rtol=1e-12)
     assert all(account.cost.shape == account.nees.shape == (1, 4) for account in found.accounts.values())
     again = compare(ID, {"best-simple": None}, worlds=4, jobs=1, progress=False, horizon=7)
     np.testing.assert_allclose(found.accounts["best-simple"].cost, again.cost("best-simple"), rtol=1e-12)
@@ -68,6 +71,8 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
     assert page.startswith("before")
     assert page.endswith("after\n")
     assert page.count("| KershawEvansPosition-v0") == 2
+    confined = [line.split("|")[2:5] for line in page.splitlines() if line.startswith("| KershawEvansPosition ")]
+    assert [[cell.strip() for cell in row] for row in confined] == [[a, "horizon=7", "0"] for a in ("PPO", "DQN")]
     assert front.count("| KershawEvansPosition-v0") == 1
     lines = [line for line in front.splitlines() if line.startswith("| KershawEvansPosition-v0")]
     assert lines[0].split("|")[2].strip() == "myopic"
