@@ -45,15 +45,15 @@ def train(arguments: Sequence[str] | None) -> None:
     choice("algorithm", options.algo, ["ppo", "dqn"])
     # Seconds of imports that a misspelt option need not wait for.
     from agents.settings import load_settings
-    from agents.training import Plan
-    from agents.training import train as run
+    from agents.training.learn import Plan
+    from agents.training.learn import train as run
     from wavegym.evaluation import full_id
 
     env_id, changes = full_id(options.env), settings(options.set)
     if options.steps is not None:
         changes["steps"] = options.steps
     if options.tune is not None:
-        from agents.tuning import tune
+        from agents.training.tuning import tune
 
         best = tune(
             env_id, options.algo, options.tune, options.seed, changes, settings(options.environment), options.out

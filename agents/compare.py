@@ -112,7 +112,7 @@ def saved(name: str, env_id: str) -> Path:
 def load_trained(folder: Path, env_id: str, system: Any) -> Any:
     """The trained runs in a folder, one policy each."""
     try:
-        from agents.runs import load_policy
+        from agents.policies.runs import load_policy
     except ImportError as error:
         raise InputError(f"policy {str(folder)!r} needs the agents: {error}; pip install 'wavegym[agents]'") from error
     return load_policy(folder, env_id, system)

@@ -39,9 +39,9 @@ def demo(arguments: Sequence[str] | None) -> None:
     """Train, compare, print."""
     options = parser().read(arguments)
     from agents.compare import evaluate
-    from agents.plan import Plan
     from agents.settings import load_settings
-    from agents.training import train
+    from agents.training.learn import train
+    from agents.training.plan import Plan
 
     out = unused(options.out.absolute())
     settings = load_settings(ENV, "ppo", {} if options.steps is None else {"steps": options.steps})

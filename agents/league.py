@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.compare import LEARNERS, SAVED, stem
-from agents.records import read_run
-from agents.runs import RUN, load_policy
+from agents.policies.records import read_run
+from agents.policies.runs import RUN, load_policy
 from wavegym.envs.observer import Observer
 from wavegym.errors import InputError
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics

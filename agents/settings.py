@@ -48,7 +48,7 @@ class Settings:
         num_envs: environments in the batch.
         reward: the environment's training reward.
         forecasts: whether the observation holds forecasts of each candidate.
-        policy: "mlp", or "scorer": one network that scores every candidate alike (``agents.scorer``).
+        policy: "mlp", or "scorer": one network that scores every candidate alike (``agents.policies.scorer``).
         network: widths of the hidden layers; of a scorer, of what is made of a candidate and of the rounds after it.
         activation: of the hidden layers.
         learning_rate: Adam's, at the start; falls linearly to 0.

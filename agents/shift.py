@@ -18,7 +18,7 @@ import numpy as np
 
 from agents.compare import LEARNERS, SAVED
 from agents.league import PAGE, ROOT, Account, environment_of
-from agents.runs import load_policy
+from agents.policies.runs import load_policy
 from wavegym.errors import InputError, choice
 from wavegym.evaluation import blocks, compare, full_id, make_task
 from wavegym.evaluation.command import Parser, guarded, settings

@@ -101,10 +101,10 @@ def train_missing(name: str, study: Study, jobs: int) -> None:
 
 
 def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
-    from agents.plan import Plan
-    from agents.runs import RUN
+    from agents.policies.runs import RUN
     from agents.settings import load_settings
-    from agents.training import train
+    from agents.training.learn import train
+    from agents.training.plan import Plan
 
     if (folder / RUN).exists():
         return
@@ -119,7 +119,7 @@ def _run_folder(study: str, learner: str, seed: int) -> Path:
 
 def run(name: str, studies: dict[str, Study], jobs: int) -> str:
     """Train and compare one study; its table."""
-    from agents.runs import load_policy
+    from agents.policies.runs import load_policy
 
     study = studies[name]
     train_missing(name, study, jobs)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from runs_for_tests import EVERY, small_plan
 
-from agents.training import train
+from agents.training.learn import train
 
 
 @pytest.fixture(scope="session")

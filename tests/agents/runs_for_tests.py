@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from stable_baselines3 import DQN, PPO
 
-from agents.plan import Plan
 from agents.settings import load_settings
+from agents.training.plan import Plan
 
 ID = "wavegym/KershawEvansPosition-v0"
 ENVIRONMENT = {"horizon": 7, "max_episode_steps": 6}

@@ -13,10 +13,10 @@ from two_sensors import TwoSensors
 
 import train as command
 import wavegym
-from agents.plan import Plan
-from agents.runs import load_policy, signature
+from agents.policies.runs import load_policy, signature
 from agents.settings import load_settings
-from agents.training import train
+from agents.training.learn import train
+from agents.training.plan import Plan
 from wavegym.envs import WaveformVectorEnv
 from wavegym.errors import InputError
 from wavegym.evaluation import compare

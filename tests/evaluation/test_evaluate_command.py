@@ -104,7 +104,7 @@ def trained(monkeypatch):
         calls.append((folder, env_id, type(system).__name__))
         return [Fixed(int(number)) for number in folder.name.split("-")[1:]]
 
-    monkeypatch.setitem(sys.modules, "agents.runs", types.SimpleNamespace(load_policy=load_policy))
+    monkeypatch.setitem(sys.modules, "agents.policies.runs", types.SimpleNamespace(load_policy=load_policy))
     return calls
 
 

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from agents.plan import Plan
-from agents.runs import load_policy
+from agents.policies.runs import load_policy
 from agents.settings import load_settings
-from agents.training import train
+from agents.training.learn import train
+from agents.training.plan import Plan
 from wavegym.errors import InputError, whole
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.files import write_whole

@@ -17,8 +17,8 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from agents.networks import LearnedPolicy, Network
-from agents.records import difference, read_run
+from agents.policies.networks import LearnedPolicy, Network
+from agents.policies.records import difference, read_run
 from wavegym.errors import InputError, choice
 from wavegym.schedulers import Policy
 from wavegym.systems.contract import System

@@ -11,9 +11,9 @@ import pytest
 from runs_for_tests import ENVIRONMENT, ID, SMALL
 
 import wavegym
-from agents.plan import Plan
 from agents.settings import load_settings
-from agents.training import train
+from agents.training.learn import train
+from agents.training.plan import Plan
 from wavegym.errors import InputError
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 

@@ -11,22 +11,22 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.checkpoints import load_checkpoint
-from agents.curve import LearningCurve
-from agents.export import export
-from agents.keeper import Keeper, tensorboard
-from agents.lessons import WarmUp, teach
-from agents.models import build_model, model_bytes, try_out
-from agents.plan import Plan, check_same, check_unused
-from agents.records import read_run
-from agents.runs import CHECKPOINTS, CURVE, MODEL, PLAN, POLICY, RUN, read_policy, signature
-from agents.snapshots import restore
+from agents.policies.export import export
+from agents.policies.records import read_run
+from agents.policies.runs import CHECKPOINTS, CURVE, MODEL, PLAN, POLICY, RUN, read_policy, signature
+from agents.training.checkpoints import load_checkpoint
+from agents.training.curve import LearningCurve
+from agents.training.keeper import Keeper, tensorboard
+from agents.training.lessons import WarmUp, teach
+from agents.training.models import build_model, model_bytes, try_out
+from agents.training.plan import Plan, check_same, check_unused
+from agents.training.snapshots import restore
 from wavegym.errors import whole
 from wavegym.evaluation.files import write_whole
 
 
 def train(plan: Plan, folder: Path, checkpoint_every: int, resume: bool = False, progress: bool = True) -> None:
-    """Train into ``folder`` (its layout: ``agents.runs``), from the start or from the last checkpoint there.
+    """Train into ``folder`` (its layout: ``agents.policies.runs``), from the start or from the last checkpoint there.
 
     Args:
         plan: what to train.

@@ -1,6 +1,6 @@
 """Trained networks in plain NumPy: some ten microseconds a decision, and no torch.
 
-A network is a kind and its arrays, float32. ``agents.export`` makes them of Stable-Baselines3's policies.
+A network is a kind and its arrays, float32. ``agents.policies.export`` makes them of Stable-Baselines3's policies.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Network(NamedTuple):
         activation: "tanh" or "relu".
         heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
-            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as ``agents.scorer`` has them.
+            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as ``agents.policies.scorer`` has
+            them.
     """
 
     kind: str

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.checkpoints import HEADER, load_checkpoint, save_checkpoint
+from agents.training.checkpoints import HEADER, load_checkpoint, save_checkpoint
 from wavegym.errors import InputError
 
 

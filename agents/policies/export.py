@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor, nn
 
-from agents.networks import Network
-from agents.scorer import Dueling, Exchange, Scorer
+from agents.policies.networks import Network
+from agents.policies.scorer import Dueling, Exchange, Scorer
 
 Array = NDArray[Any]
 

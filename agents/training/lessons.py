@@ -19,9 +19,9 @@ from stable_baselines3 import DQN
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents.export import export
-from agents.networks import LearnedPolicy
-from agents.scorer import Dueling
+from agents.policies.export import export
+from agents.policies.networks import LearnedPolicy
+from agents.policies.scorer import Dueling
 from agents.settings import Settings
 from wavegym.envs.observer import Observer
 from wavegym.evaluation.worlds import draw_worlds, training_seeds, word

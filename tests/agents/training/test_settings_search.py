@@ -11,8 +11,8 @@ import pytest
 from runs_for_tests import ID, SMALL
 
 import train
-from agents import tuning
 from agents.settings import load_settings
+from agents.training import tuning
 from wavegym.errors import InputError
 
 pytest.importorskip("optuna")

@@ -15,11 +15,11 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
-from agents.checkpoints import save_checkpoint
-from agents.curve import LearningCurve
-from agents.plan import Plan
-from agents.runs import BOARD, CHECKPOINTS, CURVE
-from agents.snapshots import snapshot
+from agents.policies.runs import BOARD, CHECKPOINTS, CURVE
+from agents.training.checkpoints import save_checkpoint
+from agents.training.curve import LearningCurve
+from agents.training.plan import Plan
+from agents.training.snapshots import snapshot
 from wavegym.evaluation.files import write_whole
 
 ROWS = 100  # of the learning curve in a whole training

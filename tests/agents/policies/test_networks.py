@@ -10,11 +10,11 @@ import pytest
 import torch
 from runs_for_tests import SMALL
 
-from agents.export import export
-from agents.models import build_model
-from agents.networks import LearnedPolicy, Network
-from agents.plan import Plan
+from agents.policies.export import export
+from agents.policies.networks import LearnedPolicy, Network
 from agents.settings import load_settings
+from agents.training.models import build_model
+from agents.training.plan import Plan
 from wavegym.envs import WaveformVectorEnv
 from wavegym.errors import InputError
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import wavegym
-from agents.records import difference, read_record
-from agents.runs import CONTENTS, PLAN
+from agents.policies.records import difference, read_record
+from agents.policies.runs import CONTENTS, PLAN
 from agents.settings import Settings
 from wavegym.errors import InputError
 

@@ -12,8 +12,10 @@ from runs_for_tests import SMALL
 from scipy.special import softmax
 from scipy.stats import binomtest, entropy
 
-from agents.export import export
-from agents.lessons import (
+from agents.policies.export import export
+from agents.policies.networks import LearnedPolicy
+from agents.settings import load_settings
+from agents.training.lessons import (
     MARGIN,
     MOST,
     NEAR,
@@ -28,10 +30,8 @@ from agents.lessons import (
     sharpen,
     teach,
 )
-from agents.models import build_model
-from agents.networks import LearnedPolicy
-from agents.plan import Plan
-from agents.settings import load_settings
+from agents.training.models import build_model
+from agents.training.plan import Plan
 from wavegym.evaluation import make_task, training_seeds
 from wavegym.evaluation.worlds import draw_worlds
 from wavegym.schedulers import Fixed, Myopic

@@ -14,9 +14,9 @@ from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
-from agents.plan import Plan
-from agents.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
+from agents.policies.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
 from agents.settings import PPOSettings, Settings
+from agents.training.plan import Plan
 from wavegym.envs.sb3 import SB3VecEnv
 from wavegym.errors import InputError
 from wavegym.evaluation import training_seeds

@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents.models import model_bytes, model_class
-from agents.plan import Plan
+from agents.training.models import model_bytes, model_class
+from agents.training.plan import Plan
 from wavegym.errors import InputError
 
 

@@ -15,9 +15,9 @@ import pytest
 from runs_for_tests import EVERY, arguments, assert_same_run, small_plan
 
 import train as command
-from agents import keeper, training
-from agents.checkpoints import load_checkpoint, save_checkpoint
-from agents.training import train
+from agents.training import keeper, learn
+from agents.training.checkpoints import load_checkpoint, save_checkpoint
+from agents.training.learn import train
 from wavegym.errors import InputError
 
 
@@ -200,7 +200,7 @@ def test_a_disk_full_at_the_very_end_leaves_no_half_result(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "policy.npz")
 
     with monkeypatch.context() as patch:
-        patch.setattr(training, "write_whole", full)
+        patch.setattr(learn, "write_whole", full)
         assert command.main(arguments("ppo", folder, "--resume")) != 0
     assert not (folder / "run.json").exists()
     assert command.main(arguments("ppo", folder, "--resume")) == 0

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from runs_for_tests import EVERY, arguments, assert_same_run, small_plan
 
-from agents.training import train
+from agents.training.learn import train
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 STEPS = 3000
 KILLS = 2
 

@@ -17,8 +17,8 @@ import pytest
 from runs_for_tests import ENVIRONMENT, ID, small_plan
 from stable_baselines3 import DQN, PPO
 
-from agents.runs import load_policy
-from agents.training import train
+from agents.policies.runs import load_policy
+from agents.training.learn import train
 from wavegym.envs import WaveformVectorEnv
 from wavegym.errors import InputError
 from wavegym.evaluation import make_task
@@ -177,7 +177,7 @@ def test_a_damaged_run_is_named(damage: Any, message: str, unbroken: dict[str, P
 
 def test_a_policy_is_played_without_torch(unbroken: dict[str, Path]) -> None:
     code = (
-        "import sys; from agents.runs import load_policy; from wavegym.evaluation import make_task;"
+        "import sys; from agents.policies.runs import load_policy; from wavegym.evaluation import make_task;"
         f"load_policy({str(unbroken['ppo'])!r}, {ID!r}, make_task({ID!r}, {{}}).system);"
         "print('torch' in sys.modules)"
     )

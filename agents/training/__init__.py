@@ -1,0 +1,1 @@
+"""Training: from a plan to a run's folder, through kills, with lessons from a scheduler and a search for settings."""
