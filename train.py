@@ -45,8 +45,8 @@ def train(arguments: Sequence[str] | None) -> None:
     choice("algorithm", options.algo, ["ppo", "dqn"])
     # Seconds of imports that a misspelt option need not wait for.
     from agents.settings import load_settings
-    from agents.training.learn import Plan
     from agents.training.learn import train as run
+    from agents.training.plan import Plan
     from wavegym.evaluation import full_id
 
     env_id, changes = full_id(options.env), settings(options.set)

@@ -26,6 +26,7 @@ from wavegym.envs.observer import Observer
 from wavegym.errors import InputError
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.command import Parser, guarded
+from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.table import interval, signed, tabulated
@@ -41,7 +42,6 @@ ROOT = Path(__file__).parents[1]
 HEADROOM, LEAGUE = ROOT / "results" / "headroom", ROOT / "results" / "league"
 PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
 START, END = "<!-- made by `make league`: -->", "<!-- to here -->"
-MYOPIC = "myopic"
 WORLDS, SEED = 200, 0  # those of `make headroom`
 DECISIONS = 300  # single ones that are timed; the median counts
 
@@ -141,7 +141,7 @@ def entry(env_id: str) -> Entry:
         file = LEAGUE / f"{stem(env_id)}-{algo}.csv"
         if file.exists():
             read = read_accounts(file)
-            accounts |= {algo: read[algo], _rival(algo): read[MYOPIC]}
+            accounts |= {algo: read[algo], _rival(algo): read[BASELINE]}
     ladder = json.loads((HEADROOM / f"{name}.json").read_text(encoding="utf-8"))
     times = LEAGUE / f"{stem(env_id)}.json"
     single = json.loads(times.read_text(encoding="utf-8"))["us_single"] if times.exists() else {}
@@ -154,7 +154,7 @@ def table(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         simple = recorded(make_task(e.env_id, {}).system).get(SIMPLE, SIMPLE)
-        cells = [signed(e.against(name, SIMPLE).value) for name in (MYOPIC, PLANNER)]
+        cells = [signed(e.against(name, SIMPLE).value) for name in (BASELINE, PLANNER)]
         for algo in LEARNERS:
             cells += _cells(e, algo)
         share = e.recovered("ppo") if "ppo" in e.accounts else None
@@ -190,7 +190,7 @@ def libraries(entries: Sequence[Entry]) -> str:
 
 def _rival(algo: str) -> str:
     """The account of the one-step scheduler where it chooses from what the agent does."""
-    return f"{MYOPIC} for {algo}"
+    return f"{BASELINE} for {algo}"
 
 
 def _cells(e: Entry, algo: str, reference: str = SIMPLE) -> list[str]:
