@@ -96,10 +96,11 @@ class PPOSettings(Settings):
 
     Attributes:
         masks: whether actions that are not allowed are never tried (sb3-contrib's MaskablePPO).
+        modes: of a box, how many points a choice is made of (``agents.policies.mixture``); 1 is a plain Gaussian.
     """
 
     masks: bool
-
+    modes: Count
     batch_size: Several
     n_steps: Count
     n_epochs: Count

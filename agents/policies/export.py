@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor, nn
 
+from agents.policies.mixture import Mixture
 from agents.policies.networks import Network
 from agents.policies.scorer import Dueling, Exchange, Scorer
 
@@ -29,9 +30,11 @@ def export(policy: BasePolicy) -> Network:
     heads = _heads(policy.action_space)
     if isinstance(core, Scorer):
         return Network("scorer", ACTIVATIONS[type(core.trunk.activation)], heads, _scorer_arrays(core))
-    modules = [*core, *rest]
+    modules, kind = [*core, *rest], "mlp"
+    if isinstance(mixture := getattr(policy, "action_dist", None), Mixture):
+        heads, kind = (mixture.modes,), "mixture"
     (activation,) = {ACTIVATIONS[type(module)] for module in modules if type(module) in ACTIVATIONS}
-    return Network("mlp", activation, heads, _linear_arrays(modules))
+    return Network(kind, activation, heads, _linear_arrays(modules))
 
 
 def _heads(actions: spaces.Space) -> tuple[int, ...]:

@@ -22,9 +22,10 @@ class Network(NamedTuple):
     """What a policy file holds.
 
     Attributes:
-        kind: "mlp" or "scorer".
+        kind: "mlp", "mixture" (an MLP too) or "scorer".
         activation: "tanh" or "relu".
-        heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box.
+        heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box; of a
+            mixture the number of points from which that of the box is chosen.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
             ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as ``agents.policies.scorer`` has
             them.
@@ -36,10 +37,10 @@ class Network(NamedTuple):
     arrays: dict[str, Array]
 
     def outputs(self, observation: Array) -> Array:
-        """Logits, values or means (env, outputs) of observations (env, elements) float32."""
+        """Logits, values or means (env, outputs) of observations (env, elements) float32; see ``Mixture``."""
         activate = np.tanh if self.activation == "tanh" else _relu
         layers = self._count("W")
-        return (self._mlp if self.kind == "mlp" else self._scores)(observation, activate, layers)
+        return (self._scores if self.kind == "scorer" else self._mlp)(observation, activate, layers)
 
     def _mlp(self, hidden: Array, activate: Any, layers: int) -> Array:
         given = self.arrays
@@ -88,6 +89,12 @@ class Network(NamedTuple):
         return cls(str(kind), str(activation), tuple(heads.tolist()), arrays)
 
 
+def _likeliest(outputs: Array, modes: int) -> Array:
+    """Of a mixture's outputs the mean (env, parameter) of its likeliest mode."""
+    points = outputs[:, modes:].reshape(len(outputs), modes, -1)
+    return points[np.arange(len(outputs)), outputs[:, :modes].argmax(axis=1)]
+
+
 def _relu(values: Array) -> Array:
     return np.maximum(values, 0.0)
 
@@ -119,6 +126,8 @@ class LearnedPolicy:
         if self._foresee and observation.shape[1] == self._elements:
             observation = np.concatenate([observation, self._foresee(public)], axis=1)
         outputs, heads = self.network.outputs(observation), self.network.heads
+        if self.network.kind == "mixture":
+            outputs, heads = _likeliest(outputs, *heads), ()
         if not heads:
             return np.clip(outputs, -1.0, 1.0)
         if mask is not None:

@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from stable_baselines3 import DQN
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.distributions import DiagGaussianDistribution
 
 from agents.policies.export import export
+from agents.policies.mixture import parts
 from agents.policies.networks import LearnedPolicy
 from agents.policies.scorer import Dueling
 from agents.settings import Settings
@@ -139,7 +141,7 @@ def _loss(model: BaseAlgorithm, seen: torch.Tensor, wanted: torch.Tensor) -> tor
     policy: Any = model.policy
     chosen = policy.get_distribution(seen)
     if isinstance(model.action_space, spaces.Box):
-        return _distance(chosen.distribution.mean, wanted.float())
+        return _distance(chosen, wanted.float())
     return -chosen.log_prob(wanted).mean()
 
 
@@ -173,13 +175,17 @@ def _surprise(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
     return torch.nn.functional.cross_entropy(logits, wanted.softmax(dim=1))
 
 
-def _distance(points: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """Of points from those wanted, in a box of [-1, 1]: beyond its edge is at its edge.
+def _distance(chosen: DiagGaussianDistribution, wanted: torch.Tensor) -> torch.Tensor:
+    """How unlikely the wanted points of a box [-1, 1] are, were errors distributed as Huber's loss would have it.
 
-    Huber's loss, because a teacher that switches between points is to be followed, not met halfway.
+    A teacher that switches between points is to be followed, not met halfway. Beyond the box's edge is at its edge.
     """
+    log_weights, points = parts(chosen)
+    wanted = wanted[:, None].expand_as(points)
     is_there = (wanted.abs() >= 1.0) & (points * wanted >= 1.0)
-    return torch.nn.functional.smooth_l1_loss(torch.where(is_there, wanted, points), wanted, beta=NEAR)
+    points = torch.where(is_there, wanted, points)
+    off = torch.nn.functional.smooth_l1_loss(points, wanted, beta=NEAR, reduction="none").sum(dim=2) / NEAR
+    return -torch.logsumexp(log_weights - off, dim=1).mean()
 
 
 def actor_parameters(model: BaseAlgorithm) -> list[torch.nn.Parameter]:

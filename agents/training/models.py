@@ -14,6 +14,7 @@ from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
+from agents.policies.mixture import MixturePolicy
 from agents.policies.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
 from agents.settings import PPOSettings, Settings
 from agents.training.plan import Plan
@@ -26,7 +27,7 @@ ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that are not Stable-Baselines3's own.
 OURS = (
     *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
-    *("masks", "teacher", "teacher_futures", "lessons", "rounds", "lesson_every", "lesson_epochs", "warm_up"),
+    *("masks", "modes", "teacher", "teacher_futures", "lessons", "rounds", "lesson_every", "lesson_epochs", "warm_up"),
 )
 POLICIES = {PPO: ScorerPolicy, MaskablePPO: MaskableScorerPolicy, DQN: ScorerDQNPolicy}
 
@@ -49,12 +50,7 @@ def build_model(plan: Plan) -> BaseAlgorithm:
     own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in OURS}
     if algorithm is DQN:
         own["train_freq"] = 1
-    network = {"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]}
-    policy: Any = "MlpPolicy"
-    if settings.policy == "scorer":
-        policy = POLICIES[algorithm]
-        system = env.get_attr("system", 0)[0]
-        network["layout"] = tuple(Layout.of(env.observation_space, env.action_space, system))  # type: ignore[arg-type]
+    policy, network = _network(settings, env)
     model = algorithm(
         policy,
         env,
@@ -68,6 +64,22 @@ def build_model(plan: Plan) -> BaseAlgorithm:
     return model
 
 
+def _network(settings: Settings, env: SB3VecEnv) -> tuple[Any, dict[str, Any]]:
+    """Stable-Baselines3's policy and what it is to be made with."""
+    network = {"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]}
+    if settings.policy == "scorer":
+        system = env.get_attr("system", 0)[0]
+        network["layout"] = tuple(Layout.of(env.observation_space, env.action_space, system))  # type: ignore[arg-type]
+        return POLICIES[model_class(settings)], network
+    if _modes(settings) > 1:
+        return MixturePolicy, {**network, "modes": _modes(settings)}
+    return "MlpPolicy", network
+
+
+def _modes(settings: Settings) -> int:
+    return settings.modes if isinstance(settings, PPOSettings) else 1
+
+
 def _environments(plan: Plan, count: int) -> SB3VecEnv:
     """A batch of the plan's environments; InputError where the algorithm or the policy cannot choose there."""
     settings = plan.settings
@@ -77,6 +89,8 @@ def _environments(plan: Plan, count: int) -> SB3VecEnv:
             if asked:
                 wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
                 raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
+    if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):
+        raise InputError(f"modes is {modes}, expected 1: the actions of {plan.env} are {env.action_space}, no box")
     return env
 
 

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 from runs_for_tests import SMALL
 
 from agents.policies.export import export
@@ -25,6 +26,7 @@ CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "ppo, relu": (POSITION, "ppo", {"activation": "relu", "network": (32, 16, 8)}, {}),
     "dqn": (POSITION, "dqn", {}, {}),
     "box": (POSITION, "ppo", {}, {"action": "box"}),
+    "several modes": (POSITION, "ppo", {"modes": 4}, {"action": "box"}),
     "several sensors": (CLUTTER, "ppo", {}, {"action": "library"}),
     "masked": (SECTOR, "ppo", {"masks": True, "policy": "mlp"}, {}),
     "scorer": (SECTOR, "ppo", SCORER, {}),
@@ -49,7 +51,7 @@ def untrained(name: str) -> tuple[Any, Any]:
 
 
 def torch_outputs(model: Any, shown: np.ndarray) -> np.ndarray:
-    """Q values less a state's mean, logits less each choice's mean, or a box's means."""
+    """Q values less a state's mean, logits less each choice's mean, or the last layer's outputs in a box."""
     policy = model.policy
     with torch.no_grad():
         given = torch.as_tensor(shown)
@@ -74,17 +76,18 @@ def test_the_export_equals_the_torch_policy(name: str) -> None:
     network = Network.from_bytes(export(model.policy).to_bytes())
     outputs = network.outputs(shown)
     assert outputs.dtype == np.float32
-    compared = centred(outputs, network.heads) if network.heads else outputs
+    is_box = isinstance(model.action_space, spaces.Box)
+    compared = outputs if is_box else centred(outputs, network.heads)
     expected = torch_outputs(model, shown)
     assert np.ptp(expected, axis=0).max() > 1e-3  # it depends on what is observed
     np.testing.assert_allclose(compared, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
     chosen = LearnedPolicy(network).act(None, shown, None)
     predicted = model.predict(shown, deterministic=True)[0]
-    if network.heads:
-        assert (chosen == predicted).all()
-    else:
+    if is_box:
         np.testing.assert_allclose(chosen, predicted, atol=1e-6)
         assert (np.abs(chosen) <= 1.0).all()
+    else:
+        assert (chosen == predicted).all()
 
 
 def test_forecasts_that_the_observation_lacks_are_made_of_the_belief() -> None:

@@ -11,8 +11,10 @@ import torch
 from runs_for_tests import SMALL
 from scipy.special import softmax
 from scipy.stats import binomtest, entropy
+from stable_baselines3.common.distributions import DiagGaussianDistribution
 
 from agents.policies.export import export
+from agents.policies.mixture import Mixture
 from agents.policies.networks import LearnedPolicy
 from agents.settings import load_settings
 from agents.training.lessons import (
@@ -121,12 +123,26 @@ def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same
 
 def test_a_point_beyond_the_edge_of_a_box_is_at_its_edge() -> None:
     def distance(point: float, wanted: float) -> float:
-        return float(_distance(torch.tensor([point]), torch.tensor([wanted])))
+        chosen = DiagGaussianDistribution(1).proba_distribution(torch.tensor([[point]]), torch.zeros(1))
+        return NEAR * float(_distance(chosen, torch.tensor([[wanted]])))
 
     assert distance(1.7, 1.0) == distance(-1.2, -1.0) == 0.0
     assert distance(1.7, -1.0) == pytest.approx(2.7 - NEAR / 2)
     assert distance(1.7, 0.9) == pytest.approx(0.8 - NEAR / 2)
     assert distance(0.9 + NEAR / 2, 0.9) == pytest.approx(NEAR / 8, rel=1e-4)  # Huber's: x^2 / 2 NEAR
+
+
+def test_of_several_modes_the_likely_one_that_is_near_counts() -> None:
+    def distance(wanted: float, modes: Mixture) -> float:
+        return float(_distance(modes, torch.tensor([[wanted]])))
+
+    outputs = torch.tensor([[np.log(3.0), 0.0, -0.5, 0.5]], dtype=torch.float32)  # at -.5 with 3/4, else at .5
+    modes = Mixture(2, 1).proba_distribution(outputs, torch.zeros(1))
+    assert distance(-0.5, modes) == pytest.approx(-np.log(0.75), rel=1e-5)
+    assert distance(0.5, modes) == pytest.approx(-np.log(0.25), rel=1e-5)
+    alone = DiagGaussianDistribution(1).proba_distribution(torch.tensor([[0.3]]), torch.zeros(1))
+    twice = Mixture(2, 1).proba_distribution(torch.tensor([[1.0, -2.0, 0.3, 0.3]]), torch.zeros(1))
+    assert distance(0.5, twice) == pytest.approx(float(_distance(alone, torch.tensor([[0.5]]))), rel=1e-5)
 
 
 def test_lessons_in_a_box() -> None:
