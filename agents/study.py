@@ -93,7 +93,7 @@ def train_missing(name: str, study: Study, jobs: int) -> None:
     envs.reset(seed=0)
     envs.step(envs.action_space.sample())
     work = [
-        delayed(_train)(study.env, study.environment, learner, seed, _run_folder(name, label, seed))
+        delayed(_train)(study.env, study.environment, learner, seed, run_folder(name, label) / f"seed{seed}")
         for label, learner in study.learners.items()
         for seed in study.seeds
     ]
@@ -113,8 +113,9 @@ def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folde
     train(plan, folder, checkpoint_every=200_000, resume=(folder / "plan.json").exists(), progress=False)
 
 
-def _run_folder(study: str, learner: str, seed: int) -> Path:
-    return FOLDER / "runs" / study / learner / f"seed{seed}"
+def run_folder(study: str, learner: str) -> Path:
+    """Where the runs of a learner are, one folder for each seed."""
+    return FOLDER / "runs" / study / learner
 
 
 def run(name: str, studies: dict[str, Study], jobs: int) -> str:
@@ -126,7 +127,7 @@ def run(name: str, studies: dict[str, Study], jobs: int) -> str:
     policies: dict[str, Any] = dict.fromkeys(study.policies)
     for source in filter(None, (name, study.trained_in)):
         for learner in studies[source].learners:
-            policies[learner] = partial(load_policy, FOLDER / "runs" / source / learner, study.env)
+            policies[learner] = partial(load_policy, run_folder(source, learner), study.env)
     comparison = compare(study.env, policies, worlds=study.worlds, jobs=jobs, **study.parameters())
     table = write_report(comparison, FOLDER / name)
     shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")

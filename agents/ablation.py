@@ -1,0 +1,75 @@
+"""What each part of the training is worth: ``python -m agents.ablation [STUDY ...]``.
+
+Studies of results/studies.toml whose names end in ``-ablation`` train agents with one part left out, and as many steps
+as the one that has them all, ``full``. They are played on the worlds of ``make league``; the accounts are kept in
+results/ablation, their table goes to docs/learned.md. ``--tables`` makes it of what was played before.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from agents.league import PAGE, ROOT, WORLDS, Account, read_accounts
+from agents.policies.runs import load_policy
+from agents.study import Study, load_studies, run_folder, train_missing
+from wavegym.errors import choice
+from wavegym.evaluation import blocks, compare
+from wavegym.evaluation.command import Parser, guarded
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.report import episodes
+from wavegym.evaluation.table import interval, signed, tabulated
+from wavegym.schedulers.settled import SIMPLE
+
+FOLDER = ROOT / "results" / "ablation"
+SUFFIX, FULL = "-ablation", "full"
+START, END = "<!-- made by `python -m agents.ablation`: -->", "<!-- ablations to here -->"
+
+
+def play(name: str, study: Study, jobs: int) -> None:
+    """Train what is missing, and keep the accounts of all its agents and of the best simple rule."""
+    train_missing(name, study, jobs)
+    policies: dict[str, Any] = {SIMPLE: None}
+    for learner in study.learners:
+        policies[learner] = partial(load_policy, run_folder(name, learner), study.env)
+    comparison = compare(study.env, policies, worlds=WORLDS, jobs=jobs, **study.parameters())
+    write_whole(FOLDER, {f"{name}.csv": episodes(comparison).encode()})
+
+
+def table(played: Mapping[str, Mapping[str, Account]]) -> str:
+    """A line for every agent of every study: per cent against the best simple rule, and against the full agent."""
+    head = ["environment", "agent", "seeds", "against best simple", "95 %", "against full", "95 %"]
+    rows = []
+    for name, accounts in played.items():
+        for agent in [FULL, *(agent for agent in accounts if agent not in (FULL, SIMPLE, "myopic"))]:
+            cells = []
+            for reference in (SIMPLE, FULL):
+                estimate = accounts[agent].against(accounts[reference])
+                cells += [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
+            if agent == FULL:
+                cells[2:] = ["", ""]
+            rows.append([name.removesuffix(SUFFIX), agent, str(len(accounts[agent].cost)), *cells])
+    return tabulated(head, rows)
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m agents.ablation", description="What each part of the training is worth.")
+    parser.add_argument("studies", nargs="*", metavar="STUDY", help="which (default: all ablations)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
+    options = parser.read(None)
+    studies = {name: study for name, study in load_studies().items() if name.endswith(SUFFIX)}
+    for name in options.studies or studies:
+        choice("ablation", name, studies)
+        if not options.tables:
+            play(name, studies[name], options.jobs)
+    played = {name: read_accounts(FOLDER / f"{name}.csv") for name in studies if (FOLDER / f"{name}.csv").exists()}
+    page = blocks.renewed(PAGE.read_text(encoding="utf-8"), START, END, table(played))
+    write_whole(PAGE.parent, {PAGE.name: page.encode()})
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))

@@ -1,0 +1,63 @@
+"""What each part of the training is worth: every agent beside the full one and the best simple rule."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from runs_for_tests import ID
+
+from agents import ablation, study
+from agents.league import Account
+from agents.settings import load_settings
+from wavegym.evaluation.command import settings
+from wavegym.registration import SYSTEMS
+
+ABLATIONS = {name: found for name, found in study.load_studies().items() if name.endswith(ablation.SUFFIX)}
+NAME = f"Small{ablation.SUFFIX}"
+
+
+@pytest.fixture
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str, Path]) -> study.Study:
+    """A study of two agents, trained already."""
+    monkeypatch.setattr(study, "FOLDER", tmp_path)
+    monkeypatch.setattr(ablation, "FOLDER", tmp_path / "ablation")
+    monkeypatch.setattr(ablation, "WORLDS", 4)
+    for learner, algo in (("full", "ppo"), ("other", "dqn")):
+        shutil.copytree(unbroken[algo], study.run_folder(NAME, learner) / "seed1")
+    learners = {"full": study.Learner("ppo"), "other": study.Learner("dqn")}
+    return study.Study(env=ID, seeds=(1,), learners=learners, environment=("horizon=7",))
+
+
+def test_agents_are_played_on_the_same_worlds_and_set_beside_the_full_one(small: study.Study) -> None:
+    ablation.play(NAME, small, jobs=1)
+    accounts = ablation.read_accounts(ablation.FOLDER / f"{NAME}.csv")
+    assert set(accounts) == {"myopic", "best-simple", "full", "other"}
+    assert all(account.cost.shape == (1, 4) for account in accounts.values())
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in ablation.table({NAME: accounts}).splitlines()]
+    assert [line[:3] for line in lines[2:]] == [["Small", "full", "1"], ["Small", "other", "1"]]
+    assert lines[2][5:] == ["", ""]
+
+
+def test_figures_are_geometric_means_of_paired_ratios() -> None:
+    def account(*costs: float) -> Account:
+        return Account(np.array([costs]), np.full((1, len(costs)), np.nan))
+
+    played = {"best-simple": account(1.0, 4.0), "full": account(0.5, 2.0), "no-masks": account(1.0, 2.25)}
+    row = ablation.table({NAME: played}).splitlines()[-1].split("|")
+    assert row[4].strip() == "-25.0"  # sqrt(1 * 2.25 / 4) = .75
+    assert row[6].strip() == "+50.0"  # sqrt(2 * 1.125) = 1.5
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+def test_one_thing_at_a_time_is_left_out(name: str) -> None:
+    own = ABLATIONS[name]
+    assert own.env in SYSTEMS
+    assert len(own.seeds) >= 3
+    full = set(own.learners[ablation.FULL].set)
+    for label, learner in own.learners.items():
+        load_settings(own.env, learner.algo, settings(learner.set))
+        lost = {pair.partition("=")[0] for pair in set(learner.set) ^ full}
+        assert lost <= {"policy", "network"} or len(lost) == 1, label
