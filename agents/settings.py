@@ -121,7 +121,7 @@ class DQNSettings(Settings):
     n_steps: Count
 
     buffer_size: Count
-    learning_starts: Count
+    learning_starts: NonNegativeCount
     gradient_steps: Count
     target_update_interval: Count
     exploration_initial_eps: Share
