@@ -13,7 +13,6 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from agents.compare import LEARNERS, SAVED, stem
 from agents.policies.records import read_run
 from agents.policies.runs import RUN, load_policy
-from wavegym.envs.observer import Observer
+from agents.timing import decisions_us
 from wavegym.errors import InputError
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.command import Parser, guarded
@@ -30,11 +29,9 @@ from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.table import interval, signed, tabulated
-from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.evaluation.worlds import word
 from wavegym.registration import SYSTEMS
-from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.settled import PLANNER, SIMPLE, recorded
-from wavegym.systems.contract import System
 
 Array = NDArray[Any]
 
@@ -43,7 +40,6 @@ HEADROOM, LEAGUE = ROOT / "results" / "headroom", ROOT / "results" / "league"
 PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
 START, END = "<!-- made by `make league`: -->", "<!-- to here -->"
 WORLDS, SEED = 200, 0  # those of `make headroom`
-DECISIONS = 300  # single ones that are timed; the median counts
 
 
 class Account(NamedTuple):
@@ -65,7 +61,7 @@ class Account(NamedTuple):
 def play(env_id: str, jobs: int) -> None:
     """Play the environment's saved agents; their accounts go to results/league."""
     played: dict[str, Any] = {}
-    times = {}
+    agents: dict[str, Any] = {}
     for algo in LEARNERS:
         folder = SAVED / stem(env_id) / algo
         if not folder.is_dir():
@@ -74,9 +70,10 @@ def play(env_id: str, jobs: int) -> None:
         comparison = compare(env_id, {algo: partial(load_policy, folder, env_id)}, worlds=WORLDS, jobs=jobs, **settings)
         played[algo] = comparison
         system = comparison.task.system
-        times[algo] = single_decision_us(system, load_policy(folder, env_id, system)[0])
+        agents[algo] = system, load_policy(folder, env_id, system)[0]
+    times = decisions_us(make_task(env_id, {}).system, agents)
     files = {f"{stem(env_id)}-{algo}.csv": episodes(comparison).encode() for algo, comparison in played.items()}
-    files[f"{stem(env_id)}.json"] = (json.dumps({"us_single": times}, indent=2) + "\n").encode()
+    files[f"{stem(env_id)}.json"] = (json.dumps({"us_per_decision": times}, indent=2) + "\n").encode()
     write_whole(LEAGUE, files)
 
 
@@ -84,19 +81,6 @@ def environment_of(folder: Path) -> dict[str, Any]:
     """The parameters in which the runs in a folder were trained."""
     run = read_run(next(iter(sorted(folder.glob(f"*/{RUN}")))))
     return dict(run["settings"]["environment"])
-
-
-def single_decision_us(system: System, policy: Policy) -> float:
-    """Microseconds of one decision for one environment, what it observes included; the median of many."""
-    public = system.begin(draw_worlds(system, world_seeds(SEED, "tune", 1))).public
-    observer = Observer(system)
-    policy.begin(system, 1, np.random.default_rng(0))
-    took = []
-    for _ in range(DECISIONS):
-        start = perf_counter()
-        policy.act(public, observer(public)[0], None)
-        took.append(perf_counter() - start)
-    return 1e6 * float(np.median(took))
 
 
 def read_accounts(file: Path) -> dict[str, Account]:
@@ -117,8 +101,7 @@ class Entry(NamedTuple):
 
     env_id: str
     accounts: dict[str, Account]
-    planner_us: float
-    single_us: dict[str, float]
+    us: dict[str, float]  # of a decision, by policy; empty where no agent is saved
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
         """See ``Account``; both by name."""
@@ -142,10 +125,9 @@ def entry(env_id: str) -> Entry:
         if file.exists():
             read = read_accounts(file)
             accounts |= {algo: read[algo], _rival(algo): read[BASELINE]}
-    ladder = json.loads((HEADROOM / f"{name}.json").read_text(encoding="utf-8"))
     times = LEAGUE / f"{stem(env_id)}.json"
-    single = json.loads(times.read_text(encoding="utf-8"))["us_single"] if times.exists() else {}
-    return Entry(env_id, accounts, ladder["policies"][PLANNER]["us_per_decision"], single)
+    us = json.loads(times.read_text(encoding="utf-8"))["us_per_decision"] if times.exists() else {}
+    return Entry(env_id, accounts, us)
 
 
 def table(entries: Sequence[Entry]) -> str:
@@ -169,9 +151,9 @@ def details(entries: Sequence[Entry]) -> str:
     for e in entries:
         nees = [_nees(e.accounts.get(name)) for name in (SIMPLE, PLANNER, *LEARNERS)]
         seeds = ", ".join(str(len(e.accounts[algo].cost)) for algo in LEARNERS if algo in e.accounts)
-        single = e.single_us.get("ppo")
-        took = ["", ""] if single is None else [f"{single:.0f}", f"{e.planner_us / single:.0f}"]
-        rows.append([e.env_id.rpartition("/")[2], seeds, *nees, f"{e.planner_us:.0f}", *took])
+        planner, single = e.us.get(PLANNER), e.us.get("ppo")
+        took = [f"{planner:.0f}", f"{single:.0f}", f"{planner / single:.0f}"] if planner and single else [""] * 3
+        rows.append([e.env_id.rpartition("/")[2], seeds, *nees, *took])
     return tabulated(head, rows)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -11,10 +10,12 @@ import pytest
 from runs_for_tests import ID
 
 from agents import compare as command
-from agents import league
+from agents import league, timing
 from wavegym.errors import InputError
 from wavegym.evaluation import compare, make_task
+from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
+from wavegym.evaluation.worlds import world_seeds
 from wavegym.registration import SYSTEMS
 
 
@@ -23,7 +24,7 @@ def entry(**costs: list[float]) -> league.Entry:
         name.replace("_", "-"): league.Account(np.array([cost]), np.full((1, len(cost)), 2.0))
         for name, cost in costs.items()
     }
-    return league.Entry(ID, accounts, 3000.0, {"ppo": 30.0})
+    return league.Entry(ID, accounts, {"best-planner": 3000.0, "ppo": 30.0})
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
         (tmp_path / folder).mkdir()
         monkeypatch.setattr(league, name, tmp_path / folder)
     monkeypatch.setattr(league, "WORLDS", 4)
-    monkeypatch.setattr(league, "DECISIONS", 3)
+    monkeypatch.setattr(timing, "SINGLES", 3)
     monkeypatch.setattr(league, "environment_of", lambda folder: {"horizon": 7})
     for name in ("PAGE", "README"):
         (tmp_path / name).write_text(f"before\n{league.START}\n{league.END}\nafter\n")
@@ -45,8 +46,6 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     policies = {"best-simple": None, "best-planner": None}
     ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
     (tmp_path / "headroom" / "KershawEvansPosition-v0.csv").write_text(episodes(ladder))
-    figures = {"policies": {"best-planner": {"us_per_decision": 3000.0}}}
-    (tmp_path / "headroom" / "KershawEvansPosition-v0.json").write_text(json.dumps(figures))
     return tmp_path
 
 
@@ -60,7 +59,8 @@ def test_accounts_are_what_was_played(folders: Path) -> None:
     assert all(account.cost.shape == account.nees.shape == (1, 4) for account in found.accounts.values())
     again = compare(ID, {"best-simple": None}, worlds=4, jobs=1, progress=False, horizon=7)
     np.testing.assert_allclose(found.accounts["best-simple"].cost, again.cost("best-simple"), rtol=1e-12)
-    assert found.single_us["ppo"] > 0.0
+    assert set(found.us) == {"best-planner", "ppo", "dqn"}
+    assert min(found.us.values()) > 0.0
     assert found.against("myopic", "best-simple").value == pytest.approx(0.0)
 
 
@@ -96,9 +96,9 @@ def test_a_missing_ladder_is_named(folders: Path) -> None:
 def test_every_saved_agent_can_be_played(env_id: str) -> None:
     folders = [command.SAVED / command.stem(env_id) / algo for algo in command.LEARNERS]
     for folder in filter(Path.is_dir, folders):
-        system = make_task(env_id, league.environment_of(folder)).system
-        for policy in command.load_trained(folder, env_id, system):
-            assert league.single_decision_us(system, policy) > 0.0
+        task = make_task(env_id, league.environment_of(folder))
+        for policy in command.load_trained(folder, env_id, task.system):
+            assert np.isfinite(play(task, policy, world_seeds(0, "tune", 1)).episode_cost()).all()
 
 
 def test_an_agent_that_is_not_there_is_named_with_the_way_to_have_it() -> None:
