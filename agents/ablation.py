@@ -12,15 +12,16 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from agents.league import PAGE, ROOT, WORLDS, Account, read_accounts
+from agents.league import PAGE, ROOT, WORLDS, Account, read_accounts, shown
 from agents.policies.runs import load_policy
 from agents.study import Study, load_studies, run_folder, train_missing
 from wavegym.errors import choice
 from wavegym.evaluation import blocks, compare
 from wavegym.evaluation.command import Parser, guarded
+from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
-from wavegym.evaluation.table import interval, signed, tabulated
+from wavegym.evaluation.table import tabulated
 from wavegym.schedulers.settled import SIMPLE
 
 FOLDER = ROOT / "results" / "ablation"
@@ -43,14 +44,11 @@ def table(played: Mapping[str, Mapping[str, Account]]) -> str:
     head = ["environment", "agent", "seeds", "against best simple", "95 %", "against full", "95 %"]
     rows = []
     for name, accounts in played.items():
-        for agent in [FULL, *(agent for agent in accounts if agent not in (FULL, SIMPLE, "myopic"))]:
-            cells = []
-            for reference in (SIMPLE, FULL):
-                estimate = accounts[agent].against(accounts[reference])
-                cells += [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
-            if agent == FULL:
-                cells[2:] = ["", ""]
-            rows.append([name.removesuffix(SUFFIX), agent, str(len(accounts[agent].cost)), *cells])
+        for agent in [FULL, *(agent for agent in accounts if agent not in (FULL, SIMPLE, BASELINE))]:
+            account = accounts[agent]
+            against_full = ["", ""] if agent == FULL else shown(account.against(accounts[FULL]))
+            cells = [*shown(account.against(accounts[SIMPLE])), *against_full]
+            rows.append([name.removesuffix(SUFFIX), agent, str(len(account.cost)), *cells])
     return tabulated(head, rows)
 
 

@@ -178,7 +178,11 @@ def _rival(algo: str) -> str:
 def _cells(e: Entry, algo: str, reference: str = SIMPLE) -> list[str]:
     if algo not in e.accounts:
         return ["", ""]
-    estimate = e.against(algo, reference)
+    return shown(e.against(algo, reference))
+
+
+def shown(estimate: statistics.Estimate) -> list[str]:
+    """Its value and its interval, for a table."""
     return [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
 
 
