@@ -65,8 +65,7 @@ def main() -> None:
         if not options.tables:
             play(name, studies[name], options.jobs)
     played = {name: read_accounts(FOLDER / f"{name}.csv") for name in studies if (FOLDER / f"{name}.csv").exists()}
-    page = blocks.renewed(PAGE.read_text(encoding="utf-8"), START, END, table(played))
-    write_whole(PAGE.parent, {PAGE.name: page.encode()})
+    blocks.renew(PAGE, START, END, table(played))
 
 
 if __name__ == "__main__":

@@ -101,7 +101,7 @@ class Entry(NamedTuple):
 
     env_id: str
     accounts: dict[str, Account]
-    us: dict[str, float]  # of a decision, by policy; empty where no agent is saved
+    us: dict[str, float]  # of a decision, by policy; empty where the league was not played
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
         """See ``Account``; both by name."""
@@ -196,8 +196,7 @@ def renew(env_ids: Sequence[str]) -> None:
     entries = [entry(env_id) for env_id in env_ids]
     front = table(entries)
     for file, text in ((PAGE, "\n\n".join([front, details(entries), libraries(entries)])), (README, front)):
-        page = blocks.renewed(file.read_text(encoding="utf-8"), START, END, text)
-        write_whole(file.parent, {file.name: page.encode()})
+        blocks.renew(file, START, END, text)
 
 
 def main() -> None:

@@ -97,8 +97,7 @@ def renew(names: Sequence[str]) -> None:
     """The table in docs/learned.md, of all that was played."""
     files = [FOLDER / f"{name}.json" for name in names]
     results = {f.stem: json.loads(f.read_text(encoding="utf-8")) for f in files if f.exists()}
-    page = blocks.renewed(PAGE.read_text(encoding="utf-8"), START, END, table(results))
-    write_whole(PAGE.parent, {PAGE.name: page.encode()})
+    blocks.renew(PAGE, START, END, table(results))
 
 
 def main() -> None:

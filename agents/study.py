@@ -131,9 +131,8 @@ def run(name: str, studies: dict[str, Study], jobs: int) -> str:
     comparison = compare(study.env, policies, worlds=study.worlds, jobs=jobs, **study.parameters())
     table = write_report(comparison, FOLDER / name)
     shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")
-    page = PAGE.read_text(encoding="utf-8")
     begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-    PAGE.write_text(blocks.renewed(page, begin, end, table.strip()), encoding="utf-8")
+    blocks.renew(PAGE, begin, end, table.strip())
     return table
 
 

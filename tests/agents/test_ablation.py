@@ -61,3 +61,4 @@ def test_one_thing_at_a_time_is_left_out(name: str) -> None:
         load_settings(own.env, learner.algo, settings(learner.set))
         lost = {pair.partition("=")[0] for pair in set(learner.set) ^ full}
         assert lost <= {"policy", "network"} or len(lost) == 1, label
+        assert bool(lost) == (label != ablation.FULL), label

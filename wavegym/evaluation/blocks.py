@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from wavegym.errors import InputError
+from wavegym.evaluation.files import write_whole
 
 
 def renewed(page: str, start: str, end: str, text: str) -> str:
@@ -21,3 +24,9 @@ def renewed(page: str, start: str, end: str, text: str) -> str:
     if not (found and closing):
         raise InputError(f"the page has no lines {start!r} and {end!r}, expected both")
     return f"{before}{start}\n\n{text}\n\n{end}{after}"
+
+
+def renew(file: Path, start: str, end: str, text: str) -> None:
+    """Put ``text`` between the markers of a page that lies in ``file``; see ``renewed``."""
+    page = renewed(file.read_text(encoding="utf-8"), start, end, text)
+    write_whole(file.parent, {file.name: page.encode()})
