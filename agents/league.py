@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from agents.compare import LEARNERS, SAVED, stem
 from agents.policies.records import read_run
 from agents.policies.runs import RUN, load_policy
-from agents.timing import decisions_us
+from agents.timing import ALONE, decisions_us
 from wavegym.errors import InputError
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.command import Parser, guarded
@@ -146,14 +146,25 @@ def table(entries: Sequence[Entry]) -> str:
 
 def details(entries: Sequence[Entry]) -> str:
     """One line for each environment: consistency of the filter, and what a decision takes."""
-    head = ["environment", "seeds", "NEES: best simple", "planner", "PPO", "DQN", "µs: planner", "PPO alone", "ratio"]
+    head = [
+        "environment",
+        "seeds",
+        "NEES: best simple",
+        "planner",
+        "PPO",
+        "DQN",
+        "µs: planner",
+        "in batch",
+        "PPO",
+        "ratio",
+    ]
     rows = []
     for e in entries:
         nees = [_nees(e.accounts.get(name)) for name in (SIMPLE, PLANNER, *LEARNERS)]
         seeds = ", ".join(str(len(e.accounts[algo].cost)) for algo in LEARNERS if algo in e.accounts)
-        planner, single = e.us.get(PLANNER), e.us.get("ppo")
-        took = [f"{planner:.0f}", f"{single:.0f}", f"{planner / single:.0f}"] if planner and single else [""] * 3
-        rows.append([e.env_id.rpartition("/")[2], seeds, *nees, *took])
+        took = [f"{e.us[name]:.0f}" if name in e.us else "" for name in (ALONE, PLANNER, "ppo")]
+        ratio = f"{e.us[ALONE] / e.us['ppo']:.0f}" if ALONE in e.us and "ppo" in e.us else ""
+        rows.append([e.env_id.rpartition("/")[2], seeds, *nees, *took, ratio])
     return tabulated(head, rows)
 
 

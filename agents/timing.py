@@ -1,12 +1,14 @@
-"""What a decision takes: a learned one for a single environment, the best planner's in a batch."""
+"""What a decision takes: a learned one for a single environment, the best planner's for one and for a batch."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavegym.envs.observer import Observer
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
@@ -17,13 +19,20 @@ from wavegym.schedulers.settled import PLANNER
 from wavegym.systems.contract import System
 from wavegym.systems.trees import first
 
+Array = NDArray[Any]
+
 BATCH = 50  # environments for which the planner decides at once, as in ``make headroom``
 STEPS = 6  # of the episodes that it plays
 SINGLES = 100  # decisions of each agent in each of these steps
+PLANS = 3  # decisions of the planner for a single environment in each of these steps
+ALONE = f"{PLANNER} alone"
 
 
 def decisions_us(system: System, agents: Mapping[str, tuple[System, Policy]], seed: int = 0) -> dict[str, float]:
-    """Microseconds of one decision by name, the planner's among them; medians over the first steps of episodes.
+    """Microseconds of one decision by name, the planner's twice; medians over the first steps of episodes.
+
+    A planner shares out what a call costs among the environments of a batch (``PLANNER``); ``ALONE`` it decides for a
+    single one, as the agents do.
 
     In turns, because a machine's speed changes from second to second and it is the ratio that counts.
 
@@ -33,27 +42,33 @@ def decisions_us(system: System, agents: Mapping[str, tuple[System, Policy]], se
         seed: of the worlds, which are for tuning.
     """
     worlds = draw_worlds(system, world_seeds(seed, "tune", BATCH))
-    state, planner = system.begin(worlds), make_policy(PLANNER, system, None)
+    state, (planner, alone) = system.begin(worlds), (make_policy(PLANNER, system, None) for _ in range(2))
     planner.begin(system, BATCH, np.random.default_rng(seed))
     observers = {name: Observer(own) for name, (own, _) in agents.items()}
-    for own, policy in agents.values():
+    for own, policy in ((system, alone), *agents.values()):
         policy.begin(own, 1, np.random.default_rng(seed))
-    took: dict[str, list[float]] = {name: [] for name in (PLANNER, *agents)}
+    took: dict[str, list[float]] = {name: [] for name in (PLANNER, ALONE, *agents)}
     for _ in range(min(STEPS, system.horizon)):
-        mask, begun = allowed(system, state.public), perf_counter()
+        mask, one, begun = allowed(system, state.public), first(state.public, 1), perf_counter()
         action = planner.act(state.public, None, mask)
         took[PLANNER].append((perf_counter() - begun) / BATCH)
-        for name, (_, policy) in agents.items():
-            took[name].append(_single(policy, observers[name], first(state.public, 1)))
+        took[ALONE].append(_median(PLANS, partial(alone.act, one, None, allowed(system, one))))
+        for name, (own, policy) in agents.items():
+            decide = partial(_observe_and_act, policy, observers[name], one, allowed(own, one))
+            took[name].append(_median(SINGLES, decide))
         state = system.advance(state, action, worlds)
     return {name: 1e6 * float(np.median(seconds)) for name, seconds in took.items()}
 
 
-def _single(policy: Policy, observer: Observer, public: Any) -> float:
-    """Seconds of a decision, the median of many."""
+def _observe_and_act(policy: Policy, observer: Observer, public: Any, mask: Array | None) -> None:
+    policy.act(public, observer(public)[0], mask)
+
+
+def _median(times: int, decide: Callable[[], Any]) -> float:
+    """Seconds of a call, the median of so many."""
     took = []
-    for _ in range(SINGLES):
+    for _ in range(times):
         begun = perf_counter()
-        policy.act(public, observer(public)[0], None)
+        decide()
         took.append(perf_counter() - begun)
     return float(np.median(took))

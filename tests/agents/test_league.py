@@ -24,7 +24,7 @@ def entry(**costs: list[float]) -> league.Entry:
         name.replace("_", "-"): league.Account(np.array([cost]), np.full((1, len(cost)), 2.0))
         for name, cost in costs.items()
     }
-    return league.Entry(ID, accounts, {"best-planner": 3000.0, "ppo": 30.0})
+    return league.Entry(ID, accounts, {})
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_accounts_are_what_was_played(folders: Path) -> None:
     assert all(account.cost.shape == account.nees.shape == (1, 4) for account in found.accounts.values())
     again = compare(ID, {"best-simple": None}, worlds=4, jobs=1, progress=False, horizon=7)
     np.testing.assert_allclose(found.accounts["best-simple"].cost, again.cost("best-simple"), rtol=1e-12)
-    assert set(found.us) == {"best-planner", "ppo", "dqn"}
+    assert set(found.us) == {"best-planner", timing.ALONE, "ppo", "dqn"}
     assert min(found.us.values()) > 0.0
     assert found.against("myopic", "best-simple").value == pytest.approx(0.0)
 
@@ -84,6 +84,14 @@ def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> 
     assert played.against("ppo", "best-simple").value == pytest.approx(-10.0)
     nothing = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 30.0, 5.0], ppo=[9.0, 18.0, 4.5])
     assert nothing.recovered("ppo") is None
+
+
+def test_decisions_for_a_single_environment_are_compared() -> None:
+    played = entry(best_simple=[10.0, 20.0], best_planner=[8.0, 16.0], ppo=[9.0, 18.0])
+    line = league.details(
+        [played._replace(us={timing.ALONE: 3000.0, "best-planner": 200.0, "ppo": 30.0})]
+    ).splitlines()[-1]
+    assert [cell.strip() for cell in line.split("|")[-5:-1]] == ["3000", "200", "30", "100"]
 
 
 def test_a_missing_ladder_is_named(folders: Path) -> None:

@@ -37,10 +37,11 @@ def test_each_takes_its_own_time_for_one_environment_in_several_situations(monke
     monkeypatch.setattr(timing, "SINGLES", 5)
     quick, slow = Slow(0.0), Slow(2e-3)
     us = timing.decisions_us(SYSTEM, {"quick": (SYSTEM, quick), "slow": (SYSTEM, slow)})
-    assert list(us) == ["best-planner", "quick", "slow"]
+    assert list(us) == ["best-planner", "best-planner alone", "quick", "slow"]
     assert us["slow"] >= 2e3  # it cannot have taken less
     assert us["slow"] > us["quick"] > 0.0
     assert us["best-planner"] > 0.0
+    assert us["best-planner alone"] > 0.0
     assert quick.num_envs == 1
     assert len(quick.shown) == 5 * timing.STEPS
     assert all(observation.shape == (1, len(SYSTEM.elements)) for observation in quick.shown)
