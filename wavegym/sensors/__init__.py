@@ -20,16 +20,25 @@ False returns fall into the tracker's validation gate, here of four standard dev
 True
 """
 
+from wavegym.sensors.city import Building, City, Road
 from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
 from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
 from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
+from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.multistatic import Echoes, Multistatic, multistatic_range_and_rate
 from wavegym.sensors.penalties import fov_penalty
 from wavegym.sensors.platform import platform_jacobian, platform_measurement
 from wavegym.sensors.resolution import View, platform_view
 from wavegym.sensors.snr import range_law_snr
 
 __all__ = [
+    "Antenna",
+    "Building",
+    "City",
+    "Echoes",
+    "Multistatic",
+    "Road",
     "View",
     "detection_probability",
     "energy_detection_probability",
@@ -37,6 +46,7 @@ __all__ = [
     "gate_probability",
     "gate_volume",
     "inside_gate",
+    "multistatic_range_and_rate",
     "platform_jacobian",
     "platform_measurement",
     "platform_view",

@@ -1,0 +1,156 @@
+"""Rays by way of walls: mirror images against a search on the walls themselves for the shortest way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from scipy.optimize import minimize
+
+from wavegym.errors import InputError
+from wavegym.sensors.city import Building, City
+from wavegym.sensors.multipath import Antenna, mirrored
+
+CROSSING = City.load("intersection")
+SLANTED = City(
+    buildings=(
+        Building(((0.0, 0.0), (40.0, 10.0), (35.0, 40.0), (5.0, 35.0)), 0.3),
+        Building(((60.0, 0.0), (100.0, -5.0), (90.0, 45.0), (70.0, 30.0), (62.0, 20.0)), 0.5),  # one corner inwards
+        Building(((0.0, 60.0), (50.0, 62.0), (80.0, 55.0), (60.0, 90.0))),
+    )
+)
+SCENES = [(CROSSING, (2085.0, 1470.5), (1900, 2200, 1300, 1750)), (SLANTED, (50.0, 50.0), (-20, 120, -20, 100))]
+
+
+def street(city: City, box: tuple[int, int, int, int], count: int, seed: int) -> np.ndarray:
+    low, high = np.array([box[::2], box[1::2]], np.float64)
+    points = np.random.default_rng(seed).uniform(low, high, (20 * count, 2))
+    return points[~city.indoors(points)][:count]
+
+
+def searched(city: City, start: tuple[float, float], end: np.ndarray, walls: list[np.ndarray]) -> np.ndarray | None:
+    """The bounces of the shortest way from start to end that touches the walls' lines in turn; None: no such ray.
+
+    The length is convex in the places on the lines: wherever a search ends, it is the minimum. Angles of incidence and
+    reflection are equal there (Fermat) if the way does not pass through a wall.
+    """
+    if behind(start, walls[0]) or behind(end, walls[-1]):
+        return None
+    a, d = np.array([w[:2] for w in walls]), np.array([w[2:] - w[:2] for w in walls])
+
+    def length(t: np.ndarray) -> float:
+        way = np.vstack([start, a + t[:, None] * d, end])
+        return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+    t = np.full(len(walls), 0.5)
+    t = minimize(length, t, method="Nelder-Mead", options={"xatol": 1e-3}).x  # the length has kinks where walls meet
+    t = minimize(length, t, method="BFGS", options={"gtol": 1e-9}).x
+    points = a + t[:, None] * d
+    return points if ((t > 0.0) & (t < 1.0)).all() and is_ray(city, start, points, end, d) else None
+
+
+def behind(point, wall: np.ndarray) -> bool:
+    return bool(shapely.is_ccw(shapely.LinearRing([wall[:2], wall[2:], point])))
+
+
+def is_ray(city: City, start: tuple[float, float], points: np.ndarray, end: np.ndarray, d: np.ndarray) -> bool:
+    """Whether the way reflects at every point as at a mirror, and no building is in it."""
+    way = np.vstack([start, points, end])
+    for i, along in enumerate(d / np.linalg.norm(d, axis=1)[:, None], start=1):
+        come, go = (step / max(np.linalg.norm(step), 1e-12) for step in (way[i] - way[i - 1], way[i + 1] - way[i]))
+        across = np.array([along[1], -along[0]])  # to the right, into the street
+        if not (come @ across < 0.0 and abs(come @ across + go @ across) < 1e-4):
+            return False
+    solid = shapely.union_all([shapely.Polygon(b.corners) for b in city.buildings])
+    return shapely.LineString(way).intersection(solid).length < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("city", "position", "box"), SCENES)
+def test_rays_by_one_wall_and_two_are_those_a_search_on_the_walls_finds(city, position, box) -> None:
+    antenna, found = Antenna(city, position), 0
+    for point in street(city, box, 7, seed=1):
+        seen, bounces = antenna.seen(point), antenna.bounces(point)
+        rays = {tuple(via): at for via, at, reached in zip(antenna.via.tolist(), bounces, seen, strict=True) if reached}
+        for one in range(len(city.walls)):
+            for other in (-1, *(w for w in range(len(city.walls)) if w != one)):
+                walls = [city.walls[w] for w in (one, other) if w >= 0]
+                points = searched(city, position, point, walls)
+                assert ((one, other) in rays) == (points is not None), (point, one, other)
+                if points is not None:
+                    found += 1
+                    np.testing.assert_allclose(rays[one, other][: len(walls)], points, atol=1e-3)
+    assert found > 3
+
+
+@pytest.mark.parametrize(("city", "position", "box"), SCENES)
+def test_the_straight_line_is_free_where_no_building_is_in_it(city, position, box) -> None:
+    points = street(city, box, 500, seed=2)
+    solid = shapely.union_all([shapely.Polygon(b.corners) for b in city.buildings])
+    lines = shapely.linestrings(np.stack([np.broadcast_to(position, points.shape), points], axis=1))
+    free = Antenna(city, position).seen(points)[:, 0]
+    np.testing.assert_array_equal(free, shapely.length(shapely.intersection(lines, solid)) < 1e-9)
+    assert 0.1 < free.mean() < 0.9
+
+
+@pytest.mark.parametrize(("city", "position", "box"), SCENES)
+def test_an_image_is_as_far_as_the_ray_is_long_and_the_way_back_is_the_same(city, position, box) -> None:
+    here = Antenna(city, position)
+    for point in street(city, box, 40, seed=3):
+        there = Antenna(city, tuple(point))
+        ways = {tuple(via): d for via, d in zip(here.via.tolist(), distances(here, point), strict=True) if d}
+        back = {tuple(via): d for via, d in zip(there.via.tolist(), distances(there, position), strict=True) if d}
+        turned = {(b, a) if b >= 0 else (a, b): d for (a, b), d in back.items()}
+        assert ways == pytest.approx(turned)
+        for image, at, seen in zip(here.images, here.bounces(point), here.seen(point), strict=True):
+            if seen:
+                way = np.vstack([position, at[~np.isnan(at).any(axis=1)], point])
+                length = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+                assert np.linalg.norm(point - image) == pytest.approx(length, rel=1e-12)
+
+
+def distances(antenna: Antenna, point) -> np.ndarray:
+    """From a point to the images that it sees; 0 for the others."""
+    return np.where(antenna.seen(point), np.linalg.norm(np.asarray(point) - antenna.images, axis=1), 0.0)
+
+
+def test_one_wall_reflects_where_the_papers_equation_puts_it() -> None:
+    """Both distances from the wall's line, over those from the point: the squared equation, and its true root."""
+    wall = Building(((10.0, 12.0), (-10.0, 8.0), (-10.0, 30.0), (10.0, 30.0)))
+    antenna = Antenna(City(buildings=(wall,)), (-4.0, 0.0))
+    (r, k), m, c = ((-4.0, 0.0), (5.0, 3.0)), 0.2, 10.0
+    (which,) = np.flatnonzero(antenna.seen(k) & (antenna.order == 1))
+    xc, yc = antenna.bounces(k)[which, 0]
+    assert yc == pytest.approx(m * xc + c)
+    sides = [(-m * (x - xc) + y - yc) ** 2 / ((x - xc) ** 2 + (y - yc) ** 2) for x, y in (r, k)]
+    assert sides[0] == pytest.approx(sides[1])
+
+
+def test_what_is_left_of_the_power() -> None:
+    antenna = Antenna(SLANTED, (50.0, 50.0))
+    for via, left in zip(antenna.via, antenna.reflected, strict=True):
+        assert left == pytest.approx(np.prod([SLANTED.reflectivity[w] for w in via if w >= 0]))
+    assert antenna.order.tolist() == sorted(antenna.order)
+    assert set(antenna.order) == {0, 1, 2}
+
+
+def test_an_empty_city_has_nothing_but_the_antenna() -> None:
+    antenna = Antenna(City(), (1.0, 2.0))
+    assert antenna.seen(np.zeros((3, 4, 2))).tolist() == [[[True]] * 4] * 3
+    assert antenna.bounces([[0.0, 0.0]]).shape == (1, 1, 2, 2)
+
+
+def test_a_mirror_image_of_an_image_is_the_point() -> None:
+    wall = [1.0, 2.0, 5.0, -3.0]
+    points = np.random.default_rng(0).normal(size=(5, 2))
+    np.testing.assert_allclose(mirrored(mirrored(points, wall), wall), points, atol=1e-12)
+    np.testing.assert_allclose(mirrored([[1.0, 2.0], [5.0, -3.0]], wall), [[1.0, 2.0], [5.0, -3.0]], atol=1e-12)
+
+
+def test_mistakes() -> None:
+    with pytest.raises(
+        InputError, match=r"position is \(2000\.0, 1600\.0\) m, inside a building.*nearest wall: \(2045"
+    ):
+        Antenna(CROSSING, (2000.0, 1600.0))
+    with pytest.raises(InputError, match=r"points has shape \(3,\), expected \(\.\.\., 2\)"):
+        Antenna(CROSSING, (2085.0, 1470.5)).seen([1.0, 2.0, 3.0])

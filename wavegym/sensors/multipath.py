@@ -1,0 +1,110 @@
+"""Rays in a street: an antenna, and its mirror images in one wall or in two, one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.sensors import multipath_kernels as kernels
+from wavegym.sensors.checks import Array, shaped
+from wavegym.sensors.city import City, Point
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """An antenna in a city, and its mirror images.
+
+    A ray between the antenna and a point, by no wall, one or two, is as long as the straight line from the point to an
+    image and arrives from there: for delay, Doppler shift and direction every image is an antenna of its own.
+
+    Args:
+        city: whose walls reflect.
+        position: (x, y) in m, outside the buildings.
+
+    Raises:
+        InputError: a position inside a building.
+    """
+
+    city: City
+    position: Point
+
+    def __post_init__(self) -> None:
+        self.city.check_outdoors("the antenna's position", self.position)
+
+    @cached_property
+    def via(self) -> NDArray[np.int64]:
+        """By which walls, counted from the antenna, each image is seen; -1 for none, (image, 2)."""
+        return self._all[0]
+
+    @cached_property
+    def images(self) -> Array:
+        """Where they are, (x, y) in m, (image, 2): the antenna itself, those in one wall, those in two."""
+        return self._all[1]
+
+    @cached_property
+    def order(self) -> NDArray[np.int64]:
+        """How many walls each image takes, (image,)."""
+        return np.asarray((self.via >= 0).sum(axis=1))
+
+    @cached_property
+    def reflected(self) -> Array:
+        """Part of the power that is left after these walls, (image,)."""
+        factors = np.append(self.city.reflectivity, 1.0)  # the last for no wall, whose number is -1
+        return np.asarray(factors[self.via].prod(axis=1))
+
+    def seen(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Which images are seen from points (x, y) in m, (..., 2): (..., image).
+
+        A wall's end belongs to the wall, and nothing is seen through one. InputError where shapes do not fit.
+        """
+        points, lead = _flat(points)
+        return np.asarray(kernels.seen(points, *self._rays)).reshape(*lead, -1)
+
+    def bounces(self, points: ArrayLike) -> Array:
+        """Where the rays to points (..., 2) reflect, in order from the antenna, (x, y) in m, (..., image, 2, 2).
+
+        NaN in place of bounces that do not take place. InputError where shapes do not fit.
+        """
+        points, lead = _flat(points)
+        return np.asarray(kernels.bounces(points, *self._rays)).reshape(*lead, len(self.images), 2, 2)
+
+    @property
+    def _rays(self) -> tuple[NDArray[Any], ...]:
+        return np.array(self.position, np.float64), self.images, self._all[2], self.via, self.city.walls
+
+    @cached_property
+    def _all(self) -> tuple[NDArray[np.int64], Array, Array]:
+        """``via``, ``images`` and the images in the first of their walls alone."""
+        walls, position = self.city.walls, np.array(self.position, np.float64)
+        via, images, firsts = [(-1, -1)], [position], [position]
+        ones = [w for w in range(len(walls)) if kernels.outside(*position, walls[w]) > 0.0]
+        once = {w: mirrored(position, walls[w]) for w in ones}
+        for w in ones:
+            via.append((w, -1))
+            images.append(once[w])
+            firsts.append(once[w])
+        for w in ones:
+            for other in range(len(walls)):
+                if other != w and kernels.outside(*once[w], walls[other]) > 0.0:
+                    via.append((w, other))
+                    images.append(mirrored(once[w], walls[other]))
+                    firsts.append(once[w])
+        return np.array(via, np.int64), np.array(images), np.array(firsts)
+
+
+def mirrored(points: ArrayLike, wall: ArrayLike) -> Array:
+    """The mirror images of points (..., 2) in the line through a wall (x0, y0, x1, y1)."""
+    points, wall = shaped("points", points, 2), shaped("wall", wall, 4)
+    x, y = points[..., 0] - wall[0], points[..., 1] - wall[1]
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    twice = 2.0 * (x * dy - y * dx) / (dx * dx + dy * dy)
+    return np.stack([points[..., 0] - twice * dy, points[..., 1] + twice * dx], axis=-1)
+
+
+def _flat(points: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+    points = shaped("points", points, 2)
+    return np.array(points.reshape(-1, 2), order="C"), points.shape[:-1]

@@ -1,0 +1,107 @@
+"""Which mirror images of an antenna can be seen from where, in compiled form; ``multipath.py`` is its public face.
+
+A wall is (x0, y0, x1, y1) with the street on its right-hand side. A ray that reflects at a wall, or at one wall after
+another, reaches a point as if it came straight from the antenna's image in them; whether it does is checked backwards,
+from the point to the last wall, to the one before and to the antenna.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.kernels import inlined, kernel
+
+NONE = -1  # in place of a wall
+
+
+@inlined
+def outside(x, y, wall):
+    """How far (x, y) lies to the right of a wall, on the street's side, times the wall's length."""
+    return (y - wall[1]) * (wall[0] - wall[2]) + (x - wall[0]) * (wall[3] - wall[1])
+
+
+@inlined
+def along(x, y, u, v, wall):
+    """Where on a wall, from 0 to 1 between its ends, the line from (x, y) to (u, v) on its other side crosses it."""
+    near, far = outside(x, y, wall), outside(u, v, wall)
+    part = near / (near - far)
+    px, py = x + part * (u - x), y + part * (v - y)
+    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    return ((px - wall[0]) * dx + (py - wall[1]) * dy) / (dx * dx + dy * dy)
+
+
+@inlined
+def clear(x, y, u, v, walls, one, other):
+    """Whether no wall but ``one`` and ``other`` stands between (x, y) and (u, v); a touched end of a wall does."""
+    dx, dy = u - x, v - y
+    for w in range(len(walls)):
+        if w != one and w != other:
+            wall = walls[w]
+            near, far = outside(x, y, wall), outside(u, v, wall)
+            if (near < 0.0) != (far < 0.0):
+                left = dx * (wall[1] - y) - dy * (wall[0] - x)
+                right = dx * (wall[3] - y) - dy * (wall[2] - x)
+                if left * right <= 0.0:
+                    return False
+    return True
+
+
+@inlined
+def bounce(x, y, u, v, wall):
+    """The point where a ray from (x, y) towards the image (u, v) meets a wall, and whether it meets its street side."""
+    if outside(x, y, wall) <= 0.0 or outside(u, v, wall) >= 0.0:
+        return 0.0, 0.0, False
+    part = along(x, y, u, v, wall)
+    return wall[0] + part * (wall[2] - wall[0]), wall[1] + part * (wall[3] - wall[1]), 0.0 < part < 1.0
+
+
+@inlined
+def reaches(x, y, antenna, image, first, one, other, walls):
+    """Whether a ray from the antenna by the walls ``one`` and ``other`` reaches (x, y), and where it bounced.
+
+    ``image`` is the antenna's image in all of these walls, ``first`` that in ``one`` alone.
+    """
+    ax, ay = antenna[0], antenna[1]
+    if one == NONE:
+        return clear(x, y, ax, ay, walls, NONE, NONE), 0.0, 0.0, 0.0, 0.0
+    lx, ly, last = x, y, NONE
+    px, py = 0.0, 0.0
+    if other != NONE:
+        lx, ly, met = bounce(x, y, image[0], image[1], walls[other])
+        last = other
+        if not met:
+            return False, 0.0, 0.0, 0.0, 0.0
+    px, py, met = bounce(lx, ly, first[0], first[1], walls[one])
+    if not met or not clear(ax, ay, px, py, walls, one, NONE) or not clear(px, py, lx, ly, walls, one, last):
+        return False, 0.0, 0.0, 0.0, 0.0
+    if other == NONE:
+        return True, px, py, 0.0, 0.0
+    return clear(lx, ly, x, y, walls, other, NONE), px, py, lx, ly
+
+
+@kernel
+def seen(points, antenna, images, firsts, via, walls):
+    """Which images are seen from which points, (point, image)."""
+    result = np.empty((len(points), len(images)), dtype=np.bool_)
+    for p in range(len(points)):
+        for i in range(len(images)):
+            result[p, i] = reaches(
+                points[p, 0], points[p, 1], antenna, images[i], firsts[i], via[i, 0], via[i, 1], walls
+            )[0]
+    return result
+
+
+@kernel
+def bounces(points, antenna, images, firsts, via, walls):
+    """Where each ray reflects on its way from the antenna, (point, image, 2, 2); NaN where it does not."""
+    result = np.full((len(points), len(images), 2, 2), np.nan)
+    for p in range(len(points)):
+        for i in range(len(images)):
+            one, other = via[i, 0], via[i, 1]
+            met, ax, ay, bx, by = reaches(points[p, 0], points[p, 1], antenna, images[i], firsts[i], one, other, walls)
+            if met and one != NONE:
+                result[p, i, 0, 0], result[p, i, 0, 1] = ax, ay
+            if met and other != NONE:
+                result[p, i, 1, 0], result[p, i, 1, 1] = bx, by
+    return result
