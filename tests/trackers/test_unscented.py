@@ -53,6 +53,26 @@ def test_equals_filterpy(seed):
     assert (np.linalg.eigvalsh(ours[1]) > 0.0).all()
 
 
+@settings(max_examples=50)
+@given(st.integers(0, 10_000))
+def test_from_transmitter_to_receiver_equals_filterpy(seed):
+    """With accelerations, which a measurement says nothing of, behind the velocities."""
+    x, _ = problem(seed)
+    x, P = np.append(x, [1.0, -2.0]), random_covariance(np.random.default_rng(seed), 6)
+    transmitter = np.array([-1e3, 2e3])
+    points = JulierSigmaPoints(6, kappa=0.0)
+    sigmas = points.sigma_points(x, P)
+    images = (measure(sigmas[:, :4]) + measure(sigmas[:, :4], transmitter)) / 2
+    z, S = unscented_transform(images, points.Wm, points.Wc)
+    G = np.einsum("i,ij,ik->jk", points.Wc, sigmas - x, images - z)
+    A, ours = np.empty((1, 6, 6)), (np.empty((1, 2)), np.empty((1, 2, 2)), np.empty((1, 6, 2)))
+    kernels.foresee_multistatic_one(0, 0, x[None], P[None], *transmitter, *SENSOR, A, *ours, (0,) * 6)
+    np.testing.assert_allclose(ours[0][0], z, rtol=1e-12, atol=1e-9)
+    s, p = np.sqrt(np.diag(S)), np.sqrt(np.diag(P))
+    assert np.abs((ours[1][0] - S) / np.outer(s, s)).max() < 1e-7
+    assert np.abs((ours[2][0] - G) / np.outer(p, s)).max() < 1e-7
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_is_the_linearised_filter_for_small_spreads(seed):
     x, P = problem(seed)

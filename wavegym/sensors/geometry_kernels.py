@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import batched, kernel
+from wavegym.kernels import batched, inlined, kernel
 
 NEAREST = 1e-9
 """r is held at this many metres below it, so that at the sensor itself rdot is 0 instead of 0 / 0; |rdot| <= speed."""
@@ -17,6 +17,14 @@ def range_and_rate(px, py, vx, vy, sx, sy):
     dx, dy = px - sx, py - sy
     r = max(np.sqrt(dx * dx + dy * dy), NEAREST)
     return r, (dx * vx + dy * vy) / r
+
+
+@inlined
+def multistatic_range_and_rate(px, py, vx, vy, tx, ty, sx, sy):
+    """Half the way from (tx, ty) by the target to (sx, sy), and its rate; ``range_and_rate`` itself from one place."""
+    out, out_rate = range_and_rate(px, py, vx, vy, tx, ty)
+    back, back_rate = range_and_rate(px, py, vx, vy, sx, sy)
+    return 0.5 * (out + back), 0.5 * (out_rate + back_rate)
 
 
 @batched("(n),(m)->(m)")
