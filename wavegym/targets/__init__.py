@@ -52,6 +52,11 @@ wavegym.errors.InputError: no_such_file.csv: no such file...
 from __future__ import annotations
 
 from wavegym.targets.catalogue import Windows, range_paths, windows
+from wavegym.targets.manoeuvres import (
+    coordinated_turn,
+    nearly_constant_acceleration,
+    nearly_constant_velocity,
+)
 from wavegym.targets.motion import MotionModel, constant_acceleration, constant_velocity, random_path
 from wavegym.targets.paths import Kinematics, ScriptedPath, Segment
 from wavegym.targets.reader import read_tracks
@@ -67,6 +72,9 @@ __all__ = [
     "Windows",
     "constant_acceleration",
     "constant_velocity",
+    "coordinated_turn",
+    "nearly_constant_acceleration",
+    "nearly_constant_velocity",
     "random_path",
     "range_paths",
     "read_tracks",

@@ -10,6 +10,14 @@
 """
 
 from wavegym.trackers.association import Association, joint_association
+from wavegym.trackers.interacting import (
+    imm_combine,
+    imm_mix,
+    imm_reweigh,
+    imm_ukf_scan,
+    ukf_update,
+    variable_structure,
+)
 from wavegym.trackers.jpda import jpda_update
 from wavegym.trackers.kalman import (
     ekf_predict,
@@ -32,6 +40,10 @@ __all__ = [
     "ekf_predict",
     "ekf_update",
     "fitted_information_reduction",
+    "imm_combine",
+    "imm_mix",
+    "imm_reweigh",
+    "imm_ukf_scan",
     "information_reduction",
     "joint_association",
     "jpda_update",
@@ -42,6 +54,8 @@ __all__ = [
     "require_positive_definite",
     "scalar_updates",
     "systematic_resample",
+    "ukf_update",
     "update",
     "update_covariance",
+    "variable_structure",
 ]

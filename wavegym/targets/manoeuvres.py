@@ -1,0 +1,72 @@
+"""Straight on, faster or slower, or round a bend: the discrete-time models of targets that manoeuvre in the plane.
+
+All share one state, x = (x, y, xdot, ydot, xddot, yddot), so that an interacting multiple model filter can mix them.
+
+Reference: Barbosa et al., *Controlled tracking in urban terrain*, section 3.3, after Li and Jilkov's survey (2003). The
+paper orders the state [x xdot y ydot xddot yddot], and prints a noise of twelve rows; meant is G diag(s², s²) G'.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavegym.errors import InputError, non_negative, positive
+from wavegym.targets.motion import MotionModel
+
+Array = NDArray[np.float64]
+NAMES = ("x", "y", "xdot", "ydot", "xddot", "yddot")
+
+
+def nearly_constant_velocity(dt: float, sigma: float, acceleration: float = 0.5) -> MotionModel:
+    """NCV: accelerations are white, of standard deviation ``sigma``, constant through each step.
+
+    Args:
+        dt: step [s].
+        sigma: standard deviation of the acceleration on each axis [m/s²].
+        acceleration: standard deviation that the state's own accelerations are reset to [m/s²]; the model has no use
+            for them, and the paper sets them to 0, but a covariance with a variance of 0 has no Cholesky factor.
+
+    Raises:
+        InputError: dt not > 0, a negative standard deviation.
+    """
+    return _turning(dt, 0.0, sigma, acceleration)
+
+
+def coordinated_turn(dt: float, turn_rate: float, sigma: float, acceleration: float = 0.5) -> MotionModel:
+    """CT: the velocity turns at a known rate [rad/s], positive to the left; else as ``nearly_constant_velocity``."""
+    if not math.isfinite(turn_rate):
+        raise InputError(f"turn_rate is {turn_rate!r}, expected a finite number [rad/s]")
+    return _turning(dt, turn_rate, sigma, acceleration)
+
+
+def nearly_constant_acceleration(dt: float, sigma: float) -> MotionModel:
+    """NCA, a Wiener sequence: each step the acceleration changes by a white amount of standard deviation ``sigma``.
+
+    Args:
+        dt: step [s].
+        sigma: standard deviation of the change of acceleration a step on each axis [m/s²].
+
+    Raises:
+        InputError: dt not > 0, a negative standard deviation.
+    """
+    T = positive("dt", dt, "s")
+    F = np.kron(np.array([[1.0, T, T * T / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]]), np.eye(2))
+    G = np.kron([[T * T / 2], [T], [1.0]], np.eye(2))
+    return MotionModel(F, non_negative("sigma", sigma) ** 2 * (G @ G.T), NAMES)
+
+
+def _turning(dt: float, turn_rate: float, sigma: float, acceleration: float) -> MotionModel:
+    T, angle = positive("dt", dt, "s"), turn_rate * dt
+    c, s = math.cos(angle), math.sin(angle)
+    along = T if angle == 0.0 else s / turn_rate  # ∫ cos(ω t) dt
+    aside = 0.0 if angle == 0.0 else 2.0 * math.sin(angle / 2.0) ** 2 / turn_rate  # ∫ sin(ω t) dt
+    F = np.zeros((6, 6))
+    F[:2, :2], F[:2, 2:4] = np.eye(2), [[along, -aside], [aside, along]]
+    F[2:4, 2:4] = [[c, -s], [s, c]]
+    G = np.kron([[T * T / 2], [T], [0.0]], np.eye(2))
+    Q = non_negative("sigma", sigma) ** 2 * (G @ G.T)
+    Q[4:, 4:] += non_negative("acceleration", acceleration) ** 2 * np.eye(2)
+    return MotionModel(F, Q, NAMES)

@@ -1,0 +1,173 @@
+"""Interacting multiple models: a filter for each way a target may move, and how likely each is.
+
+Every function takes arrays with any leading axes; the state begins with x, y, xdot, ydot and may go on with components,
+such as accelerations, that a measurement says nothing of.
+
+References: Blom and Bar-Shalom, *The interacting multiple model algorithm* (1988); Kirubarajan, Bar-Shalom, Pattipati,
+Kadar, *Ground target tracking with variable structure IMM estimator* (2000); Julier and Uhlmann (1997), the unscented
+transform with kappa = 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError
+from wavegym.sensors.checks import shaped
+from wavegym.trackers import interacting_kernels as kernels
+from wavegym.trackers.checks import require_each
+from wavegym.trackers.kalman import require_positive_definite
+
+Array = NDArray[np.float64]
+
+
+def ukf_update(
+    mean: ArrayLike,
+    covariance: ArrayLike,
+    measurement: ArrayLike,
+    R: ArrayLike,
+    transmitter: ArrayLike,
+    receiver: ArrayLike,
+) -> tuple[Array, Array, Array]:
+    """Unscented Kalman update by range and range-rate from a transmitter by the target to a receiver.
+
+    Args:
+        mean: predicted x, (..., n).
+        covariance: predicted P, (..., n, n).
+        measurement: z = (r in m, rdot in m/s), half the way and its rate, (..., 2).
+        R: its error covariance, (..., 2, 2).
+        transmitter, receiver: (x, y) in m, (..., 2); the same twice is an ordinary radar.
+
+    Returns:
+        The updated mean (..., n) and covariance (..., n, n), and the log likelihood of z (...).
+
+    Raises:
+        InputError: shapes that do not fit, a P or R that is not positive definite.
+    """
+    transmitter, receiver = shaped("transmitter", transmitter, 2), shaped("receiver", receiver, 2)
+    x, P, log_likelihood = kernels.unscented_update(mean, covariance, measurement, R, transmitter, receiver)
+    if np.isnan(log_likelihood).any():
+        require_positive_definite("covariance", covariance)
+        require_positive_definite("R", R)
+    return x, P, log_likelihood
+
+
+def imm_mix(
+    mean: ArrayLike, covariance: ArrayLike, probability: ArrayLike, transition: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """What each model's filter begins the next step with: the mixture of all, weighted by how a target gets there.
+
+    Args:
+        mean: x of each model, (..., models, n).
+        covariance: P of each model, (..., models, n, n).
+        probability: mu of each model, (..., models).
+        transition: of a target's model from one step to the next, row = from, (..., models, models).
+
+    Returns:
+        Mixed means and covariances, shaped as given, and predicted model probabilities; a model that cannot be entered
+        has probability 0 and keeps its own mean and covariance.
+
+    Raises:
+        InputError: shapes that do not fit, rows of ``transition`` that are no probabilities.
+    """
+    return kernels.mix(mean, covariance, probability, _stochastic("transition", transition))
+
+
+def imm_combine(mean: ArrayLike, covariance: ArrayLike, probability: ArrayLike) -> tuple[Array, Array]:
+    """Mean (..., n) and covariance (..., n, n) of the mixture of models; arguments as for ``imm_mix``."""
+    return kernels.combine(mean, covariance, probability)
+
+
+def imm_reweigh(predicted: ArrayLike, log_likelihood: ArrayLike) -> Array:
+    """Model probabilities after a measurement, (..., models), from predicted ones and log likelihoods.
+
+    Likelihoods are compared before they are exponentiated: of a measurement that no model explains, such as one a
+    million metres off, the one that explains it least badly becomes certain, and none is lost.
+    """
+    return kernels.reweigh(predicted, log_likelihood)
+
+
+def imm_ukf_scan(
+    mean: ArrayLike,
+    covariance: ArrayLike,
+    probability: ArrayLike,
+    measurement: ArrayLike,
+    R: ArrayLike,
+    transmitter: ArrayLike,
+    receiver: ArrayLike,
+    F: ArrayLike,
+    Q: ArrayLike,
+    transition: ArrayLike,
+) -> tuple[Array, Array, Array]:
+    """One step of an IMM of unscented Kalman filters with linear motion: mix, predict, update, reweigh; fused.
+
+    Args:
+        mean, covariance, probability: as for ``imm_mix``, with any leading axes, of which there is one for tracks.
+        measurement, R: one for each track, (..., 2) and (..., 2, 2).
+        transmitter, receiver: (x, y) in m, (2,).
+        F, Q: transition matrix and process noise of each model, (models, n, n).
+        transition: (models, models), row = from.
+
+    Returns:
+        Updated means, covariances and model probabilities, shaped as given.
+
+    Raises:
+        InputError: shapes that do not fit, rows of ``transition`` that are no probabilities.
+    """
+    F = np.array(shaped("F", F), np.float64, order="C")
+    if F.ndim != 3 or F.shape[1] != F.shape[2]:
+        raise InputError(f"F has shape {F.shape}, expected (models, n, n)")
+    M, n = F.shape[:2]
+    chances = np.array(shaped("transition", _stochastic("transition", transition), M, M), order="C").reshape(1, M, M)
+    x = np.array(shaped("mean", mean, M, n), order="C")
+    lead = x.shape[:-2]
+    P = np.array(np.broadcast_to(shaped("covariance", covariance, M, n, n), (*lead, M, n, n)), order="C")
+    mu = np.array(np.broadcast_to(shaped("probability", probability, M), (*lead, M)), order="C")
+    z = np.array(np.broadcast_to(shaped("measurement", measurement, 2), (*lead, 2)), order="C")
+    errors = np.array(np.broadcast_to(shaped("R", R, 2, 2), (*lead, 2, 2)), order="C")
+    noise = np.array(np.broadcast_to(shaped("Q", Q, n, n), F.shape), order="C")
+    places = (np.array(shaped(name, at, 2)) for name, at in (("transmitter", transmitter), ("receiver", receiver)))
+    kernels.scan(
+        x.reshape(-1, M, n), P.reshape(-1, M, n, n), mu.reshape(-1, M), z.reshape(-1, 2), errors.reshape(-1, 2, 2),
+        *places, F, noise, chances, (0,) * n, (0,) * M,
+    )  # fmt: skip
+    return x, P, mu
+
+
+def variable_structure(transition: ArrayLike, active: ArrayLike) -> Array:
+    """Transition probabilities where only some models are possible: the others' columns are 0, rows sum to 1.
+
+    Args:
+        transition: between all models, row = from, (models, models).
+        active: whether each model is possible now, (..., models).
+
+    Returns:
+        (..., models, models). What a target did before may be impossible now: its row leads into possible models.
+
+    Raises:
+        InputError: rows that are no probabilities, no active model, a model from which no active one can be reached.
+    """
+    chances, possible = _stochastic("transition", transition), np.asarray(active, np.bool_)
+    if possible.shape[-1:] != chances.shape[-1:]:
+        raise InputError(f"active has shape {possible.shape}, expected (..., {chances.shape[-1]})")
+    left = np.where(possible[..., None, :], chances, 0.0)
+    total = left.sum(axis=-1, keepdims=True)
+    if not (total > 0.0).all():
+        at = np.argwhere(~(total[..., 0] > 0.0))[0]
+        raise InputError(
+            f"from model {at[-1]} no active one of {possible[tuple(at[:-1])].tolist()} can be reached, expected a row"
+            " of transition with a probability > 0 for one of them"
+        )
+    return np.asarray(left / total)
+
+
+def _stochastic(name: str, transition: ArrayLike) -> Array:
+    """``transition`` as an array whose rows are probabilities; otherwise InputError."""
+    chances = np.asarray(transition, np.float64)
+    if chances.ndim < 2 or chances.shape[-1] != chances.shape[-2]:
+        raise InputError(f"{name} has shape {chances.shape}, expected (..., models, models)")
+    require_each(name, chances, (chances >= 0.0) & (chances <= 1.0), "probabilities")
+    total = chances.sum(axis=-1)
+    require_each(f"the sum of a row of {name}", total, abs(total - 1.0) < 1e-9, "1")
+    return chances
