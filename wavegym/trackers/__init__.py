@@ -10,6 +10,7 @@
 """
 
 from wavegym.trackers.association import Association, joint_association
+from wavegym.trackers.integrated import Integrated, lmipda
 from wavegym.trackers.interacting import (
     imm_combine,
     imm_mix,
@@ -35,6 +36,7 @@ from wavegym.trackers.reduction import fitted_information_reduction, information
 
 __all__ = [
     "Association",
+    "Integrated",
     "ParticleUpdate",
     "Particles",
     "ekf_predict",
@@ -47,6 +49,7 @@ __all__ = [
     "information_reduction",
     "joint_association",
     "jpda_update",
+    "lmipda",
     "nees",
     "particle_update",
     "predict",

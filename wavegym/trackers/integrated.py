@@ -1,0 +1,89 @@
+"""Linear multitarget integrated probabilistic data association: whose is a measurement, and does its track exist.
+
+References: Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment* (2008), LMIPDA;
+Musicki, Evans and Stankovic, *Integrated probabilistic data association* (1994), which it is for a single track.
+Barbosa et al., section 4.2.4, print a spurious ``1 -`` before Pd Pg in the association probabilities, and leave out the
+model probabilities in p = sum mu_r p_r.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError
+from wavegym.trackers import integrated_kernels as kernels
+from wavegym.trackers.checks import association_terms, require_each
+
+Array = NDArray[np.float64]
+
+
+class Integrated(NamedTuple):
+    """What ``lmipda`` returns."""
+
+    association: Array  # (..., T, r, 1 + M): column 0 missed, column m detected as measurement m; rows sum to 1
+    models: Array  # mu, (..., T, r)
+    existence: Array  # psi, (..., T)
+
+
+def lmipda(
+    likelihood: ArrayLike,
+    models: ArrayLike,
+    existence: ArrayLike,
+    pd: ArrayLike,
+    clutter_density: ArrayLike,
+    gate_probability: float = 1.0,
+) -> Integrated:
+    """One scan: association probabilities for each model of each track, model and existence probabilities after it.
+
+    A track sees the other tracks as more clutter, as dense at each measurement as they are likely to have caused it:
+    the cost grows with tracks times measurements, not with the number of joint associations.
+
+    Args:
+        likelihood: p = N(z_m; the model's predicted measurement, S) / Pg, 0 outside the gate, (..., T, r, M), in
+            1/unit volume.
+        models: predicted model probabilities mu, (..., T, r).
+        existence: predicted probabilities psi that the tracks exist, (..., T), in [0, 1].
+        pd: probability of detection Pd, (..., T), in (0, 1).
+        clutter_density: expected number of clutter points per unit volume rho, (...) or, at each measurement in each
+            track's gate, (..., T, M); > 0.
+        gate_probability: Pg, in (0, 1].
+
+    Returns:
+        See ``Integrated``. M = 0 and T = 0 work.
+
+    Raises:
+        InputError: values outside these ranges, shapes that disagree.
+    """
+    p, mu, psi, Pd = (np.asarray(a, np.float64) for a in (likelihood, models, existence, pd))
+    rho = np.asarray(clutter_density, np.float64)
+    if p.ndim < 3 or mu.shape[-2:] != p.shape[-3:-1] or {psi.shape[-1:], Pd.shape[-1:]} != {p.shape[-3:-2]}:
+        raise InputError(_shapes(p, mu, psi, Pd, rho))
+    T, r, M = p.shape[-3:]
+    if rho.shape[-2:] != (T, M):
+        rho = rho[..., None, None]
+    try:
+        lead = np.broadcast_shapes(p.shape[:-3], mu.shape[:-2], psi.shape[:-1], Pd.shape[:-1], rho.shape[:-2])
+    except ValueError:
+        raise InputError(_shapes(p, mu, psi, Pd, np.asarray(clutter_density))) from None
+    require_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
+    require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
+    require_each("models", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
+    association_terms(Pd, rho, gate_probability)
+    size = int(np.prod(lead))
+    p, mu, seen, psi, rho = (
+        np.array(np.broadcast_to(a, (*lead, *core)), order="C").reshape(size, *core)
+        for a, core in ((p, (T, r, M)), (mu, (T, r)), (Pd * gate_probability, (T,)), (psi, (T,)), (rho, (T, M)))
+    )
+    beta = np.empty((size, T * r, 1 + M))
+    kernels.lmipda(p, mu, seen, psi, rho, beta)
+    return Integrated(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
+
+
+def _shapes(p: Array, mu: Array, psi: Array, Pd: Array, rho: Array) -> str:
+    return (
+        f"likelihood, models, existence, pd and clutter_density have the shapes {p.shape}, {mu.shape}, {psi.shape}, "
+        f"{Pd.shape} and {rho.shape}, expected (..., T, r, M), (..., T, r), (..., T), (..., T) and (...) or (..., T, M)"
+    )
