@@ -33,15 +33,18 @@ from wavegym.trackers.kalman import (
 )
 from wavegym.trackers.particle import Particles, ParticleUpdate, particle_update, systematic_resample
 from wavegym.trackers.reduction import fitted_information_reduction, information_reduction
+from wavegym.trackers.set_distance import Gospa, gospa
 
 __all__ = [
     "Association",
+    "Gospa",
     "Integrated",
     "ParticleUpdate",
     "Particles",
     "ekf_predict",
     "ekf_update",
     "fitted_information_reduction",
+    "gospa",
     "imm_combine",
     "imm_mix",
     "imm_reweigh",

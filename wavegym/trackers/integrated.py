@@ -8,6 +8,7 @@ model probabilities in p = sum mu_r p_r.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +73,7 @@ def lmipda(
     require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
     require_each("models", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
     association_terms(Pd, rho, gate_probability)
-    size = int(np.prod(lead))
+    size = math.prod(lead)
     p, mu, seen, psi, rho = (
         np.array(np.broadcast_to(a, (*lead, *core)), order="C").reshape(size, *core)
         for a, core in ((p, (T, r, M)), (mu, (T, r)), (Pd * gate_probability, (T,)), (psi, (T,)), (rho, (T, M)))
