@@ -10,6 +10,7 @@
 """
 
 from wavegym.trackers.association import Association, joint_association
+from wavegym.trackers.initiation import multilaterate
 from wavegym.trackers.integrated import Integrated, lmipda
 from wavegym.trackers.interacting import (
     imm_combine,
@@ -53,6 +54,7 @@ __all__ = [
     "joint_association",
     "jpda_update",
     "lmipda",
+    "multilaterate",
     "nees",
     "particle_update",
     "predict",

@@ -1,0 +1,50 @@
+"""Where a new track begins: a place and a velocity from one scan of two receivers.
+
+Barbosa et al., section 4.2.1, difference two scans; but range and range-rate from one place say nothing of direction,
+so that it takes two receivers, and what is known of the roads, to choose between the two places that they leave.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError
+from wavegym.sensors.checks import shaped
+from wavegym.trackers import initiation_kernels as kernels
+
+Array = NDArray[np.float64]
+
+
+def multilaterate(
+    measurements: ArrayLike, R: ArrayLike, transmitter: ArrayLike, receivers: ArrayLike
+) -> tuple[Array, Array]:
+    """Both states that explain what two receivers measure of one target, and their covariances to first order.
+
+    Args:
+        measurements: z = (r in m, rdot in m/s), half the way and its rate, at either receiver, (..., 2, 2).
+        R: their error covariances, (..., 2, 2, 2).
+        transmitter: (x, y) in m, (2,).
+        receivers: (x, y) in m, (2, 2); not in one line with the transmitter.
+
+    Returns:
+        States (x, y, xdot, ydot) in m and m/s, (..., 2, 4), and covariances (..., 2, 4, 4); NaN where the ranges do not
+        meet. Where receivers are close together, the error across the line of sight is large, as the covariance says.
+
+    Raises:
+        InputError: shapes that do not fit, antennas in one line.
+    """
+    z, errors = shaped("measurements", measurements, 2, 2), shaped("R", R, 2, 2, 2)
+    t, s = np.array(shaped("transmitter", transmitter, 2)), np.array(shaped("receivers", receivers, 2, 2))
+    a, b = s - t
+    if abs(a[0] * b[1] - a[1] * b[0]) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
+        raise InputError(
+            f"transmitter {t.tolist()} and receivers {s.tolist()} stand in one line, expected a triangle: from a line"
+            " either side looks the same"
+        )
+    lead = np.broadcast_shapes(z.shape[:-2], errors.shape[:-3])
+    z = np.array(np.broadcast_to(z, (*lead, 2, 2)), order="C").reshape(-1, 2, 2)
+    errors = np.array(np.broadcast_to(errors, (*lead, 2, 2, 2)), order="C").reshape(-1, 2, 2, 2)
+    x, P = np.empty((len(z), 2, 4)), np.empty((len(z), 2, 4, 4))
+    kernels.multilaterate(z, errors, t, s, x, P)
+    return x.reshape(*lead, 2, 4), P.reshape(*lead, 2, 4, 4)
