@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
@@ -136,12 +136,12 @@ class City:
         """Part of the power that each wall reflects, (wall,)."""
         return np.array([each.reflectivity for each in self.buildings for _ in each.corners], dtype=np.float64)
 
-    def indoors(self, points: ArrayLike) -> Array:
+    def indoors(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Which points (x, y) in m, (..., 2), lie inside a building, (...); InputError where shapes do not fit."""
         points = shaped("points", points, 2)
         return np.asarray(shapely.contains_xy(self._built, points[..., 0], points[..., 1]))
 
-    def on_road(self, points: ArrayLike) -> Array:
+    def on_road(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Which points (x, y) in m, (..., 2), lie on a road, (...); InputError where shapes do not fit."""
         points = shaped("points", points, 2)
         return np.asarray(shapely.contains_xy(self._paved, points[..., 0], points[..., 1]))

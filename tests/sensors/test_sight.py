@@ -1,0 +1,60 @@
+"""What a grid says of a city is what holds at its cells' centres."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from wavegym.errors import InputError
+from wavegym.sensors.city import City, Road
+from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.sight import Grid, in_junctions, on_roads, sight_map
+
+CROSSING = City.load("intersection")
+ANTENNA = Antenna(CROSSING, (2085.0, 1470.5))
+GRID = Grid.over(CROSSING, (ANTENNA.position,), cell=5.0)
+
+
+def test_the_grid_covers_the_city() -> None:
+    corners = np.concatenate([CROSSING.walls.reshape(-1, 2), [ANTENNA.position]])
+    assert GRID.at(corners)[1].all()
+    place, inside = GRID.at(GRID.centres)
+    assert inside.all()
+    np.testing.assert_array_equal(place, np.stack(np.indices(GRID.shape), axis=-1))
+    far, inside = GRID.at([[-1e4, 1e4]])
+    assert (far.tolist(), inside.tolist()) == ([[0, GRID.shape[1] - 1]], [False])
+
+
+def test_what_is_seen_from_a_cell_is_what_is_seen_from_its_centre() -> None:
+    sight = sight_map(ANTENNA, GRID)
+    rng = np.random.default_rng(0)
+    place = rng.integers(GRID.shape, size=(400, 2))
+    centres = GRID.centres[place[:, 0], place[:, 1]]
+    centres = centres[~CROSSING.indoors(centres)]
+    kept = sight.which
+    exact = ANTENNA.seen(centres)
+    np.testing.assert_array_equal(sight.at(centres), exact[:, kept])
+    assert not np.delete(exact, kept, axis=1).any()
+    np.testing.assert_array_equal(sight.images, ANTENNA.images[kept])
+    np.testing.assert_array_equal(sight.order, ANTENNA.order[kept])
+    np.testing.assert_array_equal(sight.reflected, ANTENNA.reflected[kept])
+    assert not sight.at([[2000.0, 1600.0], [0.0, 0.0]]).any()  # indoors; off the grid
+    assert sight_map(ANTENNA, GRID) is sight
+
+
+def test_roads_and_junctions() -> None:
+    np.testing.assert_array_equal(on_roads(CROSSING, GRID), CROSSING.on_road(GRID.centres))
+    (corners,) = CROSSING.junctions
+    inside = shapely.contains_xy(shapely.Polygon(corners), *np.moveaxis(GRID.centres, -1, 0))
+    np.testing.assert_array_equal(in_junctions(CROSSING, GRID), inside)
+    assert not in_junctions(City(), Grid.over(City())).any()
+    assert (
+        on_roads(City(roads=(Road(((0.0, 0.0), (9.0, 0.0)), 4.0),)), Grid((0.0, 0.0), 1.0, (3, 4))).tolist()
+        == [[True, True, False, False]] * 3
+    )
+
+
+def test_mistakes() -> None:
+    with pytest.raises(InputError, match=r"cell is 0\.0 m"):
+        Grid.over(CROSSING, cell=0.0)
