@@ -9,7 +9,7 @@ import shapely
 from wavegym.errors import InputError
 from wavegym.sensors.city import City, Road
 from wavegym.sensors.multipath import Antenna
-from wavegym.sensors.sight import Grid, in_junctions, on_roads, sight_map
+from wavegym.sensors.sight import Grid, in_junctions, metres_to_road, sight_map
 
 CROSSING = City.load("intersection")
 ANTENNA = Antenna(CROSSING, (2085.0, 1470.5))
@@ -44,15 +44,18 @@ def test_what_is_seen_from_a_cell_is_what_is_seen_from_its_centre() -> None:
 
 
 def test_roads_and_junctions() -> None:
-    np.testing.assert_array_equal(on_roads(CROSSING, GRID), CROSSING.on_road(GRID.centres))
+    far = metres_to_road(CROSSING, GRID)
+    np.testing.assert_array_equal(far == 0.0, CROSSING.on_road(GRID.centres))
+    (place,), _ = GRID.at([[2120.0, 1440.0]])
+    x, y = GRID.centres[tuple(place)]  # in a building, between a road that ends at x = 2090 and one at y = 1490
+    assert far[tuple(place)] == pytest.approx(min(x - 2090.0, 1490.0 - y))
     (corners,) = CROSSING.junctions
     inside = shapely.contains_xy(shapely.Polygon(corners), *np.moveaxis(GRID.centres, -1, 0))
     np.testing.assert_array_equal(in_junctions(CROSSING, GRID), inside)
     assert not in_junctions(City(), Grid.over(City())).any()
-    assert (
-        on_roads(City(roads=(Road(((0.0, 0.0), (9.0, 0.0)), 4.0),)), Grid((0.0, 0.0), 1.0, (3, 4))).tolist()
-        == [[True, True, False, False]] * 3
-    )
+    strip = City(roads=(Road(((0.0, 0.0), (9.0, 0.0)), 4.0),))
+    assert metres_to_road(strip, Grid((0.0, 0.0), 1.0, (3, 4))).tolist() == [[0.0, 0.0, 0.5, 1.5]] * 3
+    assert np.isinf(metres_to_road(City(), Grid.over(City()))).all()
 
 
 def test_mistakes() -> None:

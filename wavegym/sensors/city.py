@@ -144,7 +144,7 @@ class City:
     def on_road(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Which points (x, y) in m, (..., 2), lie on a road, (...); InputError where shapes do not fit."""
         points = shaped("points", points, 2)
-        return np.asarray(shapely.contains_xy(self._paved, points[..., 0], points[..., 1]))
+        return np.asarray(shapely.contains_xy(self.paved, points[..., 0], points[..., 1]))
 
     def check_outdoors(self, name: str, point: Point) -> None:
         """InputError if an antenna stands inside a building; the nearest point outside is named."""
@@ -168,7 +168,8 @@ class City:
         return _prepared([shapely.Polygon(each.corners) for each in self.buildings])
 
     @cached_property
-    def _paved(self) -> shapely.Geometry:
+    def paved(self) -> shapely.Geometry:
+        """All roads as one area."""
         strips = [
             shapely.LineString(r.centre).buffer(r.width / 2, cap_style="flat", join_style="mitre") for r in self.roads
         ]

@@ -35,10 +35,8 @@ class Grid:
     def over(cls, city: City, antennas: tuple[tuple[float, float], ...] = (), cell: float = 1.0) -> Grid:
         """Cells over all that stands in the city and all antennas. InputError: a cell not > 0."""
         positive("cell", cell, "m")
-        walls = city.walls.reshape(-1, 2)
-        ends = np.array([p for road in city.roads for p in road.centre]).reshape(-1, 2)
-        places = np.array(antennas, np.float64).reshape(-1, 2)
-        every = np.concatenate([walls, ends, places])
+        roads = shapely.get_coordinates(city.paved)
+        every = np.concatenate([city.walls.reshape(-1, 2), roads, np.array(antennas, np.float64).reshape(-1, 2)])
         low, high = (every.min(axis=0), every.max(axis=0)) if len(every) else (np.zeros(2), np.zeros(2))
         low, high = np.floor(low - BEYOND), np.ceil(high + BEYOND)
         columns, rows = np.ceil((high - low) / cell).astype(int)
@@ -87,9 +85,10 @@ def sight_map(antenna: Antenna, grid: Grid) -> SightMap:
     return SightMap(grid, kept, antenna.images[kept], antenna.order[kept], antenna.reflected[kept], seen[..., kept])
 
 
-def on_roads(city: City, grid: Grid) -> NDArray[np.bool_]:
-    """Which cells are road, (column, row)."""
-    return np.asarray(city.on_road(grid.centres))
+def metres_to_road(city: City, grid: Grid) -> Array:
+    """From every cell's centre to the nearest road, 0 on one, (column, row); m, infinite without roads."""
+    far = shapely.distance(city.paved, shapely.points(grid.centres))
+    return np.asarray(np.nan_to_num(far, nan=np.inf))
 
 
 def in_junctions(city: City, grid: Grid) -> NDArray[np.bool_]:

@@ -35,6 +35,7 @@ from wavegym.trackers.kalman import (
 from wavegym.trackers.particle import Particles, ParticleUpdate, particle_update, systematic_resample
 from wavegym.trackers.reduction import fitted_information_reduction, information_reduction
 from wavegym.trackers.set_distance import Gospa, gospa
+from wavegym.trackers.street import StreetTracker, Tracks
 
 __all__ = [
     "Association",
@@ -42,6 +43,8 @@ __all__ = [
     "Integrated",
     "ParticleUpdate",
     "Particles",
+    "StreetTracker",
+    "Tracks",
     "ekf_predict",
     "ekf_update",
     "fitted_information_reduction",
