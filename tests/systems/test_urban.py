@@ -1,0 +1,231 @@
+"""The street's closed loop: what is measured, what it costs, the shells, and what the paper finds."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import oracles
+import pytest
+from gymnasium.utils.env_checker import check_env
+from scipy.stats import chi2, poisson
+
+import wavegym
+from wavegym.envs import check_vector_env
+from wavegym.errors import InputError
+from wavegym.parameter_sets import make_checked
+from wavegym.schedulers.names import make_policy
+from wavegym.sensors import multistatic_range_and_rate
+from wavegym.systems.urban import Urban
+from wavegym.systems.urban_state import MOST, Public
+from wavegym.trackers import Tracks
+from wavegym.trackers.street import CONFIRMED, EMPTY
+
+ID = "test/Urban-v0"
+SYSTEM = Urban()
+LONG_UP = 2  # number of the longer pulse that sweeps up
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered():
+    wavegym.register(ID, "wavegym.systems.urban:Urban", horizon=45)
+    yield
+    del gym.registry[ID]
+
+
+def played(system, policy, count, stop=None):
+    """States after every scan of ``count`` episodes."""
+    worlds = oracles.worlds(system, count)
+    state, states = system.begin(worlds), []
+    chosen = make_policy(policy, system, None)
+    chosen.begin(system, count, np.random.default_rng(0))
+    for _ in range(stop or system.horizon):
+        state = system.advance(state, chosen.act(state.public, None, None), worlds)
+        states.append(state)
+    return states
+
+
+@pytest.mark.slow
+def test_conformance():
+    check_vector_env(ID)
+    check_env(gym.make(ID).unwrapped, skip_render_check=True)
+
+
+def test_targets_drive_as_the_paper_says():
+    """Ten seconds apart, from (1950, 1500) to (2069.33, 1669.33)."""
+    truth, present = SYSTEM.scene.truth, SYSTEM.scene.present
+    np.testing.assert_allclose(truth[-1, 0, :2], [2069.33, 1669.33], atol=0.01)
+    np.testing.assert_allclose(truth[40:, 1], truth[:-40, 0], atol=1e-9)
+    assert present.sum(axis=0).tolist() == [141, 101]
+
+
+def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
+    """The first target's direct return at scan 100 in 4000 worlds: Pd, mean, covariance; and the number of others."""
+    count, scan, system = 4000, 100, Urban(arrivals=(0.0,))
+    worlds, state = oracles.worlds(system, count), system.begin(oracles.worlds(system, count))
+    state = state._replace(public=state.public._replace(step=np.full(count, scan - 1)))
+    hidden = system.advance(state, np.full(count, LONG_UP), worlds).hidden
+    exact = multistatic_range_and_rate(system.scene.truth[scan, 0, :4], system.transmitter, system.receivers[0])
+    eta = 200.0 * (100.0 / exact[0]) ** 4
+    R = system.actions.measurement_covariances(4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
+    ways = system.scene.z[0, scan, 0, : system.scene.ways[0, scan, 0]]
+    off = hidden.z[:, 0, 0] - exact  # ways come first, the direct one before all others
+    squared = (off * np.linalg.solve(R, off.T).T).sum(axis=1)
+    detected = squared < chi2.ppf(1 - 1e-6, 2)
+    pd = 1e-3 ** (1.0 / (1.0 + eta / 2.0))
+    assert abs(detected.mean() - pd) < 4.5 * np.sqrt(pd * (1 - pd) / count)
+    errors = off[detected] / np.sqrt(np.diag(R))
+    assert np.abs(errors.mean(axis=0)).max() < 4.5 / np.sqrt(detected.sum())
+    assert np.abs(errors.T @ errors / detected.sum() - np.eye(2)).max() < 4.5 * np.sqrt(2.0 / detected.sum())
+    expected = 1e-3 * 300.0 * 2.0 * system.ambiguity
+    most = [
+        1e-3 ** (1.0 / (1.0 + 100.0 * (100.0 / r) ** 4 * 0.4**k))
+        for r, k in zip(ways[:, 0], walls(system, scan), strict=True)
+    ]
+    number = hidden.number[:, 0].mean()
+    assert abs(number - expected - sum(most)) < 4.5 * np.sqrt((expected + len(most) / 4) / count)
+    assert poisson.sf(MOST // 2, expected) < 1e-6  # an array has room for all
+
+
+def walls(system, scan):
+    """How many walls each open way to the first receiver takes."""
+    return np.log(system.scene.reflected[0, scan, 0, : system.scene.ways[0, scan, 0]]) / np.log(0.4)
+
+
+def test_measurements_do_not_depend_on_other_choices():
+    """Only the noise's size does: the same returns and clutter meet every waveform."""
+    worlds = oracles.worlds(SYSTEM, 20)
+    state = SYSTEM.begin(worlds)
+    up, down = (SYSTEM.advance(state, np.full(20, a), worlds).hidden for a in (2, 3))
+    np.testing.assert_array_equal(up.number, down.number)
+    np.testing.assert_allclose(up.z, down.z, atol=1e-3)  # of a train, both sweeps have the same variances
+
+
+def test_to_lose_a_track_never_pays():
+    """Whatever slot is emptied, whatever its covariance."""
+    rng = np.random.default_rng(0)
+    public = played(SYSTEM, "random", 30, stop=100)[-1].public
+    public = public._replace(
+        existence=np.where(public.status == EMPTY, 0.0, rng.random(public.existence.shape)),
+        P=public.P * 10.0 ** rng.uniform(-3, 3, (*public.existence.shape, 1, 1, 1)),
+    )
+    before = SYSTEM.cost(public)
+    assert (public.status != EMPTY).any(axis=0).sum() > 1
+    for slot in range(SYSTEM.slots):
+        existence, status = public.existence.copy(), public.status.copy()
+        existence[:, slot], status[:, slot] = 0.0, EMPTY
+        assert (SYSTEM.cost(public._replace(existence=existence, status=status)) >= before - 1e-12).all()
+    nothing = SYSTEM.begin(oracles.worlds(SYSTEM, 1)).public
+    assert SYSTEM.cost(nothing) == pytest.approx(2 * SYSTEM.absent)
+
+
+def test_the_cost_is_that_of_the_surest_slots():
+    state = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1]
+    _, P = Tracks(*state.public[1:]).combined()
+    assert SYSTEM.absent == 5.0**2 + 2 * 10.0**2 + 2 * 1.0**2
+    for e in range(5):
+        each = []
+        for r, spread in zip(state.public.existence[e], P[e], strict=True):
+            each.append(r * min(np.trace(spread), SYSTEM.absent) + (1 - r) * SYSTEM.absent)
+        assert SYSTEM.cost(state.public)[e] == pytest.approx(sum(sorted(each)[:2]))
+
+
+def test_foresight_has_the_shapes_of_the_contract_and_is_a_prediction():
+    public = played(SYSTEM, "round-robin", 3, stop=70)[-1].public
+    each, one = SYSTEM.imagine(public, np.arange(4)[None]), SYSTEM.imagine(public, np.full(3, LONG_UP))
+    for many, single in zip(each, one, strict=True):
+        assert many.shape[:2] == (3, 4)
+        np.testing.assert_array_equal(many[:, LONG_UP], single)
+    cost = SYSTEM.cost(each)
+    assert cost.shape == (3, 4)
+    np.testing.assert_allclose(cost[:, 0], cost[:, 1], rtol=1e-3)  # up and down
+    assert (cost[:, 2] <= cost[:, 0] + 1e-9).all()  # the longer pulse has more energy
+    assert (each.step == public.step[:, None] + 1).all()
+
+
+def test_metrics_are_counted_by_hand():
+    for state in played(SYSTEM, "round-robin", 4)[19::30]:
+        found = SYSTEM.metrics(state)
+        x, P = Tracks(*state.public[1:]).combined()
+        for e in range(4):
+            sure = np.flatnonzero(state.public.status[e] == CONFIRMED)
+            assert found["confirmed"][e] == len(sure)
+            false = 0
+            for s in sure:
+                off = np.linalg.norm(state.hidden.truth[e, state.hidden.present[e], :2] - x[e, s, :2], axis=1)
+                false += off.min() > 20.0
+            assert found["false"][e] == false
+            for g in range(2):
+                off = {s: np.linalg.norm(state.hidden.truth[e, g, :2] - x[e, s, :2]) for s in sure}
+                near = min(off, key=off.__getitem__) if off else None
+                held = bool(state.hidden.present[e, g]) and near is not None and off[near] <= 20.0
+                assert found["held"][e, g] == held
+                assert found["position_error"][e, g] == pytest.approx(off[near] if held else 0.0)
+                if held:
+                    d = state.hidden.truth[e, g, :4] - x[e, near, :4]
+                    assert found["nees"][e, g] == pytest.approx(d @ np.linalg.solve(P[e, near, :4, :4], d))
+
+
+@pytest.mark.slow
+def test_the_paper_s_findings():
+    """Fifty runs: the closed loop confirms more tracks than the open one, with less than half its error, and knows how
+    targets move. The filter does it: round robin with the same filter is as good."""
+    gains = {}
+    for name, tracker, policy in (
+        ("closed", "vsimm", "myopic"),
+        ("filter alone", "vsimm", "round-robin"),
+        ("open", "ncv", "round-robin"),
+    ):
+        system = Urban(tracker=tracker)
+        states = played(system, policy, 50)
+        figures = [system.metrics(state) for state in states]
+        held = np.array([f["held"] for f in figures])
+        squares = np.array([f["position_error"] for f in figures]) ** 2
+        confirmed = np.mean([f["confirmed"] for f in figures])
+        gains[name] = confirmed, np.sqrt(squares.sum() / held.sum())
+        if name == "closed":
+            mu = models_of_first(states, system)
+    (closed, rmse), (alone, alone_rmse), (opened, open_rmse) = (gains[n] for n in ("closed", "filter alone", "open"))
+    assert closed > 1.1 * opened
+    assert rmse < 0.45 * open_rmse
+    assert abs(alone / closed - 1.0) < 0.05
+    assert abs(alone_rmse / rmse - 1.0) < 0.15
+    assert (mu[50:80, 2] > 0.8).all()  # the left turn lasts from scan 40 to 80
+    assert mu[85:100, 1].mean() > 0.8  # speeding up, to scan 100
+    assert (mu[110:, 0] > 0.8).all()
+
+
+def models_of_first(states, system):
+    """Mean model probabilities of the confirmed track nearest the first target, (scan, model); NaN for none."""
+    rows = []
+    for state in states:
+        x, _ = Tracks(*state.public[1:]).combined()
+        off = np.linalg.norm(x[..., :2] - state.hidden.truth[:, :1, :2], axis=2)
+        off = np.where(state.public.status == CONFIRMED, off, np.inf)
+        near = off.min(axis=1) < 20.0
+        rows.append(state.public.mu[near, off[near].argmin(axis=1)].mean(axis=0) if near.any() else np.full(4, np.nan))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"city": "intersektion"}, "city is 'intersektion', expected one of 'intersection'"),
+        ({"transmitter": (2000.0, 1600.0)}, "inside a building"),
+        ({"path": ((30.0, 0.0, 0.3),)}, "path leads into a building"),
+        ({"start": (2000.0, 1600.0)}, "path (begins in|leads into) a building"),
+        ({"durations": ()}, "library is empty"),
+        ({"arrivals": ()}, "arrivals is"),
+        ({"charged": 9}, "charged is 9, expected 1 to 8 slots"),
+        ({"horizon": 0}, "horizon is 0"),
+        ({"tracker": "imm"}, "tracker is 'imm'"),
+        ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
+    ],
+)
+def test_mistakes(change, message):
+    with pytest.raises(InputError, match=message) as error:
+        make_checked(Urban, change)
+    assert "\n" not in str(error.value)
+
+
+def test_public_is_a_named_tuple_of_tracks():
+    assert Public._fields[1:] == Tracks._fields

@@ -1,0 +1,251 @@
+"""Controlled tracking in urban terrain (Barbosa, Sarkale, Chong, Li, Suvorova and Moran)."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+
+from wavegym.errors import InputError, positive, whole
+from wavegym.sensors.city import City, Point
+from wavegym.systems import urban_kernels as kernels
+from wavegym.systems.contract import Element, State, System
+from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, make_scene, urban_elements
+from wavegym.targets import ScriptedPath, Segment
+from wavegym.trackers import StreetTracker, Tracks, gospa
+from wavegym.trackers.street import CONFIRMED, EMPTY, MODELS
+from wavegym.waveforms import GaussianChirp, Library, PulseTrain
+from wavegym.waveforms.fisher import SPEED_OF_LIGHT
+
+Array = NDArray[Any]
+
+EFFECTIVE = 7.4338  # durations in which the chirp sweeps its bandwidth
+LONG = 1.375e-6  # s, the duration that has the reference SNR
+HELD_WITHIN = 20.0  # m, of GOSPA too: a confirmed track farther off is none of a target's
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class Urban(System):
+    """A multistatic radar in a street follows an unknown number of targets, and chooses its pulses scan by scan.
+
+    Description
+        One transmitter, two receivers or more, buildings that hide and reflect. Two targets drive the same way through
+        the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train of
+        Gaussian chirps of one of four kinds; each receiver detects each way from transmitter by target to receiver, by
+        no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with R(psi) / eta,
+        eta falling with the fourth power of the half path and .4 with each wall; and there are false returns. Tracks
+        are begun, confirmed and ended by the tracker: LMIPDA and a variable-structure IMM of unscented filters.
+
+    Rewards
+        Minus the cost, summed over the ``charged`` surest slots: r min(trace(Lambda P), c0) + (1 - r) c0, with r the
+        track's probability of existence and c0 the trace of a track just begun at its vaguest; m^2, with 1 s^2 and
+        1 s^4 on velocities and accelerations. To lose a track never pays.
+
+    Starting state
+        No tracks; the first target enters at its arrival.
+
+    Episode end
+        Terminates after ``horizon`` scans.
+
+    Arguments
+        city: a city that comes with wavegym, or a TOML file. transmitter, receivers: (x, y) in m. arrivals: s at which
+        each target starts. start: (x, y) in m. velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of
+        each stretch; then it drives on. durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz.
+        pulses, interval: of a train; range-rates beyond lambda / (4 interval) are folded. reference_snr: eta at 100 m
+        of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". ghosts: whether the tracker tells
+        ghosts by the map. slots: tracks at most. charged: slots that count in the cost. clutter_density: false returns
+        per (m x m/s). false_alarm: Pfa. rate_floor: m/s. reach: half path, m. weights: diagonal of Lambda, for
+        positions, velocities and accelerations. Other parameters of the tracker are those of ``StreetTracker``.
+
+    References
+        P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
+        terrain: closing the loop". The paper's buildings and clutter are read off its figure, its SNR and thresholds
+        are proposals of this suite.
+    """
+
+    horizon: int = 140
+    dt: float = 0.25
+    city: str = "intersection"
+    transmitter: Point = (2085.0, 1470.5)
+    receivers: tuple[Point, ...] = ((2088.0, 1475.0), (2078.0, 1467.0))
+    arrivals: tuple[float, ...] = (0.0, 10.0)
+    start: Point = (1950.0, 1500.0)
+    velocity: Point = (10.0, 0.0)
+    path: tuple[tuple[float, float, float], ...] = (
+        (5.0, 0.0, 0.0), (5.0, -1.0, 0.0), (10.0, 0.0, math.pi / 20), (5.0, 1.0, 0.0),
+    )  # fmt: skip
+    durations: tuple[float, ...] = (0.5e-6, 1.375e-6)
+    bandwidth: float = 40e6
+    carrier: float = 4e9
+    pulses: int = 249
+    interval: float = 1e-3
+    reference_snr: float = 200.0
+    tracker: Literal["vsimm", "ncv"] = "vsimm"
+    ghosts: bool = True
+    slots: int = 8
+    charged: int = 2
+    clutter_density: float = 1e-3
+    false_alarm: float = 1e-3
+    rate_floor: float = 0.1
+    reach: float = 300.0
+    weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        """Check what single types cannot say."""
+        whole("horizon", self.horizon, 1)
+        for name in ("dt", "bandwidth", "carrier", "reference_snr"):
+            positive(name, getattr(self, name))
+        if not self.arrivals:
+            raise InputError("arrivals is (), expected the time in s at which each target starts")
+        if not 1 <= self.charged <= self.slots:
+            raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
+        _ = self.actions, self.following, self.scene
+
+    @cached_property
+    def map(self) -> City:
+        """The city."""
+        return City.load(self.city)
+
+    @cached_property
+    def actions(self) -> Library:
+        """Trains of each duration, sweeping up and down."""
+        trains = []
+        for k in self.durations:
+            rate = math.pi * self.bandwidth / (EFFECTIVE * positive("duration", k, "s"))
+            for direction in ("up", "down"):
+                chirp = GaussianChirp(duration=k, chirp_rate=rate, direction=direction)
+                trains.append(PulseTrain(chirp, count=self.pulses, interval=self.interval))
+        return Library(tuple(trains))
+
+    @cached_property
+    def following(self) -> StreetTracker:
+        """The tracker."""
+        return StreetTracker(
+            self.map, self.transmitter, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
+            clutter_density=self.clutter_density, false_alarm=self.false_alarm, rate_floor=self.rate_floor,
+            reach=self.reach, ghosts=self.ghosts,
+        )  # fmt: skip
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What happens whatever is transmitted."""
+        route = ScriptedPath(self.start, self.velocity, [Segment(*stretch) for stretch in self.path])
+        times = self.dt * np.arange(self.horizon + 1)
+        return make_scene(self.map, self.transmitter, self.receivers, route, self.arrivals, times)
+
+    @cached_property
+    def _waves(self) -> tuple[Array, Array]:
+        """Covariance at an SNR of 1, (waveform, 2, 2), and the SNR at 100 m, (waveform,)."""
+        energy = np.repeat(np.array(self.durations) / max(self.durations), 2)
+        return self.actions.measurement_covariances(self.carrier), self.reference_snr * energy
+
+    @property
+    def ambiguity(self) -> float:
+        """Range-rates beyond this are folded, m/s: lambda / (4 interval)."""
+        return SPEED_OF_LIGHT / self.carrier / (4.0 * self.interval)
+
+    def draw_world(self, rng: np.random.Generator) -> World:
+        """The key of all draws of one episode."""
+        return World(np.asarray(rng.integers(2**64, dtype=np.uint64)))
+
+    def begin(self, world: World) -> State:
+        """No tracks, no scan."""
+        count = len(world.key)
+        truth, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
+        nothing = np.zeros((count, len(self.receivers), MOST, 2)), np.zeros((count, len(self.receivers)), np.int64)
+        hidden = Hidden(truth, present, *nothing, np.zeros(count, np.int64))
+        return State(hidden, Public(np.zeros(count, np.int64), *self.following.empty(count)))
+
+    def advance(self, state: State, action: Array, world: World) -> State:
+        """One scan: the street is measured with the chosen train, and the tracks take it."""
+        scan = state.public.step + 1
+        R, snr = (values[np.asarray(action)] for values in self._waves)
+        z, count = np.zeros(state.hidden.z.shape), np.zeros(state.hidden.number.shape, np.int64)
+        kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
+        tracks, refused = self.following.scan(Tracks(*state.public[1:]), z, count, R, snr)
+        hidden = Hidden(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
+        return State(hidden, Public(scan, *tracks))
+
+    def imagine(self, public: Public, actions: Array, outcome: Any = None) -> Public:
+        """Predicted tracks with covariances as a scan may be expected to leave them; no draws decide anything."""
+        chosen = np.asarray(actions)
+        lead = np.broadcast_shapes(chosen.shape, (len(public.step), *(1,) * (chosen.ndim - 1)))
+        index = np.broadcast_to(chosen, lead).reshape(-1)
+        each = index.size // len(public.step)
+        tracks = self.following.expect(
+            Tracks(*(np.repeat(leaf, each, axis=0) for leaf in public[1:])), *(v[index] for v in self._waves)
+        )
+        step = np.repeat(public.step + 1, each).reshape(lead)
+        return Public(step, *(leaf.reshape(*lead, *leaf.shape[1:]) for leaf in tracks))
+
+    @cached_property
+    def _weights(self) -> Array:
+        return np.repeat(np.array(self.weights), 2)
+
+    @property
+    def absent(self) -> float:
+        """c0, what a track that is not there costs: as much as one just begun at its vaguest."""
+        tracker, (position, velocity, acceleration) = self.following, self.weights
+        return position * tracker.vaguest**2 + 2.0 * velocity * tracker.usual_speed**2 + 2.0 * acceleration
+
+    def cost(self, public: Public) -> Array:
+        """See Rewards."""
+        _, P = Tracks(*public[1:]).combined()
+        trace = np.minimum((np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1), self.absent)
+        each = self.absent - public.existence * (self.absent - trace)
+        return np.sort(each, axis=-1)[..., : self.charged].sum(axis=-1)
+
+    @cached_property
+    def elements(self) -> tuple[Element, ...]:
+        """The time left, and each slot."""
+        return urban_elements(self.slots, MODELS[: len(self.following.motion)], self.reach)
+
+    def observe(self, public: Public) -> Array:
+        """See ``elements``."""
+        x, P = Tracks(*public[1:]).combined()
+        there = (public.status != EMPTY)[..., None]
+        variance = np.diagonal(P, 0, -2, -1)
+        sigma = np.sqrt(np.stack([variance[..., :2].sum(axis=-1), variance[..., 2:4].sum(axis=-1)], axis=-1))
+        place = x[..., :4] - np.array([*self.transmitter, 0.0, 0.0])
+        sure = np.stack([public.existence, public.status == CONFIRMED], axis=-1)
+        each = np.where(there, np.concatenate([sure, place, sigma, public.mu], axis=-1), 0.0)
+        left = 1.0 - public.step[:, None] / self.horizon
+        return np.concatenate([left, each.reshape(len(each), -1)], axis=1)
+
+    def metrics(self, state: State) -> dict[str, Array]:
+        """Of each target ``held``: whether a confirmed track is within 20 m; ``position_error`` and ``nees`` of the
+        nearest (expected: 4), with ``present`` for those that are held; ``lost``: both straight ways are open, and it
+        is not held. Of the scan: ``confirmed``, ``false`` and ``tentative`` tracks, those ``refused`` a slot, ``gospa``
+        (m, cutoff 20 m), and the ``measurements``.
+        """
+        hidden, public = state
+        x, P = Tracks(*public[1:]).combined()
+        sure = public.status == CONFIRMED
+        off = hidden.truth[:, :, None, :4] - x[:, None, :, :4]  # (env, target, slot, 4)
+        distance = np.where(sure[:, None], np.hypot(off[..., 0], off[..., 1]), np.inf)
+        near = distance.argmin(axis=2)
+        least = distance.min(axis=2)
+        held = hidden.present & (least <= HELD_WITHIN)
+        e, g = np.nonzero(held)
+        nees = np.zeros(held.shape)
+        own, spread = off[e, g, near[e, g]], P[e, near[e, g], :4, :4]
+        nees[e, g] = (own * np.linalg.solve(spread, own[..., None])[..., 0]).sum(axis=-1)
+        nobody = (np.where(hidden.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
+        return {
+            "position_error": np.where(held, least, 0.0),
+            "nees": nees,
+            "present": held,
+            "held": held,
+            "lost": self.scene.direct[public.step] & ~held,
+            "confirmed": sure.sum(axis=1),
+            "false": nobody.sum(axis=1),
+            "tentative": ((public.status != EMPTY) & ~sure).sum(axis=1),
+            "refused": hidden.refused,
+            "gospa": gospa(hidden.truth[..., :2], x[..., :2], hidden.present, sure, HELD_WITHIN).distance,
+            "measurements": hidden.number.sum(axis=1),
+        }

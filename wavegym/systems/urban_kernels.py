@@ -1,0 +1,64 @@
+"""What receivers in a street measure of one scan, in compiled form: targets by every way, and clutter."""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.counter_kernels import exponential, normal, stream, uniform
+from wavegym.kernels import inlined, kernel
+from wavegym.sensors.detection_kernels import detection
+from wavegym.trackers.street_kernels import noise, snr_at
+
+CLUTTER = 10_000  # number of the clutter's stream, beyond those of all ways
+
+
+@inlined
+def folded(rate, limit):
+    """A range-rate as a pulse train sees it: in [-limit, limit]."""
+    return rate - 2.0 * limit * np.rint(rate / (2.0 * limit))
+
+
+@kernel
+def measure_targets(key, scan, receiver, scene, street, wave, reference, limit, z, count):
+    """Append what is detected of the targets to z[: count]; the new count."""
+    targets, most = scene.z.shape[2], scene.z.shape[3]
+    for g in range(targets):
+        for w in range(scene.ways[receiver, scan, g]):
+            r = scene.z[receiver, scan, g, w, 0]
+            if r > street.reach or count >= len(z):
+                continue
+            own = stream(key, g * most + w)
+            eta = snr_at(r, reference, scene.reflected[receiver, scan, g, w])
+            if uniform(own, 0) < detection(0.5 * eta, street.log_false_alarm):
+                R00, R01, R11 = noise(wave, eta, street)
+                a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
+                b = R01 / a
+                z[count, 0] = r + a * n0
+                z[count, 1] = folded(scene.z[receiver, scan, g, w, 1] + b * n0 + np.sqrt(R11 - b * b) * n1, limit)
+                count += 1
+    return count
+
+
+@kernel
+def measure_clutter(key, street, limit, z, count):
+    """Append false returns, uniform in range and range-rate, to z[: count]; the new count."""
+    own, expected, sum_of_gaps, i = stream(key, CLUTTER), street.density * street.reach * 2.0 * limit, 0.0, 0
+    while count < len(z):
+        sum_of_gaps += exponential(own, 3 * i)
+        if sum_of_gaps > expected:
+            break
+        z[count, 0] = street.reach * uniform(own, 3 * i + 1)
+        z[count, 1] = limit * (2.0 * uniform(own, 3 * i + 2) - 1.0)
+        count, i = count + 1, i + 1
+    return count
+
+
+@kernel
+def measure(keys, scans, scene, street, wave, reference, limit, z, count):
+    """One scan of every environment, the ``scans[e]``-th: z (env, receiver, measurement, 2), count (env, receiver)."""
+    for e in range(len(keys)):
+        for m in range(z.shape[1]):
+            key = stream(stream(keys[e], scans[e]), m)
+            found = measure_targets(key, scans[e], m, scene, street, wave[e], reference[e], limit, z[e, m], 0)
+            count[e, m] = measure_clutter(key, street, limit, z[e, m], found)

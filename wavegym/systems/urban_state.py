@@ -1,0 +1,116 @@
+"""A street with targets: what one episode draws, the truth, the belief, and what an agent is shown."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError
+from wavegym.sensors.city import City, Point
+from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.multistatic import Multistatic
+from wavegym.systems.contract import Element
+from wavegym.targets import ScriptedPath
+
+Array = NDArray[Any]
+
+MOST = 64  # measurements of a receiver in a scan; more are lost
+
+
+class World(NamedTuple):
+    """One episode's tape: where a target drives is known, what is measured of it comes by counter from a key."""
+
+    key: Array  # () uint64
+
+
+class Hidden(NamedTuple):
+    """What no scheduler sees."""
+
+    truth: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
+    present: Array  # (env, target)
+    z: Array  # (env, receiver, MOST, 2): the last scan
+    number: Array  # (env, receiver): how many measurements it has
+    refused: Array  # (env,): tracks that found no slot of their own in it
+
+
+class Public(NamedTuple):
+    """The tracks (``wavegym.trackers.Tracks``) at a step."""
+
+    step: Array  # (env,)
+    x: Array  # (env, slot, model, 6)
+    P: Array  # (env, slot, model, 6, 6)
+    mu: Array  # (env, slot, model)
+    existence: Array  # (env, slot)
+    status: Array  # (env, slot)
+    age: Array  # (env, slot)
+
+
+class Scene(NamedTuple):
+    """What happens in the street whatever is transmitted, for every scan from 0 to the horizon."""
+
+    truth: Array  # (scan, target, 6)
+    present: Array  # (scan, target)
+    ways: Array  # (receiver, scan, target): how many ways are open
+    z: Array  # (receiver, scan, target, way, 2): range and range-rate by each of them
+    reflected: Array  # (receiver, scan, target, way): what their walls leave of the power
+    direct: Array  # (scan, target): whether the straight way to both first receivers is open
+
+
+def make_scene(
+    city: City, transmitter: Point, receivers: tuple[Point, ...], path: ScriptedPath, arrivals: ArrayLike, times: Array
+) -> Scene:
+    """All targets drive along one path, each from its own arrival [s] on; times (scan,) in s.
+
+    Raises:
+        InputError: a path that leads through a wall.
+    """
+    driven = [_driven(path, arrival, times) for arrival in np.asarray(arrivals, np.float64)]
+    truth = np.stack([states for states, _ in driven], axis=1)
+    present = np.stack([there for _, there in driven], axis=1)
+    for states, there in driven:
+        if there.sum() > 1:
+            city.check_drivable("the targets' path", states[there, :2])
+    if city.indoors(truth[present][:, :2]).any():
+        raise InputError(f"the targets' path begins in a building at {tuple(path.start)} m, expected one in a street")
+    pairs = [Multistatic(Antenna(city, transmitter), Antenna(city, place)) for place in receivers]
+    doors = [pair.open(truth[..., :2]) & present[..., None] for pair in pairs]
+    most = max(1, *(int(each.sum(axis=-1).max(initial=0)) for each in doors))
+    tables = [_table(pair, truth, door, most) for pair, door in zip(pairs, doors, strict=True)]
+    z, reflected, ways = (np.stack(each) for each in zip(*tables, strict=True))
+    direct = np.logical_and.reduce([door[..., 0] for door in doors[:2]])
+    return Scene(truth, present, ways, z, reflected, direct)
+
+
+def _driven(path: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Array]:
+    here = path.sample(np.maximum(times - arrival, 0.0))
+    return np.concatenate([here.positions, here.velocities, here.accelerations], axis=1), times >= arrival
+
+
+def _table(pair: Multistatic, truth: Array, door: Array, most: int) -> tuple[Array, Array, Array]:
+    """Range and rate, and power left, of the open ways, which come first; and their number."""
+    order = np.argsort(~door, axis=-1, kind="stable")[..., :most]
+    z = np.take_along_axis(pair.measure(truth[..., :4]), order[..., None], axis=-2)
+    return z, pair.reflected[order], door.sum(axis=-1)
+
+
+def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[Element, ...]:
+    """Observation elements, slot by slot."""
+    listed = [Element("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
+    for s in range(1, slots + 1):
+        of = f"of the track in slot {s}; 0 in an empty one"
+        listed += [
+            Element(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
+            Element(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),
+            Element(f"x_{s}", "m", 0.0, reach / 3, f"x from the transmitter, {of}"),
+            Element(f"y_{s}", "m", 0.0, reach / 3, f"y from the transmitter, {of}"),
+            Element(f"xdot_{s}", "m/s", 0.0, 10.0, f"velocity along x {of}"),
+            Element(f"ydot_{s}", "m/s", 0.0, 10.0, f"velocity along y {of}"),
+            Element(f"sigma_position_{s}", "m", 2.0, 3.0, f"RMS position uncertainty {of}"),
+            Element(f"sigma_velocity_{s}", "m/s", 1.0, 2.0, f"RMS velocity uncertainty {of}"),
+        ]
+        listed += [
+            Element(f"mu_{name.replace(' ', '_')}_{s}", "1", 0.5, 0.5, f"probability of {name} {of}") for name in models
+        ]
+    return tuple(listed)
