@@ -74,6 +74,7 @@ class StreetTracker:
         survival: probability to exist on from one scan to the next.
         birth: probability that a new track exists.
         confirm: probability of existence from which on a track is confirmed.
+        confirm_after: scans that it takes at least; a target's mirror image between the receivers rarely lasts so long.
         drop: probability of existence below which a track ends, tentative and confirmed.
         merge: distance in m and difference of velocity in m/s below which two tracks are one.
         vaguest: standard deviation of a new track's place at most, m.
@@ -103,6 +104,7 @@ class StreetTracker:
     survival: float = 0.99
     birth: float = 0.1
     confirm: float = 0.95
+    confirm_after: int = 4
     drop: tuple[float, float] = (0.03, 0.05)
     merge: tuple[float, float] = (5.0, 4.0)
     vaguest: float = 5.0
@@ -118,6 +120,7 @@ class StreetTracker:
         if abs(ax * by - ay * bx) <= 1e-9 * math.hypot(ax, ay) * math.hypot(bx, by):
             raise InputError(f"transmitter and receivers {self.receivers[:2]} stand in one line, expected a triangle")
         whole("slots", self.slots, 1)
+        whole("confirm_after", self.confirm_after, 1)
         for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
             positive(name, getattr(self, name))
         for name in ("gate_probability", "false_alarm"):
@@ -202,7 +205,8 @@ class StreetTracker:
             density=self.clutter_density, gate=-2.0 * math.log(1.0 - self.gate_probability),
             gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
             rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
-            confirm=self.confirm, drop_tentative=self.drop[0], drop_confirmed=self.drop[1],
+            confirm=self.confirm, confirm_after=self.confirm_after,
+            drop_tentative=self.drop[0], drop_confirmed=self.drop[1],
             merge_distance=self.merge[0], merge_speed=self.merge[1], slack=self.cell, vaguest=self.vaguest,
             fastest=self.fastest, usual_speed=self.usual_speed, first_acceleration=1.0, ghosts=self.ghosts,
         )  # fmt: skip

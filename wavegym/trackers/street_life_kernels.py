@@ -59,7 +59,7 @@ def settle(tracks, street, mm):
             or not np.hypot(u, v) < 2.0 * street.fastest
         ):
             end(t, tracks, mm)
-        elif tracks.existence[t] >= street.confirm:
+        elif tracks.existence[t] >= street.confirm and tracks.age[t] + 1 >= street.confirm_after:
             tracks.status[t] = CONFIRMED
         tracks.age[t] += tracks.status[t] != EMPTY
     for t in range(len(tracks.mu)):

@@ -44,6 +44,7 @@ class Street(NamedTuple):
     survival: float
     birth: float
     confirm: float
+    confirm_after: int
     drop_tentative: float
     drop_confirmed: float
     merge_distance: float
