@@ -1,4 +1,7 @@
-"""What is where in a city, looked up on a grid: roads, junctions, and which images of an antenna are seen."""
+"""What is where in a city, looked up on a grid: roads, junctions, and which images of an antenna are seen.
+
+Tables are computed once for a city, an antenna and a grid, and kept for whoever asks again: they are not to be written.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +62,7 @@ class Grid:
 class SightMap:
     """The images of an antenna that are seen from anywhere on a grid, and from where.
 
-    Computed once for an antenna and a grid (``sight_map`` keeps it); looked up at the nearest cell's centre.
+    Looked up at the nearest cell's centre.
     """
 
     grid: Grid
@@ -85,12 +88,14 @@ def sight_map(antenna: Antenna, grid: Grid) -> SightMap:
     return SightMap(grid, kept, antenna.images[kept], antenna.order[kept], antenna.reflected[kept], seen[..., kept])
 
 
+@lru_cache(maxsize=16)
 def metres_to_road(city: City, grid: Grid) -> Array:
     """From every cell's centre to the nearest road, 0 on one, (column, row); m, infinite without roads."""
     far = shapely.distance(city.paved, shapely.points(grid.centres))
     return np.asarray(np.nan_to_num(far, nan=np.inf))
 
 
+@lru_cache(maxsize=16)
 def in_junctions(city: City, grid: Grid) -> NDArray[np.bool_]:
     """Which cells lie in a junction, (column, row)."""
     whole = shapely.union_all([shapely.Polygon(corners) for corners in city.junctions])
