@@ -57,10 +57,11 @@ class Urban(System):
         each target starts. start: (x, y) in m. velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of
         each stretch; then it drives on. durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz.
         pulses, interval: of a train; range-rates beyond lambda / (4 interval) are folded. reference_snr: eta at 100 m
-        of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". ghosts: whether the tracker tells
-        ghosts by the map. slots: tracks at most. charged: slots that count in the cost. clutter_density: false returns
-        per (m x m/s). false_alarm: Pfa. rate_floor: m/s. reach: half path, m. weights: diagonal of Lambda, for
-        positions, velocities and accelerations. Other parameters of the tracker are those of ``StreetTracker``.
+        of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration that NCV
+        and turns expect, m/s^2. vaguest: standard deviation of a new track's place at most, m. ghosts: whether the
+        tracker tells ghosts by the map. slots: tracks at most. charged: slots that count in the cost. clutter_density:
+        false returns per (m x m/s). false_alarm: Pfa. rate_floor: m/s. reach: half path, m. weights: diagonal of
+        Lambda, for positions, velocities and accelerations.
 
     References
         P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
@@ -86,6 +87,8 @@ class Urban(System):
     interval: float = 1e-3
     reference_snr: float = 200.0
     tracker: Literal["vsimm", "ncv"] = "vsimm"
+    sigma: float = 0.25
+    vaguest: float = 5.0
     ghosts: bool = True
     slots: int = 8
     charged: int = 2
@@ -128,7 +131,7 @@ class Urban(System):
         return StreetTracker(
             self.map, self.transmitter, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
             clutter_density=self.clutter_density, false_alarm=self.false_alarm, rate_floor=self.rate_floor,
-            reach=self.reach, ghosts=self.ghosts,
+            reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
 
     @cached_property
