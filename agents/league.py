@@ -2,7 +2,8 @@
 
 Plays the saved agents of each environment (results/runs/ENVIRONMENT/ppo and dqn) on the worlds on which
 ``make headroom`` played the schedulers, and puts both into one table: docs/learned.md, and README's front table. What
-was played is kept in results/league; ``--tables`` makes the tables of it without playing.
+was played is kept in results/league; ``--times`` only times decisions anew, on a machine with nothing else to do;
+``--tables`` makes the tables without playing.
 """
 
 from __future__ import annotations
@@ -60,21 +61,28 @@ class Account(NamedTuple):
 
 def play(env_id: str, jobs: int) -> None:
     """Play the environment's saved agents; their accounts go to results/league."""
-    played: dict[str, Any] = {}
-    agents: dict[str, Any] = {}
-    for algo in LEARNERS:
-        folder = SAVED / stem(env_id) / algo
-        if not folder.is_dir():
-            continue
+    files = {}
+    for algo, folder in saved(env_id).items():
         settings = environment_of(folder)
         comparison = compare(env_id, {algo: partial(load_policy, folder, env_id)}, worlds=WORLDS, jobs=jobs, **settings)
-        played[algo] = comparison
-        system = comparison.task.system
-        agents[algo] = system, load_policy(folder, env_id, system)[0]
-    times = decisions_us(make_task(env_id, {}).system, agents)
-    files = {f"{stem(env_id)}-{algo}.csv": episodes(comparison).encode() for algo, comparison in played.items()}
-    files[f"{stem(env_id)}.json"] = (json.dumps({"us_per_decision": times}, indent=2) + "\n").encode()
+        files[f"{stem(env_id)}-{algo}.csv"] = episodes(comparison).encode()
     write_whole(LEAGUE, files)
+
+
+def time_decisions(env_id: str) -> None:
+    """What a decision of the best planner takes, and one of each saved agent; to results/league."""
+    agents = {}
+    for algo, folder in saved(env_id).items():
+        system = make_task(env_id, environment_of(folder)).system
+        agents[algo] = system, load_policy(folder, env_id, system)[0]
+    times = {"us_per_decision": decisions_us(make_task(env_id, {}).system, agents)}
+    write_whole(LEAGUE, {f"{stem(env_id)}.json": (json.dumps(times, indent=2) + "\n").encode()})
+
+
+def saved(env_id: str) -> dict[str, Path]:
+    """The folders of the environment's saved agents by algorithm."""
+    folders = {algo: SAVED / stem(env_id) / algo for algo in LEARNERS}
+    return {algo: folder for algo, folder in folders.items() if folder.is_dir()}
 
 
 def environment_of(folder: Path) -> dict[str, Any]:
@@ -217,11 +225,13 @@ def main() -> None:
         "ids", nargs="*", metavar="ID", default=list(SYSTEMS), help="environments (default: the suite's)"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    parser.add_argument("--times", action="store_true", help="time decisions, play nothing")
     parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
     read = parser.read(None)
-    if not read.tables:
-        for env_id in map(full_id, read.ids):
+    for env_id in map(full_id, () if read.tables else read.ids):
+        if not read.times:
             play(env_id, read.jobs)
+        time_decisions(env_id)
     renew([env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}.csv").exists()])
 
 

@@ -51,6 +51,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
 
 def test_accounts_are_what_was_played(folders: Path) -> None:
     league.play(ID, jobs=1)
+    league.time_decisions(ID)
     found = league.entry(ID)
     rivals = {"myopic for ppo", "myopic for dqn"}
     assert set(found.accounts) == {"myopic", "best-simple", "best-planner", "ppo", "dqn", *rivals}
@@ -76,6 +77,18 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
     assert front.count("| KershawEvansPosition-v0") == 1
     lines = [line for line in front.splitlines() if line.startswith("| KershawEvansPosition-v0")]
     assert lines[0].split("|")[2].strip() == "myopic"
+
+
+@pytest.mark.parametrize(("flag", "timed"), [("--times", True), ("--tables", False)])
+def test_tables_and_times_can_be_had_without_playing(
+    folders: Path, monkeypatch: pytest.MonkeyPatch, flag: str, timed: bool
+) -> None:
+    league.play(ID, jobs=1)
+    monkeypatch.setattr(league, "play", None)
+    monkeypatch.setattr("sys.argv", ["league", flag, ID])
+    league.main()
+    assert (folders / "league" / "KershawEvansPosition.json").exists() == timed
+    assert "KershawEvansPosition-v0" in (folders / "README").read_text()
 
 
 def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> None:
