@@ -78,7 +78,7 @@ class StreetTracker:
         drop: probability of existence below which a track ends, tentative and confirmed.
         merge: distance in m and difference of velocity in m/s below which two tracks are one.
         vaguest: standard deviation of a new track's place at most, m.
-        fastest: a new track's speed at most, m/s.
+        fastest: a new track's speed at most, m/s; beyond twice that a track ends.
         usual_speed: standard deviation of a target's velocity on either axis before it is known, m/s.
         ghosts: whether the map is used to tell tracks from their ghosts.
         cell: width of the map's cells, m.

@@ -33,8 +33,10 @@ def end(t, tracks, mm):
 
 @inlined
 def astray(t, a, b, tracks, street, mm):
-    """Whether a track is off the roads, by more than its own error may explain: a place that is a mirror image of the
-    target's wanders into a building when the target turns."""
+    """Whether a track is off the roads, by more than its own error may explain.
+
+    What is a mirror image of the target wanders into a building when the target turns.
+    """
     i, j = cell_of(a, b, street)
     if i < 0:
         return True
@@ -47,7 +49,7 @@ def astray(t, a, b, tracks, street, mm):
 
 @kernel
 def settle(tracks, street, mm):
-    """Confirm, end and merge: of two tracks in one place the one less sure to exist, or the younger, gives way."""
+    """Confirm, end and merge: of two tracks in one place a tentative one, or of two alike the younger, gives way."""
     for t in range(len(tracks.mu)):
         if tracks.status[t] == EMPTY:
             continue
