@@ -13,8 +13,7 @@ from wavegym.errors import InputError
 from wavegym.sensors.checks import Array, shaped
 from wavegym.sensors.geometry import range_and_rate
 from wavegym.sensors.multipath import Antenna
-
-MOST_WALLS = 2  # in a way; with the target's own these are the paper's three reflections
+from wavegym.sensors.multipath_kernels import MOST_WALLS
 
 
 def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receiver: ArrayLike) -> Array:

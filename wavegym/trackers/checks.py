@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
 
 Array = NDArray[np.float64]
+
+
+def flat(array: ArrayLike, lead: tuple[int, ...], *core: int) -> NDArray[Any]:
+    """A fresh array with the leading axes ``lead``, to which ``array`` broadcasts, made one: (prod(lead), *core)."""
+    return np.array(np.broadcast_to(np.asarray(array), (*lead, *core)), order="C").reshape(math.prod(lead), *core)
 
 
 def association_terms(pd: ArrayLike, clutter_density: ArrayLike, gate_probability: float) -> tuple[Array, Array, float]:

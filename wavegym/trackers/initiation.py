@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.errors import InputError
 from wavegym.sensors.checks import shaped
 from wavegym.trackers import initiation_kernels as kernels
+from wavegym.trackers.checks import flat
 
 Array = NDArray[np.float64]
 
@@ -36,15 +37,19 @@ def multilaterate(
     """
     z, errors = shaped("measurements", measurements, 2, 2), shaped("R", R, 2, 2, 2)
     t, s = np.array(shaped("transmitter", transmitter, 2)), np.array(shaped("receivers", receivers, 2, 2))
-    a, b = s - t
-    if abs(a[0] * b[1] - a[1] * b[0]) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
-        raise InputError(
-            f"transmitter {t.tolist()} and receivers {s.tolist()} stand in one line, expected a triangle: from a line"
-            " either side looks the same"
-        )
+    require_triangle(t, s)
     lead = np.broadcast_shapes(z.shape[:-2], errors.shape[:-3])
-    z = np.array(np.broadcast_to(z, (*lead, 2, 2)), order="C").reshape(-1, 2, 2)
-    errors = np.array(np.broadcast_to(errors, (*lead, 2, 2, 2)), order="C").reshape(-1, 2, 2, 2)
+    z, errors = flat(z, lead, 2, 2), flat(errors, lead, 2, 2, 2)
     x, P = np.empty((len(z), 2, 4)), np.empty((len(z), 2, 4, 4))
     kernels.multilaterate(z, errors, t, s, x, P)
     return x.reshape(*lead, 2, 4), P.reshape(*lead, 2, 4, 4)
+
+
+def require_triangle(transmitter: Array, receivers: Array) -> None:
+    """InputError where a transmitter (2,) and two receivers (2, 2) stand in one line."""
+    a, b = receivers - transmitter
+    if abs(a[0] * b[1] - a[1] * b[0]) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
+        raise InputError(
+            f"transmitter {transmitter.tolist()} and receivers {receivers.tolist()} stand in one line, expected a"
+            " triangle: from a line either side looks the same"
+        )

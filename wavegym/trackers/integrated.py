@@ -8,7 +8,6 @@ model probabilities in p = sum mu_r p_r.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
 from wavegym.trackers import integrated_kernels as kernels
-from wavegym.trackers.checks import association_terms, require_each
+from wavegym.trackers.checks import association_terms, flat, require_each
 
 Array = NDArray[np.float64]
 
@@ -73,13 +72,9 @@ def lmipda(
     require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
     require_each("models", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
     association_terms(Pd, rho, gate_probability)
-    size = math.prod(lead)
-    p, mu, seen, psi, rho = (
-        np.array(np.broadcast_to(a, (*lead, *core)), order="C").reshape(size, *core)
-        for a, core in ((p, (T, r, M)), (mu, (T, r)), (Pd * gate_probability, (T,)), (psi, (T,)), (rho, (T, M)))
-    )
-    beta = np.empty((size, T * r, 1 + M))
-    kernels.lmipda(p, mu, seen, psi, rho, beta)
+    mu, psi, seen = flat(mu, lead, T, r), flat(psi, lead, T), flat(Pd * gate_probability, lead, T)
+    beta = np.empty((len(mu), T * r, 1 + M))
+    kernels.lmipda(flat(p, lead, T, r, M), mu, seen, psi, flat(rho, lead, T, M), beta)
     return Integrated(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.errors import InputError
 from wavegym.sensors.checks import shaped
 from wavegym.trackers import interacting_kernels as kernels
-from wavegym.trackers.checks import require_each
+from wavegym.trackers.checks import flat, require_each
 from wavegym.trackers.kalman import require_positive_definite
 
 Array = NDArray[np.float64]
@@ -120,19 +120,14 @@ def imm_ukf_scan(
         raise InputError(f"F has shape {F.shape}, expected (models, n, n)")
     M, n = F.shape[:2]
     chances = np.array(shaped("transition", _stochastic("transition", transition), M, M), order="C").reshape(1, M, M)
-    x = np.array(shaped("mean", mean, M, n), order="C")
+    x = shaped("mean", mean, M, n)
     lead = x.shape[:-2]
-    P = np.array(np.broadcast_to(shaped("covariance", covariance, M, n, n), (*lead, M, n, n)), order="C")
-    mu = np.array(np.broadcast_to(shaped("probability", probability, M), (*lead, M)), order="C")
-    z = np.array(np.broadcast_to(shaped("measurement", measurement, 2), (*lead, 2)), order="C")
-    errors = np.array(np.broadcast_to(shaped("R", R, 2, 2), (*lead, 2, 2)), order="C")
-    noise = np.array(np.broadcast_to(shaped("Q", Q, n, n), F.shape), order="C")
+    x, P = flat(x, lead, M, n), flat(shaped("covariance", covariance, M, n, n), lead, M, n, n)
+    mu, z = flat(shaped("probability", probability, M), lead, M), flat(shaped("measurement", measurement, 2), lead, 2)
+    errors, noise = flat(shaped("R", R, 2, 2), lead, 2, 2), flat(shaped("Q", Q, n, n), (M,), n, n)
     places = (np.array(shaped(name, at, 2)) for name, at in (("transmitter", transmitter), ("receiver", receiver)))
-    kernels.scan(
-        x.reshape(-1, M, n), P.reshape(-1, M, n, n), mu.reshape(-1, M), z.reshape(-1, 2), errors.reshape(-1, 2, 2),
-        *places, F, noise, chances, (0,) * n, (0,) * M,
-    )  # fmt: skip
-    return x, P, mu
+    kernels.scan(x, P, mu, z, errors, *places, F, noise, chances, (0,) * n, (0,) * M)
+    return x.reshape(*lead, M, n), P.reshape(*lead, M, n, n), mu.reshape(*lead, M)
 
 
 def variable_structure(transition: ArrayLike, active: ArrayLike) -> Array:

@@ -79,12 +79,18 @@ def reweigh_one(t, c, log_likelihood, mu, mm):
 
 
 @inlined
+def squared_length(d0, d1, s00, s01, s11):
+    """d' S^-1 d of two dimensions, and det S."""
+    determinant = s00 * s11 - s01 * s01
+    return (s11 * d0 * d0 - 2.0 * s01 * d0 * d1 + s00 * d1 * d1) / determinant, determinant
+
+
+@inlined
 def log_density_one(row, d0, d1, S):
     """Log of N(d; 0, S[row]) in two dimensions; NaN where S[row] is not positive definite."""
     if not S[row, 0, 0] > 0.0:
         return np.nan
-    determinant = S[row, 0, 0] * S[row, 1, 1] - S[row, 0, 1] * S[row, 0, 1]
-    squared = (S[row, 1, 1] * d0 * d0 - 2.0 * S[row, 0, 1] * d0 * d1 + S[row, 0, 0] * d1 * d1) / determinant
+    squared, determinant = squared_length(d0, d1, S[row, 0, 0], S[row, 0, 1], S[row, 1, 1])
     return -0.5 * (squared + np.log(determinant)) - LOG_2PI
 
 

@@ -6,7 +6,6 @@ alpha = 2.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.errors import InputError, positive, within
 from wavegym.sensors.checks import shaped
 from wavegym.trackers import set_distance_kernels as kernels
+from wavegym.trackers.checks import flat
 
 Array = NDArray[np.float64]
 MOST_TARGETS = 12  # whose subsets are looked at one by one
@@ -65,16 +65,12 @@ def gospa(
     there, counts = np.asarray(present, np.bool_), np.asarray(alive, np.bool_)
     try:
         lead = np.broadcast_shapes(truth.shape[:-2], found.shape[:-2], there.shape[:-1], counts.shape[:-1])
-        size = math.prod(lead)
-        arrays = [
-            np.array(np.broadcast_to(a, (*lead, *core)), order="C").reshape(size, *core)
-            for a, core in ((truth, (T, d)), (there, (T,)), (found, (N, d)), (counts, (N,)))
-        ]
+        arrays = flat(truth, lead, T, d), flat(there, lead, T), flat(found, lead, N, d), flat(counts, lead, N)
     except ValueError:
         raise InputError(
             f"present and alive have shapes {there.shape} and {counts.shape} beside targets {truth.shape} and tracks "
             f"{found.shape}, expected (..., {T}) and (..., {N}) that broadcast"
         ) from None
-    out = np.empty((size, 4))
+    out = np.empty((len(arrays[0]), 4))
     kernels.gospa(*arrays, c, p, out)
     return Gospa(*(out[:, k].reshape(lead) for k in range(4)))

@@ -26,6 +26,7 @@ from wavegym.sensors.sight import Grid, SightMap, in_junctions, metres_to_road, 
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers import street_kernels, street_scan_kernels
+from wavegym.trackers.initiation import require_triangle
 from wavegym.trackers.interacting import imm_combine, variable_structure
 
 Array = NDArray[Any]
@@ -116,9 +117,7 @@ class StreetTracker:
     def __post_init__(self) -> None:
         if len(self.receivers) < 2:
             raise InputError(f"receivers is {self.receivers}, expected at least two: one cannot tell directions")
-        (ax, ay), (bx, by) = (np.subtract(place, self.transmitter) for place in self.receivers[:2])
-        if abs(ax * by - ay * bx) <= 1e-9 * math.hypot(ax, ay) * math.hypot(bx, by):
-            raise InputError(f"transmitter and receivers {self.receivers[:2]} stand in one line, expected a triangle")
+        require_triangle(np.array(self.transmitter), np.array(self.receivers[:2]))
         whole("slots", self.slots, 1)
         whole("confirm_after", self.confirm_after, 1)
         for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):

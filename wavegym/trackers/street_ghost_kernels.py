@@ -8,10 +8,9 @@ import numpy as np
 from wavegym.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import multistatic_range_and_rate, range_and_rate
-from wavegym.trackers.interacting_kernels import combine_one
+from wavegym.sensors.multipath_kernels import MOST_WALLS
+from wavegym.trackers.interacting_kernels import combine_one, squared_length
 from wavegym.trackers.street_kernels import CONFIRMED, cell_of, noise, snr_at
-
-MOST_WALLS = 2  # in a way
 
 
 @kernel
@@ -58,10 +57,10 @@ def claim_way(t, mean, P, out, back, reflected, existence, street, wave, referen
             s00 += h[k] * P[t, k, m] * h[m]
             s01 += h[k] * P[t, k, m] * g[m]
             s11 += g[k] * P[t, k, m] * g[m]
-    determinant, total = s00 * s11 - s01 * s01, 0.0
+    total = 0.0
     for n in range(count):
         d0, d1 = z[n, 0] - r, z[n, 1] - rate
-        squared = (s11 * d0 * d0 - 2.0 * s01 * d0 * d1 + s00 * d1 * d1) / determinant
+        squared, determinant = squared_length(d0, d1, s00, s01, s11)
         near = np.exp(-0.5 * squared) / (2.0 * np.pi * np.sqrt(determinant) * street.gate_probability)
         claims[n] = near if squared <= street.gate else 0.0
         total += claims[n] / street.density

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavegym.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
-from wavegym.trackers.interacting_kernels import log_density_one, mix_one
+from wavegym.trackers.interacting_kernels import log_density_one, mix_one, squared_length
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.unscented_kernels import foresee_multistatic_one
 
@@ -115,11 +115,9 @@ def weigh_scan(tracks, street, z, count, centre, S, whole, p, taken, mm):
                 p[t, m, i] = 0.0
         if tracks.status[t] == EMPTY:
             continue
-        s00, s01, s11 = whole[t, 2], whole[t, 3], whole[t, 4]
-        determinant = s00 * s11 - s01 * s01
         for i in range(count):
             d0, d1 = z[i, 0] - whole[t, 0], z[i, 1] - whole[t, 1]
-            squared = (s11 * d0 * d0 - 2.0 * s01 * d0 * d1 + s00 * d1 * d1) / determinant
+            squared, _ = squared_length(d0, d1, whole[t, 2], whole[t, 3], whole[t, 4])
             if squared <= street.gate:
                 taken[i] = True
                 for m in range(len(mm)):
