@@ -12,9 +12,12 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from wavegym.errors import InputError, positive, whole
+from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.city import City, Point
+from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.systems import urban_kernels as kernels
 from wavegym.systems.contract import Element, State, System
+from wavegym.systems.urban_receivers import StreetReceivers
 from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, make_scene, urban_elements
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import StreetTracker, Tracks, gospa
@@ -54,14 +57,15 @@ class Urban(System):
 
     Arguments
         city: a city that comes with wavegym, or a TOML file. transmitter, receivers: (x, y) in m. arrivals: s at which
-        each target starts. start: (x, y) in m. velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of
-        each stretch; then it drives on. durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz.
-        pulses, interval: of a train; range-rates beyond lambda / (4 interval) are folded. reference_snr: eta at 100 m
-        of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration that NCV
-        and turns expect, m/s^2. vaguest: standard deviation of a new track's place at most, m. ghosts: whether the
-        tracker tells ghosts by the map. slots: tracks at most. charged: slots that count in the cost. clutter_density:
-        false returns per (m x m/s). false_alarm: Pfa. rate_floor: m/s. reach: half path, m. weights: diagonal of
-        Lambda, for positions, velocities and accelerations.
+        each target starts. fidelity: "measurement", or "signal" as in wavegym/UrbanSignal-v0. start: (x, y) in m.
+        velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of each stretch; then it drives on.
+        durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz. pulses, interval: of a train;
+        range-rates beyond lambda / (4 interval) are folded. reference_snr: eta at 100 m of the longest pulse; energy
+        grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration that NCV and turns expect, m/s^2.
+        vaguest: standard deviation of a new track's place at most, m. ghosts: whether the tracker tells ghosts by the
+        map. slots: tracks at most. charged: slots that count in the cost. clutter_density: false returns per (m x m/s).
+        false_alarm: Pfa, 1e-3 if not given; of signals it follows from ``clutter_density``, which sets the threshold.
+        rate_floor: m/s. reach: half path, m. weights: diagonal of Lambda, for positions, velocities and accelerations.
 
     References
         P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
@@ -83,6 +87,7 @@ class Urban(System):
     durations: tuple[float, ...] = (0.5e-6, 1.375e-6)
     bandwidth: float = 40e6
     carrier: float = 4e9
+    fidelity: Literal["measurement", "signal"] = "measurement"
     pulses: int = 249
     interval: float = 1e-3
     reference_snr: float = 200.0
@@ -93,7 +98,7 @@ class Urban(System):
     slots: int = 8
     charged: int = 2
     clutter_density: float = 1e-3
-    false_alarm: float = 1e-3
+    false_alarm: float | None = None
     rate_floor: float = 0.1
     reach: float = 300.0
     weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -107,6 +112,11 @@ class Urban(System):
             raise InputError("arrivals is (), expected the time in s at which each target starts")
         if not 1 <= self.charged <= self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
+        if self.fidelity == "signal" and self.false_alarm is not None:
+            raise InputError(
+                f"false_alarm is {self.false_alarm}, expected none with fidelity='signal':"
+                " it follows from clutter_density"
+            )
         _ = self.actions, self.following, self.scene
 
     @cached_property
@@ -126,11 +136,30 @@ class Urban(System):
         return Library(tuple(trains))
 
     @cached_property
+    def pairs(self) -> list[Multistatic]:
+        """The transmitter with each receiver."""
+        transmitter = Antenna(self.map, self.transmitter)
+        return [Multistatic(transmitter, Antenna(self.map, place)) for place in self.receivers]
+
+    @cached_property
+    def signals(self) -> StreetReceivers:
+        """What turns samples into measurements, for ``fidelity="signal"``."""
+        trains = [train for train in self.actions.waveforms if isinstance(train, PulseTrain)]
+        arrays = [ArrayReceiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
+        return StreetReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density)
+
+    @property
+    def _false_alarm(self) -> float:
+        if self.fidelity == "signal":
+            return math.exp(-self.signals.thresholds[0])  # all waveforms sweep the same band
+        return 1e-3 if self.false_alarm is None else self.false_alarm
+
+    @cached_property
     def following(self) -> StreetTracker:
         """The tracker."""
         return StreetTracker(
             self.map, self.transmitter, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
-            clutter_density=self.clutter_density, false_alarm=self.false_alarm, rate_floor=self.rate_floor,
+            clutter_density=self.clutter_density, false_alarm=self._false_alarm, rate_floor=self.rate_floor,
             reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
 
@@ -139,7 +168,7 @@ class Urban(System):
         """What happens whatever is transmitted."""
         route = ScriptedPath(self.start, self.velocity, [Segment(*stretch) for stretch in self.path])
         times = self.dt * np.arange(self.horizon + 1)
-        return make_scene(self.map, self.transmitter, self.receivers, route, self.arrivals, times)
+        return make_scene(self.map, self.pairs, route, self.arrivals, times)
 
     @cached_property
     def _waves(self) -> tuple[Array, Array]:
@@ -169,7 +198,10 @@ class Urban(System):
         scan = state.public.step + 1
         R, snr = (values[np.asarray(action)] for values in self._waves)
         z, count = np.zeros(state.hidden.z.shape), np.zeros(state.hidden.number.shape, np.int64)
-        kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
+        if self.fidelity == "signal":
+            self.signals.measure(world.key, scan, np.asarray(action), z, count)
+        else:
+            kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
         tracks, refused = self.following.scan(Tracks(*state.public[1:]), z, count, R, snr)
         hidden = Hidden(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
         return State(hidden, Public(scan, *tracks))
