@@ -117,10 +117,11 @@ def _is_maximum(power, d, f):
 
 @kernel
 def drop_sidelobes(power, found, count, delay_decay, pulses, oversampled, margin):
-    """Keep the maxima, strongest first, that no stronger one's sidelobes reach; how many are left.
+    """Keep the maxima, strongest first, that no stronger one's main lobe and sidelobes reach; how many are left.
 
-    In delay a pulse's own, Gaussian near the peak, exp(-delay_decay cells^2); in Doppler a train's, those of
-    sin(pi x) / (B sin(pi x / B)), x in resolution cells, of which there are ``oversampled`` cells each.
+    The main lobe is Gaussian in delay, exp(-delay_decay cells^2), and a resolution cell wide in Doppler, which is
+    ``oversampled`` cells. Beyond, a train of B = ``pulses`` has sidelobes 1 / (B sin(pi x / B))^2, x in resolution
+    cells, of what there is at their delay and the stronger one's Doppler.
     """
     kept = 0
     for i in range(count):
@@ -129,9 +130,10 @@ def drop_sidelobes(power, found, count, delay_decay, pulses, oversampled, margin
         for k in range(kept):
             x = abs(f - found[k, 1])
             x = min(x, power.shape[1] - x) / oversampled
-            lobe = min(1.0, 1.0 / max(pulses * np.sin(np.pi * x / pulses), 1e-9) ** 2)
-            level = power[found[k, 0], found[k, 1]] * lobe
-            reached += level * np.exp(-delay_decay * (d - found[k, 0]) ** 2)
+            if x < 1.0:
+                reached += power[found[k, 0], found[k, 1]] * np.exp(-delay_decay * (d - found[k, 0]) ** 2)
+            else:
+                reached += power[d, found[k, 1]] / (pulses * np.sin(np.pi * x / pulses)) ** 2
         if power[d, f] > margin * reached:
             found[kept, 0], found[kept, 1] = d, f
             kept += 1

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wavegym.counter_kernels import stream, uniform
 from wavegym.sensors.multistatic import Multistatic
-from wavegym.sensors.receiver import ArrayReceiver
+from wavegym.sensors.receiver import ArrayReceiver, Peaks
 from wavegym.sensors.receiver_kernels import add_noise
 from wavegym.systems.urban_state import Scene
 from wavegym.trackers.street_kernels import snr_at
@@ -51,11 +51,15 @@ class StreetReceivers:
     def measure(self, keys: Array, scans: Array, actions: Array, z: Array, count: Array) -> None:
         """One scan of every environment, as ``urban_kernels.measure``: z (env, receiver, most, 2), count."""
         for e, (key, scan, waveform) in enumerate(zip(keys, scans, actions, strict=True)):
-            array = self.arrays[waveform]
             for m in range(len(self.pairs)):
-                samples = self.samples(key, scan, waveform, m) - self.street(key, waveform, m)
-                found = array.peaks(array.image(samples), self.thresholds[waveform]).z[: z.shape[2]]
+                found = self.scan(key, scan, waveform, m).z[: z.shape[2]]
                 z[e, m, : len(found)], count[e, m] = found, len(found)
+
+    def scan(self, key: np.uint64, scan: int, waveform: int, m: int) -> Peaks:
+        """What the m-th receiver measures in one scan of one environment."""
+        array = self.arrays[waveform]
+        image = array.image(self.samples(key, scan, waveform, m) - self.street(key, waveform, m))
+        return array.peaks(image, self.thresholds[waveform])
 
     def samples(self, key: np.uint64, scan: int, waveform: int, m: int) -> NDArray[np.complex128]:
         """What the m-th receiver's elements sample in one scan: targets, the street, noise; (pulse, element, sample).
