@@ -20,7 +20,7 @@ from wavegym.trackers.street import TRANSITION
 BATCH, LONG_UP = 256, 2
 SYSTEM = Urban()
 F, Q = (np.stack([getattr(model, name) for model in SYSTEM.following.motion]) for name in "FQ")
-TX, RX = np.array(SYSTEM.transmitter), np.array(SYSTEM.receivers[1])
+TX, RX = np.array(SYSTEM.transmitters[0]), np.array(SYSTEM.receivers[1])
 R = np.array([[0.3, 0.05], [0.05, 0.1]])
 STATE, P = np.array([2030.0, 1500.0, 8.0, 1.0, -0.5, 0.2]), np.diag([4.0, 4.0, 1.0, 1.0, 0.25, 0.25])
 Z = multistatic_range_and_rate(STATE[:4], TX, RX)
@@ -62,7 +62,7 @@ class Scan:
             state = SYSTEM.advance(state, np.full(count, LONG_UP), self.worlds)
         after = SYSTEM.advance(state, np.full(count, LONG_UP), self.worlds)
         self.state, self.hidden, self.tracks = state, after.hidden, Tracks(*state.public[1:])
-        self.waves = SYSTEM.actions.measurement_covariances(SYSTEM.carrier)[[LONG_UP] * count], np.full(count, 200.0)
+        self.waves = SYSTEM.library.measurement_covariances(SYSTEM.carrier)[LONG_UP], 200.0
 
     def track(self) -> None:
         """Gates, LMIPDA, VS-IMM and the life of tracks, alone."""

@@ -52,7 +52,7 @@ def test_a_target_in_the_open_is_measured_as_well_as_the_measurement_level_says(
     count, scan = 200, 30
     hidden = scanned(plain, scan, count, waveform)
     for m, place in enumerate(plain.receivers):
-        exact = multistatic_range_and_rate(plain.scene.truth[scan, 0, :4], plain.transmitter, place)
+        exact = multistatic_range_and_rate(plain.scene.truth[scan, 0, :4], plain.transmitters[0], place)
         eta = 200.0 * plain.durations[waveform // 2] / plain.durations[1] * (100.0 / exact[0]) ** 4
         sigma = np.sqrt(np.diag(plain.actions.measurement_covariances(4e9)[waveform]) / eta)
         errors = (hidden.z[:, m, 0] - exact) / sigma  # the strongest comes first
@@ -100,6 +100,14 @@ def per_episode(system, count=10):
         state = system.advance(state, policy.act(state.public, None, None), worlds)
         total += system.metrics(state)["gospa"]
     return total / system.horizon
+
+
+def test_pairs_of_several_transmitters_keep_to_their_own_trains(plain):
+    """Each with its own shape of samples, and the same samples whatever the other sends."""
+    system = UrbanSignal(transmitters=(plain.transmitters[0], (2060.0, 1530.0)))
+    mixed, alike = (scanned(system, 60, 2, waveform).z for waveform in (8, 10))
+    np.testing.assert_array_equal(mixed[:, :2], alike[:, :2])
+    assert (mixed[:, 2:] != alike[:, 2:]).any()
 
 
 def test_mistakes():

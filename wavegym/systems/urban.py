@@ -22,7 +22,7 @@ from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, make
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import StreetTracker, Tracks, gospa
 from wavegym.trackers.street import CONFIRMED, EMPTY, MODELS
-from wavegym.waveforms import GaussianChirp, Library, PulseTrain
+from wavegym.waveforms import GaussianChirp, JointLibrary, Library, PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 Array = NDArray[Any]
@@ -37,9 +37,9 @@ class Urban(System):
     """A multistatic radar in a street follows an unknown number of targets, and chooses its pulses scan by scan.
 
     Description
-        One transmitter, two receivers or more, buildings that hide and reflect. Two targets drive the same way through
+        One transmitter or more, two receivers or more, buildings that hide and reflect. Two targets drive the same way through
         the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train of
-        Gaussian chirps of one of four kinds; each receiver detects each way from transmitter by target to receiver, by
+        Gaussian chirps of one of four kinds; each receiver detects each way from a transmitter by target to receiver, by
         no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with R(psi) / eta,
         eta falling with the fourth power of the half path and .4 with each wall; and there are false returns. Tracks
         are begun, confirmed and ended by the tracker: LMIPDA and a variable-structure IMM of unscented filters.
@@ -56,7 +56,7 @@ class Urban(System):
         Terminates after ``horizon`` scans.
 
     Arguments
-        city: a city that comes with wavegym, or a TOML file. transmitter, receivers: (x, y) in m. arrivals: s at which
+        city: a city that comes with wavegym, or a TOML file. transmitters, receivers: (x, y) in m. arrivals: s at which
         each target starts. fidelity: "measurement", or "signal" as in wavegym/UrbanSignal-v0. start: (x, y) in m.
         velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of each stretch; then it drives on.
         durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz. pulses, interval: of a train;
@@ -76,7 +76,7 @@ class Urban(System):
     horizon: int = 140
     dt: float = 0.25
     city: str = "intersection"
-    transmitter: Point = (2085.0, 1470.5)
+    transmitters: tuple[Point, ...] = ((2085.0, 1470.5),)
     receivers: tuple[Point, ...] = ((2088.0, 1475.0), (2078.0, 1467.0))
     arrivals: tuple[float, ...] = (0.0, 10.0)
     start: Point = (1950.0, 1500.0)
@@ -125,7 +125,7 @@ class Urban(System):
         return City.load(self.city)
 
     @cached_property
-    def actions(self) -> Library:
+    def library(self) -> Library:
         """Trains of each duration, sweeping up and down."""
         trains = []
         for k in self.durations:
@@ -136,15 +136,26 @@ class Urban(System):
         return Library(tuple(trains))
 
     @cached_property
+    def actions(self) -> Library | JointLibrary:
+        """A train; of several transmitters every combination, which receivers tell apart."""
+        several = len(self.transmitters)
+        return JointLibrary(self.library, several) if several > 1 else self.library
+
+    def _sent(self, action: Array) -> Array:
+        """What each transmitter sends, (..., transmitter)."""
+        chosen = np.asarray(action)
+        return self.actions.indices[chosen] if isinstance(self.actions, JointLibrary) else chosen[..., None]
+
+    @cached_property
     def pairs(self) -> list[Multistatic]:
-        """The transmitter with each receiver."""
-        transmitter = Antenna(self.map, self.transmitter)
-        return [Multistatic(transmitter, Antenna(self.map, place)) for place in self.receivers]
+        """Each transmitter with each receiver."""
+        out, back = ([Antenna(self.map, place) for place in side] for side in (self.transmitters, self.receivers))
+        return [Multistatic(transmitter, receiver) for transmitter in out for receiver in back]
 
     @cached_property
     def signals(self) -> StreetReceivers:
         """What turns samples into measurements, for ``fidelity="signal"``."""
-        trains = [train for train in self.actions.waveforms if isinstance(train, PulseTrain)]
+        trains = [train for train in self.library.waveforms if isinstance(train, PulseTrain)]
         arrays = [ArrayReceiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
         return StreetReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density)
 
@@ -158,7 +169,7 @@ class Urban(System):
     def following(self) -> StreetTracker:
         """The tracker."""
         return StreetTracker(
-            self.map, self.transmitter, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
+            self.map, self.transmitters, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
             clutter_density=self.clutter_density, false_alarm=self._false_alarm, rate_floor=self.rate_floor,
             reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
@@ -174,7 +185,7 @@ class Urban(System):
     def _waves(self) -> tuple[Array, Array]:
         """Covariance at an SNR of 1, (waveform, 2, 2), and the SNR at 100 m, (waveform,)."""
         energy = np.repeat(np.array(self.durations) / max(self.durations), 2)
-        return self.actions.measurement_covariances(self.carrier), self.reference_snr * energy
+        return self.library.measurement_covariances(self.carrier), self.reference_snr * energy
 
     @property
     def ambiguity(self) -> float:
@@ -189,19 +200,21 @@ class Urban(System):
         """No tracks, no scan."""
         count = len(world.key)
         truth, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
-        nothing = np.zeros((count, len(self.receivers), MOST, 2)), np.zeros((count, len(self.receivers)), np.int64)
+        nothing = np.zeros((count, len(self.pairs), MOST, 2)), np.zeros((count, len(self.pairs)), np.int64)
         hidden = Hidden(truth, present, *nothing, np.zeros(count, np.int64))
         return State(hidden, Public(np.zeros(count, np.int64), *self.following.empty(count)))
 
     def advance(self, state: State, action: Array, world: World) -> State:
         """One scan: the street is measured with the chosen train, and the tracks take it."""
         scan = state.public.step + 1
-        R, snr = (values[np.asarray(action)] for values in self._waves)
+        sent = self._sent(action)
+        R, snr = (values[sent] for values in self._waves)
         z, count = np.zeros(state.hidden.z.shape), np.zeros(state.hidden.number.shape, np.int64)
         if self.fidelity == "signal":
-            self.signals.measure(world.key, scan, np.asarray(action), z, count)
+            self.signals.measure(world.key, scan, np.repeat(sent, len(self.receivers), axis=1), z, count)
         else:
-            kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
+            waves = (np.repeat(each, len(self.receivers), axis=1) for each in (R, snr))
+            kernels.measure(world.key, scan, self.scene, self.following.street, *waves, self.ambiguity, z, count)
         tracks, refused = self.following.scan(Tracks(*state.public[1:]), z, count, R, snr)
         hidden = Hidden(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
         return State(hidden, Public(scan, *tracks))
@@ -213,7 +226,8 @@ class Urban(System):
         index = np.broadcast_to(chosen, lead).reshape(-1)
         each = index.size // len(public.step)
         tracks = self.following.expect(
-            Tracks(*(np.repeat(leaf, each, axis=0) for leaf in public[1:])), *(v[index] for v in self._waves)
+            Tracks(*(np.repeat(leaf, each, axis=0) for leaf in public[1:])),
+            *(v[self._sent(index)] for v in self._waves),
         )
         step = np.repeat(public.step + 1, each).reshape(lead)
         return Public(step, *(leaf.reshape(*lead, *leaf.shape[1:]) for leaf in tracks))
@@ -246,7 +260,7 @@ class Urban(System):
         there = (public.status != EMPTY)[..., None]
         variance = np.diagonal(P, 0, -2, -1)
         sigma = np.sqrt(np.stack([variance[..., :2].sum(axis=-1), variance[..., 2:4].sum(axis=-1)], axis=-1))
-        place = x[..., :4] - np.array([*self.transmitter, 0.0, 0.0])
+        place = x[..., :4] - np.array([*self.transmitters[0], 0.0, 0.0])
         sure = np.stack([public.existence, public.status == CONFIRMED], axis=-1)
         each = np.where(there, np.concatenate([sure, place, sigma, public.mu], axis=-1), 0.0)
         left = 1.0 - public.step[:, None] / self.horizon

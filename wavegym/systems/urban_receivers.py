@@ -30,7 +30,7 @@ class StreetReceivers:
     """Receivers in a street with all that they may have to process.
 
     Args:
-        pairs: the transmitter with each receiver.
+        pairs: each transmitter with each receiver.
         scene: what happens.
         arrays: each waveform's signal chain.
         snr: eta of each waveform at 100 m, (waveform,).
@@ -48,21 +48,24 @@ class StreetReceivers:
         """Each waveform's, of peaks in units of the noise's power."""
         return [array.threshold(self.density) for array in self.arrays]
 
-    def measure(self, keys: Array, scans: Array, actions: Array, z: Array, count: Array) -> None:
-        """One scan of every environment, as ``urban_kernels.measure``: z (env, receiver, most, 2), count."""
-        for e, (key, scan, waveform) in enumerate(zip(keys, scans, actions, strict=True)):
+    def measure(self, keys: Array, scans: Array, sent: Array, z: Array, count: Array) -> None:
+        """One scan of every environment, as ``urban_kernels.measure``: z (env, pair, most, 2), count (env, pair).
+
+        sent: number of the waveform that each pair's transmitter sends, (env, pair).
+        """
+        for e, (key, scan) in enumerate(zip(keys, scans, strict=True)):
             for m in range(len(self.pairs)):
-                found = self.scan(key, scan, waveform, m).z[: z.shape[2]]
+                found = self.scan(key, scan, sent[e, m], m).z[: z.shape[2]]
                 z[e, m, : len(found)], count[e, m] = found, len(found)
 
     def scan(self, key: np.uint64, scan: int, waveform: int, m: int) -> Peaks:
-        """What the m-th receiver measures in one scan of one environment."""
+        """What the m-th pair measures in one scan of one environment."""
         array = self.arrays[waveform]
         image = array.image(self.samples(key, scan, waveform, m) - self.street(key, waveform, m))
         return array.peaks(image, self.thresholds[waveform])
 
     def samples(self, key: np.uint64, scan: int, waveform: int, m: int) -> NDArray[np.complex128]:
-        """What the m-th receiver's elements sample in one scan: targets, the street, noise; (pulse, element, sample).
+        """What the m-th pair's receiver samples in one scan: targets, the street, noise; (pulse, element, sample).
 
         An echo has the SNR that the measurement level's errors are for, and a phase of its own in every scan.
         """
@@ -93,7 +96,7 @@ class StreetReceivers:
 
     @cached_property
     def _standing(self) -> list[list[NDArray[np.complex128]]]:
-        """What walls and trees return of one pulse of each waveform to each receiver, (element, sample)."""
+        """What walls and trees return of one pulse of each waveform to each pair, (element, sample)."""
         return [
             [_standing(array, pair, snr) for pair in self.pairs]
             for array, snr in zip(self.arrays, self.snr, strict=True)

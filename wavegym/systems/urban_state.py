@@ -16,7 +16,7 @@ from wavegym.targets import ScriptedPath
 
 Array = NDArray[Any]
 
-MOST = 64  # measurements of a receiver in a scan; more are lost
+MOST = 64  # measurements of a pair in a scan; more are lost
 
 
 class World(NamedTuple):
@@ -30,8 +30,8 @@ class Hidden(NamedTuple):
 
     truth: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
     present: Array  # (env, target)
-    z: Array  # (env, receiver, MOST, 2): the last scan
-    number: Array  # (env, receiver): how many measurements it has
+    z: Array  # (env, pair, MOST, 2): the last scan
+    number: Array  # (env, pair): how many measurements it has
     refused: Array  # (env,): tracks that found no slot of their own in it
 
 
@@ -52,11 +52,11 @@ class Scene(NamedTuple):
 
     truth: Array  # (scan, target, 6)
     present: Array  # (scan, target)
-    ways: Array  # (receiver, scan, target): how many ways are open
-    way: Array  # (receiver, scan, target, way): their numbers
-    z: Array  # (receiver, scan, target, way, 2): range and range-rate by each of them
-    reflected: Array  # (receiver, scan, target, way): what their walls leave of the power
-    direct: Array  # (scan, target): whether the straight way to both first receivers is open
+    ways: Array  # (pair, scan, target): how many ways are open
+    way: Array  # (pair, scan, target, way): their numbers
+    z: Array  # (pair, scan, target, way, 2): range and range-rate by each of them
+    reflected: Array  # (pair, scan, target, way): what their walls leave of the power
+    direct: Array  # (scan, target): whether the straight ways of the first two pairs are open
 
 
 def make_scene(
@@ -103,8 +103,8 @@ def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[E
         listed += [
             Element(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
             Element(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),
-            Element(f"x_{s}", "m", 0.0, reach / 3, f"x from the transmitter, {of}"),
-            Element(f"y_{s}", "m", 0.0, reach / 3, f"y from the transmitter, {of}"),
+            Element(f"x_{s}", "m", 0.0, reach / 3, f"x from the first transmitter, {of}"),
+            Element(f"y_{s}", "m", 0.0, reach / 3, f"y from the first transmitter, {of}"),
             Element(f"xdot_{s}", "m/s", 0.0, 10.0, f"velocity along x {of}"),
             Element(f"ydot_{s}", "m/s", 0.0, 10.0, f"velocity along y {of}"),
             Element(f"sigma_position_{s}", "m", 2.0, 3.0, f"RMS position uncertainty {of}"),
