@@ -37,12 +37,13 @@ class Urban(System):
     """A multistatic radar in a street follows an unknown number of targets, and chooses its pulses scan by scan.
 
     Description
-        One transmitter or more, two receivers or more, buildings that hide and reflect. Two targets drive the same way through
-        the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train of
-        Gaussian chirps of one of four kinds; each receiver detects each way from a transmitter by target to receiver, by
-        no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with R(psi) / eta,
-        eta falling with the fourth power of the half path and .4 with each wall; and there are false returns. Tracks
-        are begun, confirmed and ended by the tracker: LMIPDA and a variable-structure IMM of unscented filters.
+        One transmitter or more, two receivers or more, buildings that hide and reflect. Two targets drive the same way
+        through the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train
+        of Gaussian chirps of one of four kinds; each receiver detects each way from a transmitter by target to
+        receiver, by no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with
+        R(psi) / eta, eta falling with the fourth power of the half path and .4 with each wall; and there are false
+        returns. Tracks are begun, confirmed and ended by the tracker: LMIPDA and a variable-structure IMM of unscented
+        filters.
 
     Rewards
         Minus the cost, summed over the ``charged`` surest slots: r min(trace(Lambda P), c0) + (1 - r) c0, with r the
@@ -113,10 +114,8 @@ class Urban(System):
         if not 1 <= self.charged <= self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
         if self.fidelity == "signal" and self.false_alarm is not None:
-            raise InputError(
-                f"false_alarm is {self.false_alarm}, expected none with fidelity='signal':"
-                " it follows from clutter_density"
-            )
+            wanted = "expected none with fidelity='signal': it follows from clutter_density"
+            raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
         _ = self.actions, self.following, self.scene
 
     @cached_property

@@ -1,10 +1,10 @@
 """A tracker for a street: how many targets there are is not known, walls hide them and make ghosts of them.
 
 Gates, LMIPDA, interacting unscented filters whose set depends on the place, and the life of tracks (Barbosa et al.,
-section 4.2), for transmitters that receivers tell apart and two or more receivers. From the map it takes what the paper leaves open: tracks
-begin where the first two receivers' measurements of the first transmitter meet on a road that all three see; where a target is hidden, not to
-be seen is no evidence against it; a track that leaves the roads was a mirror image; and what a confirmed track's ways
-by walls would return is clutter to all others (``ghosts``).
+section 4.2), for transmitters that receivers tell apart and two or more receivers. From the map it takes what the paper
+leaves open: tracks begin where the first two receivers' measurements of the first transmitter meet on a road that all
+three see; where a target is hidden, not to be seen is no evidence against it; a track that leaves the roads was a
+mirror image; and what a confirmed track's ways by walls would return is clutter to all others (``ghosts``).
 """
 
 from __future__ import annotations

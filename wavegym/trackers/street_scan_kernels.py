@@ -121,8 +121,8 @@ def scan(x, P, mu, existence, status, age, street, wave, reference, z, count, re
         for pair in range(pairs):
             seen, number = z[e, pair], count[e, pair]
             foresee_tracks(
-                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A, room.whole,
-                room.pd, nn, mm,
+                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A,
+                room.whole, room.pd, nn, mm,
             )  # fmt: skip
             weigh_scan(tracks, street, seen, number, room.centre, room.S, room.whole, p, taken[pair], mm)
             ghosts[:] = 0.0
@@ -168,8 +168,8 @@ def expect(x, P, mu, existence, status, age, street, wave, reference, nn, mm):
         predict_tracks(tracks, street, room.x, room.P, room.c, room.T, nn, mm)
         for pair in range(len(street.receivers)):
             foresee_tracks(
-                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A, room.whole,
-                room.pd, nn, mm,
+                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A,
+                room.whole, room.pd, nn, mm,
             )  # fmt: skip
             for row in range(mu.shape[1] * len(mm)):
                 t = row // len(mm)
