@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import torch
 
-from benchmarks import association, kalman, particle, planners, rf_eo, scheduling, training
+from benchmarks import association, kalman, particle, planners, rf_eo, scheduling, training, urban
 
 PEERS = (
     ("filterpy", kalman.run),
@@ -16,6 +16,7 @@ PEERS = (
     ("filterpy", scheduling.run),
     ("filterpy", rf_eo.against_filterpy),
     ("Stone Soup", rf_eo.against_stone_soup),
+    ("filterpy", urban.run),
 )
 
 
@@ -27,6 +28,9 @@ def main() -> None:
         for name, (r, wanted) in measure().items():
             row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
             print(f"| {name}; {peer} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |")
+    print("\n| urban scan | us |\n|---|---|")
+    for name, us in urban.scans().items():
+        print(f"| {name} | {us:.0f} |")
     print("\n| planner | batch | us per decision | peak MiB |\n|---|---|---|---|")
     for name, decisions in (planners.run() | planners.rollouts() | rf_eo.lookaheads()).items():
         for d in decisions:

@@ -71,6 +71,9 @@ def test_what_returns_without_a_target() -> None:
     echoes = Multistatic(Antenna(city, (-3.0, 0.0)), Antenna(city, (3.0, 0.0))).background()
     np.testing.assert_allclose(echoes.r, [np.hypot(3.0, 10.0), 5.0])
     np.testing.assert_allclose(echoes.reflected, [0.3, 1.0])
+    np.testing.assert_allclose(echoes.source, [[-3.0, 20.0], [0.0, 4.0]])
+    empty = Multistatic(Antenna(City(), (-3.0, 0.0)), Antenna(City(), (3.0, 0.0))).background()
+    assert len(empty.r) == 0
 
 
 def test_the_crossing_s_background() -> None:

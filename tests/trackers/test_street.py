@@ -17,8 +17,8 @@ CROSSING = City.load("intersection")
 TX, RX = (2085.0, 1470.5), ((2088.0, 1475.0), (2078.0, 1467.0))
 PLAIN = City(roads=(Road(((1900.0, 1530.0), (2200.0, 1530.0)), 60.0),))
 R, SNR = np.diag([39.2, 0.0069]), 200.0  # of a train of 249 pulses of 40 MHz at 4 GHz
-TRACKER = StreetTracker(CROSSING, TX, RX)
-OPEN = StreetTracker(PLAIN, TX, RX)
+TRACKER = StreetTracker(CROSSING, (TX,), RX)
+OPEN = StreetTracker(PLAIN, (TX,), RX)
 
 
 def scan_of(states, noise=None, most=6):
@@ -119,7 +119,7 @@ def test_of_two_tracks_in_one_place_the_surer_and_then_the_older_stays():
 
 def test_no_more_tracks_than_slots():
     """The tentative track least sure to exist gives way; confirmed ones never do."""
-    few = StreetTracker(CROSSING, TX, RX, slots=2)
+    few = StreetTracker(CROSSING, (TX,), RX, slots=2)
     new, old = (2040.0, 1500.0, 8.0, 0.0), (2069.0, 1530.0, 0.0, 5.0)
     tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), 0.5, TENTATIVE, slot=1, tracks=held(few, old))
     tracks, refused = few.scan(tracks, *scan_of([old, new]), R, SNR)
@@ -143,7 +143,7 @@ def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
     assert count.min() >= 4
     begun = {}
     for ghosts in (True, False):
-        tracker = StreetTracker(CROSSING, TX, RX, ghosts=ghosts, vaguest=60.0)
+        tracker = StreetTracker(CROSSING, (TX,), RX, ghosts=ghosts, vaguest=60.0)
         tracks, _ = tracker.scan(held(tracker, before, spread=0.3), z, count, R, SNR)
         begun[ghosts] = int((tracks.status[0] == TENTATIVE).sum())
     assert begun[True] == 0
@@ -151,7 +151,7 @@ def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
 
 
 def test_what_is_expected_is_the_update_by_the_chance_of_a_detection():
-    tracker, state = StreetTracker(PLAIN, TX, RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
+    tracker, state = StreetTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
     tracks = held(tracker, state)
     x, P = predict(tracks.x[0, 0, 0], tracks.P[0, 0, 0], tracker.motion[0].F, tracker.motion[0].Q)
     for place in RX:
@@ -177,9 +177,10 @@ def test_combined_is_the_mixture():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"transmitters": ()}, r"transmitters is \(\), expected at least one"),
         ({"receivers": RX[:1]}, "expected at least two"),
         ({"receivers": ((2086.0, 1471.5), (2084.0, 1469.5))}, "stand in one line, expected a triangle"),
-        ({"transmitter": (2000.0, 1600.0)}, "inside a building"),
+        ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
         ({"slots": 0}, "slots is 0, expected an integer >= 1"),
         ({"false_alarm": 0.0}, "false_alarm is 0"),
         ({"clutter_density": -1.0}, "clutter_density is -1"),
@@ -190,7 +191,7 @@ def test_combined_is_the_mixture():
 )
 def test_mistakes(change, message):
     with pytest.raises(InputError, match=message):
-        make_checked(StreetTracker, {"city": CROSSING, "transmitter": TX, "receivers": RX, **change})
+        make_checked(StreetTracker, {"city": CROSSING, "transmitters": (TX,), "receivers": RX, **change})
 
 
 def test_shapes_that_do_not_fit():

@@ -29,15 +29,18 @@ from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Echoes, Multistatic, multistatic_range_and_rate
 from wavegym.sensors.penalties import fov_penalty
 from wavegym.sensors.platform import platform_jacobian, platform_measurement
+from wavegym.sensors.receiver import ArrayReceiver, Peaks
 from wavegym.sensors.resolution import View, platform_view
 from wavegym.sensors.snr import range_law_snr
 
 __all__ = [
     "Antenna",
+    "ArrayReceiver",
     "Building",
     "City",
     "Echoes",
     "Multistatic",
+    "Peaks",
     "Road",
     "View",
     "detection_probability",

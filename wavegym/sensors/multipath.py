@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.errors import InputError
 from wavegym.sensors import multipath_kernels as kernels
 from wavegym.sensors.checks import Array, shaped
 from wavegym.sensors.city import City, Point
@@ -23,17 +24,21 @@ class Antenna:
 
     Args:
         city: whose walls reflect.
-        position: (x, y) in m, outside the buildings.
+        position: (x, y) in m, outside the buildings; of an array its middle.
+        axis: along which the elements of an array stand, a unit vector.
 
     Raises:
-        InputError: a position inside a building.
+        InputError: a position inside a building, an axis of another length than 1.
     """
 
     city: City
     position: Point
+    axis: Point = (1.0, 0.0)
 
     def __post_init__(self) -> None:
         self.city.check_outdoors("the antenna's position", self.position)
+        if abs(np.hypot(*self.axis) - 1.0) > 1e-9:
+            raise InputError(f"the antenna's axis is {self.axis}, expected a unit vector such as (1.0, 0.0)")
 
     @cached_property
     def via(self) -> NDArray[np.int64]:
@@ -44,6 +49,18 @@ class Antenna:
     def images(self) -> Array:
         """Where they are, (x, y) in m, (image, 2): the antenna itself, those in one wall, those in two."""
         return self._all[1]
+
+    @cached_property
+    def axes(self) -> Array:
+        """The array's axis in each image, (image, 2): a mirror turns it round."""
+        ends = np.array(self.position) + np.array(self.axis)
+        seen = []
+        for image, walls in zip(self.images, self.via, strict=True):
+            end = ends
+            for wall in walls[walls >= 0]:
+                end = mirrored(end, self.city.walls[wall])
+            seen.append(end - image)
+        return np.array(seen)
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
@@ -62,7 +79,7 @@ class Antenna:
         A wall's end belongs to the wall, and nothing is seen through one. InputError where shapes do not fit.
         """
         points, lead = _flat(points)
-        return np.asarray(kernels.seen(points, *self._rays)).reshape(*lead, -1)
+        return np.asarray(kernels.seen(points, *self._rays)).reshape(*lead, len(self.images))
 
     def bounces(self, points: ArrayLike) -> Array:
         """Where the rays to points (..., 2) reflect, in order from the antenna, (x, y) in m, (..., image, 2, 2).

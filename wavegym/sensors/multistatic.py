@@ -14,6 +14,8 @@ from wavegym.sensors.checks import Array, shaped
 from wavegym.sensors.geometry import range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multipath_kernels import MOST_WALLS
+from wavegym.sensors.receiver_kernels import path_delays
+from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 
 def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receiver: ArrayLike) -> Array:
@@ -38,6 +40,7 @@ class Echoes(NamedTuple):
 
     r: Array  # half the way, m, (echo,)
     reflected: Array  # part of the power that walls leave, (echo,)
+    source: Array  # from where it seems to come, (x, y) in m, (echo, 2)
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,30 @@ class Multistatic:
         images = self.transmitter.images[self.ways[:, 0]], self.receiver.images[self.ways[:, 1]]
         return multistatic_range_and_rate(state, *images)
 
+    def delays(self, state: ArrayLike, way: ArrayLike, times: ArrayLike, offsets: ArrayLike) -> Array:
+        """Time that each way takes at each element of the receiver while the target moves on, s, (n, time, element).
+
+        Doppler shift, direction and its rate are all in it: the phase of an echo is -2 pi fc times this.
+
+        Args:
+            state: x = (x, y, xdot, ydot, xddot, yddot), SI units, (n, 6).
+            way: number of the way of each, (n,).
+            times: after which the target is looked at again, at constant acceleration, s, (time,).
+            offsets: of the elements along the receiver's axis, m, (element,).
+
+        Raises:
+            InputError: shapes that do not fit.
+        """
+        state, way = shaped("state", state, 6), np.asarray(way, np.int64)
+        if state.ndim != 2 or way.shape != state.shape[:1]:
+            raise InputError(f"state and way have shapes {state.shape} and {way.shape}, expected (n, 6) and (n,)")
+        times, offsets = np.array(times, np.float64, ndmin=1), np.array(offsets, np.float64, ndmin=1)
+        out, back = self.ways[way].T
+        delays = np.empty((len(way), len(times), len(offsets)))
+        images = self.transmitter.images[out], self.receiver.images[back], self.receiver.axes[back]
+        path_delays(np.array(state, order="C"), *images, offsets, times, SPEED_OF_LIGHT, delays)
+        return delays
+
     def background(self) -> Echoes:
         """Ways without a target: by one wall (TCR), two (TCCR), or one of the things that scatter (TCR)."""
         mirrors = self.transmitter.seen(self.receiver.position) & (self.transmitter.order > 0)
@@ -106,4 +133,5 @@ class Multistatic:
         still = np.concatenate([things, np.zeros_like(things)], axis=1)
         scattered = multistatic_range_and_rate(still, self.transmitter.position, self.receiver.position)[:, 0]
         r = np.concatenate([length[mirrors] / 2.0, scattered[lit]])
-        return Echoes(r, np.concatenate([self.transmitter.reflected[mirrors], np.ones(lit.sum())]))
+        reflected = np.concatenate([self.transmitter.reflected[mirrors], np.ones(lit.sum())])
+        return Echoes(r, reflected, np.concatenate([self.transmitter.images[mirrors], things[lit]]))

@@ -12,14 +12,17 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from wavegym.errors import InputError, positive, whole
+from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.city import City, Point
+from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.systems import urban_kernels as kernels
 from wavegym.systems.contract import Element, State, System
+from wavegym.systems.urban_receivers import StreetReceivers
 from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, make_scene, urban_elements
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import StreetTracker, Tracks, gospa
 from wavegym.trackers.street import CONFIRMED, EMPTY, MODELS
-from wavegym.waveforms import GaussianChirp, Library, PulseTrain
+from wavegym.waveforms import GaussianChirp, JointLibrary, Library, PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 Array = NDArray[Any]
@@ -34,12 +37,13 @@ class Urban(System):
     """A multistatic radar in a street follows an unknown number of targets, and chooses its pulses scan by scan.
 
     Description
-        One transmitter, two receivers or more, buildings that hide and reflect. Two targets drive the same way through
-        the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train of
-        Gaussian chirps of one of four kinds; each receiver detects each way from transmitter by target to receiver, by
-        no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with R(psi) / eta,
-        eta falling with the fourth power of the half path and .4 with each wall; and there are false returns. Tracks
-        are begun, confirmed and ended by the tracker: LMIPDA and a variable-structure IMM of unscented filters.
+        One transmitter or more, two receivers or more, buildings that hide and reflect. Two targets drive the same way
+        through the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train
+        of Gaussian chirps of one of four kinds; each receiver detects each way from a transmitter by target to
+        receiver, by no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with
+        R(psi) / eta, eta falling with the fourth power of the half path and .4 with each wall; and there are false
+        returns. Tracks are begun, confirmed and ended by the tracker: LMIPDA and a variable-structure IMM of unscented
+        filters.
 
     Rewards
         Minus the cost, summed over the ``charged`` surest slots: r min(trace(Lambda P), c0) + (1 - r) c0, with r the
@@ -53,15 +57,16 @@ class Urban(System):
         Terminates after ``horizon`` scans.
 
     Arguments
-        city: a city that comes with wavegym, or a TOML file. transmitter, receivers: (x, y) in m. arrivals: s at which
-        each target starts. start: (x, y) in m. velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of
-        each stretch; then it drives on. durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz.
-        pulses, interval: of a train; range-rates beyond lambda / (4 interval) are folded. reference_snr: eta at 100 m
-        of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration that NCV
-        and turns expect, m/s^2. vaguest: standard deviation of a new track's place at most, m. ghosts: whether the
-        tracker tells ghosts by the map. slots: tracks at most. charged: slots that count in the cost. clutter_density:
-        false returns per (m x m/s). false_alarm: Pfa. rate_floor: m/s. reach: half path, m. weights: diagonal of
-        Lambda, for positions, velocities and accelerations.
+        city: a city that comes with wavegym, or a TOML file. transmitters, receivers: (x, y) in m. arrivals: s at which
+        each target starts. fidelity: "measurement", or "signal" as in wavegym/UrbanSignal-v0. start: (x, y) in m.
+        velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of each stretch; then it drives on.
+        durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz. pulses, interval: of a train;
+        range-rates beyond lambda / (4 interval) are folded. reference_snr: eta at 100 m of the longest pulse; energy
+        grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration that NCV and turns expect, m/s^2.
+        vaguest: standard deviation of a new track's place at most, m. ghosts: whether the tracker tells ghosts by the
+        map. slots: tracks at most. charged: slots that count in the cost. clutter_density: false returns per (m x m/s).
+        false_alarm: Pfa, 1e-3 if not given; of signals it follows from ``clutter_density``, which sets the threshold.
+        rate_floor: m/s. reach: half path, m. weights: diagonal of Lambda, for positions, velocities and accelerations.
 
     References
         P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
@@ -72,7 +77,7 @@ class Urban(System):
     horizon: int = 140
     dt: float = 0.25
     city: str = "intersection"
-    transmitter: Point = (2085.0, 1470.5)
+    transmitters: tuple[Point, ...] = ((2085.0, 1470.5),)
     receivers: tuple[Point, ...] = ((2088.0, 1475.0), (2078.0, 1467.0))
     arrivals: tuple[float, ...] = (0.0, 10.0)
     start: Point = (1950.0, 1500.0)
@@ -83,6 +88,7 @@ class Urban(System):
     durations: tuple[float, ...] = (0.5e-6, 1.375e-6)
     bandwidth: float = 40e6
     carrier: float = 4e9
+    fidelity: Literal["measurement", "signal"] = "measurement"
     pulses: int = 249
     interval: float = 1e-3
     reference_snr: float = 200.0
@@ -93,7 +99,7 @@ class Urban(System):
     slots: int = 8
     charged: int = 2
     clutter_density: float = 1e-3
-    false_alarm: float = 1e-3
+    false_alarm: float | None = None
     rate_floor: float = 0.1
     reach: float = 300.0
     weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -107,6 +113,9 @@ class Urban(System):
             raise InputError("arrivals is (), expected the time in s at which each target starts")
         if not 1 <= self.charged <= self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
+        if self.fidelity == "signal" and self.false_alarm is not None:
+            wanted = "expected none with fidelity='signal': it follows from clutter_density"
+            raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
         _ = self.actions, self.following, self.scene
 
     @cached_property
@@ -115,7 +124,7 @@ class Urban(System):
         return City.load(self.city)
 
     @cached_property
-    def actions(self) -> Library:
+    def library(self) -> Library:
         """Trains of each duration, sweeping up and down."""
         trains = []
         for k in self.durations:
@@ -126,11 +135,41 @@ class Urban(System):
         return Library(tuple(trains))
 
     @cached_property
+    def actions(self) -> Library | JointLibrary:
+        """A train; of several transmitters every combination, which receivers tell apart."""
+        several = len(self.transmitters)
+        return JointLibrary(self.library, several) if several > 1 else self.library
+
+    def _sent(self, action: Array) -> Array:
+        """What each transmitter sends, (..., transmitter)."""
+        chosen = np.asarray(action)
+        return self.actions.indices[chosen] if isinstance(self.actions, JointLibrary) else chosen[..., None]
+
+    @cached_property
+    def pairs(self) -> list[Multistatic]:
+        """Each transmitter with each receiver."""
+        out, back = ([Antenna(self.map, place) for place in side] for side in (self.transmitters, self.receivers))
+        return [Multistatic(transmitter, receiver) for transmitter in out for receiver in back]
+
+    @cached_property
+    def signals(self) -> StreetReceivers:
+        """What turns samples into measurements, for ``fidelity="signal"``."""
+        trains = [train for train in self.library.waveforms if isinstance(train, PulseTrain)]
+        arrays = [ArrayReceiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
+        return StreetReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density)
+
+    @property
+    def _false_alarm(self) -> float:
+        if self.fidelity == "signal":
+            return math.exp(-self.signals.thresholds[0])  # all waveforms sweep the same band
+        return 1e-3 if self.false_alarm is None else self.false_alarm
+
+    @cached_property
     def following(self) -> StreetTracker:
         """The tracker."""
         return StreetTracker(
-            self.map, self.transmitter, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
-            clutter_density=self.clutter_density, false_alarm=self.false_alarm, rate_floor=self.rate_floor,
+            self.map, self.transmitters, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
+            clutter_density=self.clutter_density, false_alarm=self._false_alarm, rate_floor=self.rate_floor,
             reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
 
@@ -139,13 +178,13 @@ class Urban(System):
         """What happens whatever is transmitted."""
         route = ScriptedPath(self.start, self.velocity, [Segment(*stretch) for stretch in self.path])
         times = self.dt * np.arange(self.horizon + 1)
-        return make_scene(self.map, self.transmitter, self.receivers, route, self.arrivals, times)
+        return make_scene(self.map, self.pairs, route, self.arrivals, times)
 
     @cached_property
     def _waves(self) -> tuple[Array, Array]:
         """Covariance at an SNR of 1, (waveform, 2, 2), and the SNR at 100 m, (waveform,)."""
         energy = np.repeat(np.array(self.durations) / max(self.durations), 2)
-        return self.actions.measurement_covariances(self.carrier), self.reference_snr * energy
+        return self.library.measurement_covariances(self.carrier), self.reference_snr * energy
 
     @property
     def ambiguity(self) -> float:
@@ -160,16 +199,21 @@ class Urban(System):
         """No tracks, no scan."""
         count = len(world.key)
         truth, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
-        nothing = np.zeros((count, len(self.receivers), MOST, 2)), np.zeros((count, len(self.receivers)), np.int64)
+        nothing = np.zeros((count, len(self.pairs), MOST, 2)), np.zeros((count, len(self.pairs)), np.int64)
         hidden = Hidden(truth, present, *nothing, np.zeros(count, np.int64))
         return State(hidden, Public(np.zeros(count, np.int64), *self.following.empty(count)))
 
     def advance(self, state: State, action: Array, world: World) -> State:
         """One scan: the street is measured with the chosen train, and the tracks take it."""
         scan = state.public.step + 1
-        R, snr = (values[np.asarray(action)] for values in self._waves)
+        sent = self._sent(action)
+        R, snr = (values[sent] for values in self._waves)
         z, count = np.zeros(state.hidden.z.shape), np.zeros(state.hidden.number.shape, np.int64)
-        kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
+        if self.fidelity == "signal":
+            self.signals.measure(world.key, scan, np.repeat(sent, len(self.receivers), axis=1), z, count)
+        else:
+            waves = (np.repeat(each, len(self.receivers), axis=1) for each in (R, snr))
+            kernels.measure(world.key, scan, self.scene, self.following.street, *waves, self.ambiguity, z, count)
         tracks, refused = self.following.scan(Tracks(*state.public[1:]), z, count, R, snr)
         hidden = Hidden(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
         return State(hidden, Public(scan, *tracks))
@@ -181,7 +225,8 @@ class Urban(System):
         index = np.broadcast_to(chosen, lead).reshape(-1)
         each = index.size // len(public.step)
         tracks = self.following.expect(
-            Tracks(*(np.repeat(leaf, each, axis=0) for leaf in public[1:])), *(v[index] for v in self._waves)
+            Tracks(*(np.repeat(leaf, each, axis=0) for leaf in public[1:])),
+            *(v[self._sent(index)] for v in self._waves),
         )
         step = np.repeat(public.step + 1, each).reshape(lead)
         return Public(step, *(leaf.reshape(*lead, *leaf.shape[1:]) for leaf in tracks))
@@ -214,7 +259,7 @@ class Urban(System):
         there = (public.status != EMPTY)[..., None]
         variance = np.diagonal(P, 0, -2, -1)
         sigma = np.sqrt(np.stack([variance[..., :2].sum(axis=-1), variance[..., 2:4].sum(axis=-1)], axis=-1))
-        place = x[..., :4] - np.array([*self.transmitter, 0.0, 0.0])
+        place = x[..., :4] - np.array([*self.transmitters[0], 0.0, 0.0])
         sure = np.stack([public.existence, public.status == CONFIRMED], axis=-1)
         each = np.where(there, np.concatenate([sure, place, sigma, public.mu], axis=-1), 0.0)
         left = 1.0 - public.step[:, None] / self.horizon

@@ -20,22 +20,22 @@ def folded(rate, limit):
 
 
 @kernel
-def measure_targets(key, scan, receiver, scene, street, wave, reference, limit, z, count):
+def measure_targets(key, scan, pair, scene, street, wave, reference, limit, z, count):
     """Append what is detected of the targets to z[: count]; the new count."""
     targets, most = scene.z.shape[2], scene.z.shape[3]
     for g in range(targets):
-        for w in range(scene.ways[receiver, scan, g]):
-            r = scene.z[receiver, scan, g, w, 0]
+        for w in range(scene.ways[pair, scan, g]):
+            r = scene.z[pair, scan, g, w, 0]
             if r > street.reach or count >= len(z):
                 continue
             own = stream(key, g * most + w)
-            eta = snr_at(r, reference, scene.reflected[receiver, scan, g, w])
+            eta = snr_at(r, reference, scene.reflected[pair, scan, g, w])
             if uniform(own, 0) < detection(0.5 * eta, street.log_false_alarm):
                 R00, R01, R11 = noise(wave, eta, street)
                 a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
                 b = R01 / a
                 z[count, 0] = r + a * n0
-                z[count, 1] = folded(scene.z[receiver, scan, g, w, 1] + b * n0 + np.sqrt(R11 - b * b) * n1, limit)
+                z[count, 1] = folded(scene.z[pair, scan, g, w, 1] + b * n0 + np.sqrt(R11 - b * b) * n1, limit)
                 count += 1
     return count
 
@@ -56,9 +56,12 @@ def measure_clutter(key, street, limit, z, count):
 
 @kernel
 def measure(keys, scans, scene, street, wave, reference, limit, z, count):
-    """One scan of every environment, the ``scans[e]``-th: z (env, receiver, measurement, 2), count (env, receiver)."""
+    """One scan of every environment, the ``scans[e]``-th: z (env, pair, measurement, 2), count (env, pair).
+
+    wave (env, pair, 2, 2), reference (env, pair): of what each pair's transmitter sends.
+    """
     for e in range(len(keys)):
         for m in range(z.shape[1]):
             key = stream(stream(keys[e], scans[e]), m)
-            found = measure_targets(key, scans[e], m, scene, street, wave[e], reference[e], limit, z[e, m], 0)
+            found = measure_targets(key, scans[e], m, scene, street, wave[e, m], reference[e, m], limit, z[e, m], 0)
             count[e, m] = measure_clutter(key, street, limit, z[e, m], found)

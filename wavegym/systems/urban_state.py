@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
-from wavegym.sensors.city import City, Point
-from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.city import City
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.systems.contract import Element
 from wavegym.targets import ScriptedPath
 
 Array = NDArray[Any]
 
-MOST = 64  # measurements of a receiver in a scan; more are lost
+MOST = 64  # measurements of a pair in a scan; more are lost
 
 
 class World(NamedTuple):
@@ -30,8 +30,8 @@ class Hidden(NamedTuple):
 
     truth: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
     present: Array  # (env, target)
-    z: Array  # (env, receiver, MOST, 2): the last scan
-    number: Array  # (env, receiver): how many measurements it has
+    z: Array  # (env, pair, MOST, 2): the last scan
+    number: Array  # (env, pair): how many measurements it has
     refused: Array  # (env,): tracks that found no slot of their own in it
 
 
@@ -52,14 +52,15 @@ class Scene(NamedTuple):
 
     truth: Array  # (scan, target, 6)
     present: Array  # (scan, target)
-    ways: Array  # (receiver, scan, target): how many ways are open
-    z: Array  # (receiver, scan, target, way, 2): range and range-rate by each of them
-    reflected: Array  # (receiver, scan, target, way): what their walls leave of the power
-    direct: Array  # (scan, target): whether the straight way to both first receivers is open
+    ways: Array  # (pair, scan, target): how many ways are open
+    way: Array  # (pair, scan, target, way): their numbers
+    z: Array  # (pair, scan, target, way, 2): range and range-rate by each of them
+    reflected: Array  # (pair, scan, target, way): what their walls leave of the power
+    direct: Array  # (scan, target): whether the straight ways of the first two pairs are open
 
 
 def make_scene(
-    city: City, transmitter: Point, receivers: tuple[Point, ...], path: ScriptedPath, arrivals: ArrayLike, times: Array
+    city: City, pairs: Sequence[Multistatic], path: ScriptedPath, arrivals: ArrayLike, times: Array
 ) -> Scene:
     """All targets drive along one path, each from its own arrival [s] on; times (scan,) in s.
 
@@ -74,13 +75,12 @@ def make_scene(
             city.check_drivable("the targets' path", states[there, :2])
     if city.indoors(truth[present][:, :2]).any():
         raise InputError(f"the targets' path begins in a building at {tuple(path.start)} m, expected one in a street")
-    pairs = [Multistatic(Antenna(city, transmitter), Antenna(city, place)) for place in receivers]
     doors = [pair.open(truth[..., :2]) & present[..., None] for pair in pairs]
     most = max(1, *(int(each.sum(axis=-1).max(initial=0)) for each in doors))
     tables = [_table(pair, truth, door, most) for pair, door in zip(pairs, doors, strict=True)]
-    z, reflected, ways = (np.stack(each) for each in zip(*tables, strict=True))
+    z, reflected, ways, way = (np.stack(each) for each in zip(*tables, strict=True))
     direct = np.logical_and.reduce([door[..., 0] for door in doors[:2]])
-    return Scene(truth, present, ways, z, reflected, direct)
+    return Scene(truth, present, ways, way, z, reflected, direct)
 
 
 def _driven(path: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Array]:
@@ -88,11 +88,11 @@ def _driven(path: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Ar
     return np.concatenate([here.positions, here.velocities, here.accelerations], axis=1), times >= arrival
 
 
-def _table(pair: Multistatic, truth: Array, door: Array, most: int) -> tuple[Array, Array, Array]:
-    """Range and rate, and power left, of the open ways, which come first; and their number."""
+def _table(pair: Multistatic, truth: Array, door: Array, most: int) -> tuple[Array, Array, Array, Array]:
+    """Range and rate, and power left, of the open ways, which come first; how many, and which they are."""
     order = np.argsort(~door, axis=-1, kind="stable")[..., :most]
     z = np.take_along_axis(pair.measure(truth[..., :4]), order[..., None], axis=-2)
-    return z, pair.reflected[order], door.sum(axis=-1)
+    return z, pair.reflected[order], door.sum(axis=-1), order
 
 
 def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[Element, ...]:
@@ -103,8 +103,8 @@ def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[E
         listed += [
             Element(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
             Element(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),
-            Element(f"x_{s}", "m", 0.0, reach / 3, f"x from the transmitter, {of}"),
-            Element(f"y_{s}", "m", 0.0, reach / 3, f"y from the transmitter, {of}"),
+            Element(f"x_{s}", "m", 0.0, reach / 3, f"x from the first transmitter, {of}"),
+            Element(f"y_{s}", "m", 0.0, reach / 3, f"y from the first transmitter, {of}"),
             Element(f"xdot_{s}", "m/s", 0.0, 10.0, f"velocity along x {of}"),
             Element(f"ydot_{s}", "m/s", 0.0, 10.0, f"velocity along y {of}"),
             Element(f"sigma_position_{s}", "m", 2.0, 3.0, f"RMS position uncertainty {of}"),

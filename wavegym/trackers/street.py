@@ -1,16 +1,17 @@
 """A tracker for a street: how many targets there are is not known, walls hide them and make ghosts of them.
 
 Gates, LMIPDA, interacting unscented filters whose set depends on the place, and the life of tracks (Barbosa et al.,
-section 4.2), for a transmitter and two or more receivers. From the map it takes what the paper leaves open: tracks
-begin where the first two receivers' measurements meet on a road that all antennas see; where a target is hidden, not to
-be seen is no evidence against it; a track that leaves the roads was a mirror image; and what a confirmed track's ways
-by walls would return is clutter to all others (``ghosts``).
+section 4.2), for transmitters that receivers tell apart and two or more receivers. From the map it takes what the paper
+leaves open: tracks begin where the first two receivers' measurements of the first transmitter meet on a road that all
+three see; where a target is hidden, not to be seen is no evidence against it; a track that leaves the roads was a
+mirror image; and what a confirmed track's ways by walls would return is clutter to all others (``ghosts``).
 """
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
+from itertools import product
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -60,7 +61,8 @@ class StreetTracker:
 
     Args:
         city: the map.
-        transmitter, receivers: (x, y) in m; two receivers or more, the first two not in one line with the transmitter.
+        transmitters, receivers: (x, y) in m; two receivers or more, the first two not in one line with the first
+            transmitter. What is measured comes by pairs, the first transmitter's with each receiver first.
         models: "vsimm" for constant velocity and acceleration, and turns near junctions; "ncv" for constant velocity.
         dt: from one scan to the next, s.
         turn_rate: of both turns, rad/s.
@@ -89,7 +91,7 @@ class StreetTracker:
     """
 
     city: City
-    transmitter: Point
+    transmitters: tuple[Point, ...]
     receivers: tuple[Point, ...]
     models: Literal["vsimm", "ncv"] = "vsimm"
     dt: float = 0.25
@@ -115,9 +117,11 @@ class StreetTracker:
     cell: float = 1.0
 
     def __post_init__(self) -> None:
+        if not self.transmitters:
+            raise InputError("transmitters is (), expected at least one place (x, y) in m")
         if len(self.receivers) < 2:
             raise InputError(f"receivers is {self.receivers}, expected at least two: one cannot tell directions")
-        require_triangle(np.array(self.transmitter), np.array(self.receivers[:2]))
+        require_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
         whole("slots", self.slots, 1)
         whole("confirm_after", self.confirm_after, 1)
         for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
@@ -152,10 +156,10 @@ class StreetTracker:
 
         Args:
             tracks: before it.
-            z: range and range-rate of each receiver's measurements, m and m/s, (env, receiver, most, 2).
-            count: how many of them there are, (env, receiver).
-            R: error covariance at an SNR of 1 of the waveform that was transmitted, (env, 2, 2).
-            snr: its SNR at a half path of 100 m by no wall, (env,).
+            z: range and range-rate of each pair's measurements, m and m/s, (env, pair, most, 2).
+            count: how many of them there are, (env, pair).
+            R: error covariance at an SNR of 1 of the waveform that each transmitter sent, (env, transmitter, 2, 2).
+            snr: its SNR at a half path of 100 m by no wall, (env, transmitter).
 
         Returns:
             New tracks, and how many found no slot of their own, (env,): they took a tentative track's, or none.
@@ -163,17 +167,17 @@ class StreetTracker:
         Raises:
             InputError: shapes that do not fit.
         """
-        envs, receivers = len(tracks.existence), len(self.receivers)
+        envs, pairs = len(tracks.existence), len(self.transmitters) * len(self.receivers)
         z, count = np.array(shaped("z", z, 2), order="C"), np.array(count, np.int64)
-        if z.shape[:2] != (envs, receivers) or z.ndim != 4 or count.shape != (envs, receivers):
+        if z.shape[:2] != (envs, pairs) or z.ndim != 4 or count.shape != (envs, pairs):
             raise InputError(
-                f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {receivers}, most, 2) and "
-                f"({envs}, {receivers})"
+                f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, 2) and "
+                f"({envs}, {pairs})"
             )
         if (count > z.shape[2]).any():
             raise InputError(f"count is {int(count.max())}, expected at most {z.shape[2]}, what z holds")
         after, refused = Tracks(*(np.array(leaf, order="C") for leaf in tracks)), np.zeros(envs, np.int64)
-        street_scan_kernels.scan(*after, self.street, *_waves(R, snr, envs), z, count, refused, *self._sizes)
+        street_scan_kernels.scan(*after, self.street, *self._waves(R, snr, envs), z, count, refused, *self._sizes)
         return after, refused
 
     def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
@@ -182,8 +186,21 @@ class StreetTracker:
         Arguments as for ``scan``; the mean is the predicted one.
         """
         after = Tracks(*(np.array(leaf, order="C") for leaf in tracks))
-        street_scan_kernels.expect(*after, self.street, *_waves(R, snr, len(after.existence)), *self._sizes)
+        street_scan_kernels.expect(*after, self.street, *self._waves(R, snr, len(after.existence)), *self._sizes)
         return after
+
+    def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
+        """R and SNR of each pair."""
+        lead = envs, len(self.transmitters)
+        try:
+            covariance = np.broadcast_to(shaped("R", R, 2, 2), (*lead, 2, 2))
+            ratio = np.broadcast_to(np.asarray(snr, np.float64), lead)
+        except ValueError:
+            raise InputError(
+                f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
+            ) from None
+        receivers = len(self.receivers)
+        return np.repeat(covariance, receivers, axis=1), np.repeat(ratio, receivers, axis=1)
 
     @property
     def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -192,15 +209,18 @@ class StreetTracker:
     @cached_property
     def street(self) -> street_scan_kernels.Street:
         """All of this as kernels take it."""
-        grid = Grid.over(self.city, (self.transmitter, *self.receivers), self.cell)
-        out, *back = (sight_map(Antenna(self.city, place), grid) for place in (self.transmitter, *self.receivers))
+        grid = Grid.over(self.city, (*self.transmitters, *self.receivers), self.cell)
+        pairs = list(product(self.transmitters, self.receivers))
+        out, back = (
+            [sight_map(Antenna(self.city, place), grid) for place in side] for side in zip(*pairs, strict=True)
+        )
         whole_set = self.models == "vsimm"
         return street_scan_kernels.Street(
-            transmitter=np.array(self.transmitter), receivers=np.array(self.receivers),
+            transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, r in pairs]),
             F=np.stack([model.F for model in self.motion]), Q=np.stack([model.Q for model in self.motion]),
             transition=variable_structure(TRANSITION, SETS) if whole_set else np.ones((2, 1, 1)),
             corner=np.array(grid.corner), cell=float(grid.cell), road=metres_to_road(self.city, grid),
-            junction=in_junctions(self.city, grid), **_images(out, back),
+            junction=in_junctions(self.city, grid), **_images("out", out), **_images("back", back),
             density=self.clutter_density, gate=-2.0 * math.log(1.0 - self.gate_probability),
             gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
             rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
@@ -211,26 +231,19 @@ class StreetTracker:
         )  # fmt: skip
 
 
-def _waves(R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
-    covariance = np.array(np.broadcast_to(shaped("R", R, 2, 2), (envs, 2, 2)), order="C")
-    return covariance, np.array(np.broadcast_to(np.asarray(snr, np.float64), (envs,)), order="C")
-
-
-def _images(out: SightMap, back: list[SightMap]) -> dict[str, Array]:
-    """The images of transmitter and receivers; the receivers' tables are filled up to one length."""
-    most = max(len(one.images) for one in back)
+def _images(side: str, maps: list[SightMap]) -> dict[str, Array]:
+    """The images of each pair's transmitter, or receiver; tables are filled up to one length."""
+    most = max(len(one.images) for one in maps)
 
     def table(name: str, fill: float, axis: int = 0) -> Array:
         parts = []
-        for one in back:
+        for one in maps:
             values = getattr(one, name)
             room = [(0, most - len(one.images)) if a == axis % values.ndim else (0, 0) for a in range(values.ndim)]
             parts.append(np.pad(values, room, constant_values=fill))
         return np.ascontiguousarray(np.stack(parts))
 
     return {
-        "out_images": out.images, "out_order": out.order, "out_reflected": out.reflected,
-        "out_seen": np.ascontiguousarray(out.seen), "back_images": table("images", 0.0),
-        "back_order": table("order", NO_IMAGE), "back_reflected": table("reflected", 0.0),
-        "back_seen": table("seen", False, axis=-1),
+        f"{side}_images": table("images", 0.0), f"{side}_order": table("order", NO_IMAGE),
+        f"{side}_reflected": table("reflected", 0.0), f"{side}_seen": table("seen", False, axis=-1),
     }  # fmt: skip

@@ -14,14 +14,14 @@ from wavegym.trackers.street_kernels import CONFIRMED, cell_of, noise, snr_at
 
 
 @kernel
-def claim_ghosts(tracks, street, receiver, wave, reference, z, count, mean, P, ghosts, claims, nn, mm):
+def claim_ghosts(tracks, street, pair, wave, reference, z, count, mean, P, ghosts, claims, nn, mm):
     """ghosts[i] += how densely confirmed tracks' ways by walls are expected to fall on measurement i.
 
     A way is to other tracks what another track is in LMIPDA: clutter where its return is expected, with the detection
     probability that its walls leave. Its innovation covariance is linearised at the track's mean. mean (t, n), P (t, n,
     n) and claims (measurement,) are scratch space.
     """
-    tx_images, rx_images = street.out_images, street.back_images[receiver]
+    tx_images, rx_images = street.out_images[pair], street.back_images[pair]
     for t in range(len(tracks.mu)):
         if tracks.status[t] != CONFIRMED:
             continue
@@ -30,12 +30,12 @@ def claim_ghosts(tracks, street, receiver, wave, reference, z, count, mean, P, g
         if i < 0:
             continue
         for a in range(len(tx_images)):
-            if not street.out_seen[i, j, a]:
+            if not street.out_seen[pair, i, j, a]:
                 continue
             for b in range(len(rx_images)):
-                walls = street.out_order[a] + street.back_order[receiver, b]
-                if 1 <= walls <= MOST_WALLS and street.back_seen[receiver, i, j, b]:
-                    reflected = street.out_reflected[a] * street.back_reflected[receiver, b]
+                walls = street.out_order[pair, a] + street.back_order[pair, b]
+                if 1 <= walls <= MOST_WALLS and street.back_seen[pair, i, j, b]:
+                    reflected = street.out_reflected[pair, a] * street.back_reflected[pair, b]
                     claim_way(
                         t, mean, P, tx_images[a], rx_images[b], reflected, tracks.existence[t], street, wave, reference,
                         z, count, ghosts, claims,

@@ -73,9 +73,9 @@ def predict_tracks(tracks, street, X, PP, c, T, nn, mm):
 
 
 @kernel
-def foresee_tracks(tracks, street, receiver, wave, reference, centre, S, G, A, whole, pd, nn, mm):
+def foresee_tracks(tracks, street, pair, wave, reference, centre, S, G, A, whole, pd, nn, mm):
     """Each model's predicted measurement centre, S, G (row, ...), each track's, whole (t, 5) = z, S, and pd = Pd Pg."""
-    x, P, mu, tx, rx = tracks.x, tracks.P, tracks.mu, street.transmitter, street.receivers[receiver]
+    x, P, mu, tx, rx = tracks.x, tracks.P, tracks.mu, street.transmitters[pair], street.receivers[pair]
     for t in range(len(mu)):
         pd[t] = 0.0
         if tracks.status[t] == EMPTY:
@@ -102,7 +102,7 @@ def foresee_tracks(tracks, street, receiver, wave, reference, centre, S, G, A, w
         whole[t, 0], whole[t, 1], whole[t, 2], whole[t, 3], whole[t, 4] = r, rate, s00, s01, s11
         a, b, _, _ = place_of(t, x, mu, len(mm))
         i, j = cell_of(a, b, street)
-        lit = i >= 0 and street.out_seen[i, j, 0] and street.back_seen[receiver, i, j, 0] and r <= street.reach
+        lit = i >= 0 and street.out_seen[pair, i, j, 0] and street.back_seen[pair, i, j, 0] and r <= street.reach
         pd[t] = street.gate_probability * (detection(0.5 * eta, street.log_false_alarm) if lit else UNSEEN)
 
 

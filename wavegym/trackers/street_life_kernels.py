@@ -126,11 +126,11 @@ def moderate(x, P, e, variance, v, nn):
 
 @kernel
 def initiate(tracks, street, z, count, taken, wave, reference, x, P, J, R, mm):
-    """Begin tracks where measurements of the first two receivers, not taken, meet on a road in view.
+    """Begin tracks where measurements of the first two pairs, not taken, meet on a road in view.
 
     Returns how many tracks found no slot of their own. x (2, 4), P (2, 4, 4), J (4, 4), R (2, 2, 2): scratch space.
     """
-    tx, rx, refused = street.transmitter, street.receivers, 0
+    tx, rx, refused = street.transmitters[0], street.receivers, 0
     apart = 0.5 * np.hypot(rx[0, 0] - rx[1, 0], rx[0, 1] - rx[1, 1])
     for a in range(count[0]):
         for b in range(count[1]):
@@ -138,7 +138,7 @@ def initiate(tracks, street, z, count, taken, wave, reference, x, P, J, R, mm):
                 continue
             for m in range(2):
                 r = z[0, a, 0] if m == 0 else z[1, b, 0]
-                R[m, 0, 0], R[m, 0, 1], R[m, 1, 1] = noise(wave, snr_at(r, reference, 1.0), street)
+                R[m, 0, 0], R[m, 0, 1], R[m, 1, 1] = noise(wave[0], snr_at(r, reference[0], 1.0), street)
                 R[m, 1, 0] = R[m, 0, 1]
             for k in range(2):
                 locate_one(
@@ -161,7 +161,7 @@ def initiate(tracks, street, z, count, taken, wave, reference, x, P, J, R, mm):
 def may_begin(k, x, P, street):
     """Whether x[k] is a place on a road that all antennas see, known well enough."""
     i, j = cell_of(x[k, 0], x[k, 1], street) if np.isfinite(x[k, 0]) else (-1, -1)
-    if i < 0 or street.road[i, j] > 0.0 or not street.out_seen[i, j, 0]:
+    if i < 0 or street.road[i, j] > 0.0 or not street.out_seen[0, i, j, 0]:
         return False
     seen = street.back_seen[0, i, j, 0] and street.back_seen[1, i, j, 0]
     return seen and P[k, 0, 0] + P[k, 1, 1] <= street.vaguest * street.vaguest

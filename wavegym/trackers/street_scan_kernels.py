@@ -18,8 +18,8 @@ from wavegym.trackers.street_life_kernels import initiate, settle
 class Street(NamedTuple):
     """What a tracker knows of a street and of targets; see ``street.StreetTracker`` for units and meaning."""
 
-    transmitter: Any  # (2,)
-    receivers: Any  # (receiver, 2)
+    transmitters: Any  # (pair, 2), of each pair of a transmitter and a receiver
+    receivers: Any
     F: Any  # (model, 6, 6)
     Q: Any
     transition: Any  # (2, model, model): near junctions, elsewhere
@@ -27,14 +27,14 @@ class Street(NamedTuple):
     cell: float
     road: Any  # (column, row): metres to the nearest road, 0 on one
     junction: Any  # (column, row)
-    out_images: Any  # (image, 2): the transmitter's
-    out_order: Any  # (image,)
-    out_reflected: Any  # (image,)
-    out_seen: Any  # (column, row, image)
-    back_images: Any  # (receiver, image, 2), filled up with images that are seen from nowhere
+    out_images: Any  # (pair, image, 2): the transmitter's, filled up with images that are seen from nowhere
+    out_order: Any  # (pair, image)
+    out_reflected: Any
+    out_seen: Any  # (pair, column, row, image)
+    back_images: Any  # and the receiver's
     back_order: Any
     back_reflected: Any
-    back_seen: Any  # (receiver, column, row, image)
+    back_seen: Any
     density: float
     gate: float  # squared
     gate_probability: float
@@ -104,35 +104,35 @@ def slots_of(e, x, P, mu, existence, status, age):
 
 @kernel
 def scan(x, P, mu, existence, status, age, street, wave, reference, z, count, refused, nn, mm):
-    """One scan in place, arrays with one leading axis: waves (env, 2, 2), z (env, receiver, measurement, 2).
+    """One scan in place, arrays with one leading axis: waves (env, pair, 2, 2), z (env, pair, measurement, 2).
 
     refused (env,): tracks that found no slot of their own.
     """
-    slots, receivers, most = mu.shape[1], z.shape[1], z.shape[2]
+    slots, pairs, most = mu.shape[1], z.shape[1], z.shape[2]
     room, rows = room_for(slots, len(mm), len(nn)), slots * len(mm)
     p, beta = np.empty((slots, len(mm), most)), np.empty((rows, most + 1))
     density, own, claim = np.empty((slots, most)), np.empty((slots, most)), np.empty((slots, most))
-    ghosts, claims, taken = np.empty(most), np.empty(most), np.empty((receivers, most), np.bool_)
+    ghosts, claims, taken = np.empty(most), np.empty(most), np.empty((pairs, most), np.bool_)
     state, spread, J, R = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((4, 4)), np.empty((2, 2, 2))
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
         predict_tracks(tracks, street, room.x, room.P, room.c, room.T, nn, mm)
         taken[:] = False
-        for receiver in range(receivers):
-            seen, number = z[e, receiver], count[e, receiver]
+        for pair in range(pairs):
+            seen, number = z[e, pair], count[e, pair]
             foresee_tracks(
-                tracks, street, receiver, wave[e], reference[e], room.centre, room.S, room.G, room.A, room.whole,
-                room.pd, nn, mm,
+                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A,
+                room.whole, room.pd, nn, mm,
             )  # fmt: skip
-            weigh_scan(tracks, street, seen, number, room.centre, room.S, room.whole, p, taken[receiver], mm)
+            weigh_scan(tracks, street, seen, number, room.centre, room.S, room.whole, p, taken[pair], mm)
             ghosts[:] = 0.0
             if street.ghosts:
                 claim_ghosts(
                     tracks,
                     street,
-                    receiver,
-                    wave[e],
-                    reference[e],
+                    pair,
+                    wave[e, pair],
+                    reference[e, pair],
                     seen,
                     number,
                     room.x,
@@ -143,7 +143,7 @@ def scan(x, P, mu, existence, status, age, street, wave, reference, z, count, re
                     mm,
                 )
             for i in range(number):
-                taken[receiver, i] |= ghosts[i] > street.density
+                taken[pair, i] |= ghosts[i] > street.density
                 for t in range(slots):
                     density[t, i] = street.density + ghosts[i]
             integrate(p, tracks.mu, room.pd, tracks.existence, density, number, beta, own, claim)
@@ -166,10 +166,10 @@ def expect(x, P, mu, existence, status, age, street, wave, reference, nn, mm):
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
         predict_tracks(tracks, street, room.x, room.P, room.c, room.T, nn, mm)
-        for receiver in range(len(street.receivers)):
+        for pair in range(len(street.receivers)):
             foresee_tracks(
-                tracks, street, receiver, wave[e], reference[e], room.centre, room.S, room.G, room.A, room.whole,
-                room.pd, nn, mm,
+                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A,
+                room.whole, room.pd, nn, mm,
             )  # fmt: skip
             for row in range(mu.shape[1] * len(mm)):
                 t = row // len(mm)

@@ -1,0 +1,169 @@
+"""From samples at an array's elements to ranges and range-rates: against direct sums, the bound, theory of noise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from wavegym.errors import InputError
+from wavegym.sensors import Antenna, ArrayReceiver, City, Multistatic
+from wavegym.waveforms import SPEED_OF_LIGHT, GaussianChirp, PulseTrain
+
+CARRIER, BAND = 4e9, 40e6
+
+
+def receiver(count=25, duration=1.375e-6, direction="up", elements=3):
+    chirp = GaussianChirp(duration=duration, chirp_rate=math.pi * BAND / (7.4338 * duration), direction=direction)
+    return ArrayReceiver(PulseTrain(chirp, count=count, interval=1e-3), CARRIER, BAND, 300.0, elements)
+
+
+LONG = receiver()
+
+
+def echo(array, r, rate, eta, angle=1.0, phase=0.0):
+    """Samples of a target that moves straight, seen at ``angle`` from the array's axis."""
+    way = 2.0 * (r + rate * array.times)
+    delays = (way[:, None] - array.offsets * np.cos(angle)) / SPEED_OF_LIGHT
+    return array.receive(delays[None], [math.sqrt(eta / 2) * np.exp(1j * phase)])
+
+
+def noise(array, rng):
+    return math.sqrt(0.5) * (rng.standard_normal(array.shape) + 1j * rng.standard_normal(array.shape))
+
+
+def test_samples_are_delayed_pulses():
+    """In time: the pulse shifted by its delay, with the carrier's phase; to the -60 dB at which it is cut off."""
+    r, angle = 100.3, 0.7
+    samples = echo(LONG, r, 0.0, 2.0, angle)
+    pulse = LONG.train.pulse
+    begin = np.count_nonzero(pulse.envelope(np.arange(600) / BAND) > 1e-3 * pulse.envelope(0.0))
+    t = (np.arange(LONG.shape[2]) - begin) / BAND
+    tau = (2 * r - LONG.offsets * np.cos(angle)) / SPEED_OF_LIGHT
+    delayed = pulse.signal(t - 2 * r / SPEED_OF_LIGHT) / math.sqrt(BAND * 25 * 3)
+    expected = delayed * np.exp(-2j * np.pi * CARRIER * tau[:, None])
+    assert np.abs(samples[7] - expected).max() < 4e-3 * np.abs(expected).max()
+    np.testing.assert_array_equal(samples[0], samples[24])
+
+
+def test_the_image_is_the_correlation_with_every_delayed_shifted_pulse():
+    """One cell of one element, as a double sum over pulses and samples."""
+    array, rng = receiver(count=7), np.random.default_rng(3)
+    samples = noise(array, rng)
+    image = array.image(samples)
+    assert image.shape[0] == 3
+    delay, doppler = 20, 5  # cells; two to a sample
+    template = echo(array, delay / 2 / BAND * SPEED_OF_LIGHT / 2, 0.0, 2.0, np.pi / 2)[0, 0]
+    template = template * np.exp(2j * np.pi * CARRIER * delay / 2 / BAND)
+    turns = doppler / image.shape[2]
+    total = sum(np.exp(-2j * np.pi * turns * q) * np.vdot(template, samples[q, 1]) for q in range(7))
+    assert image[1, delay, doppler] == pytest.approx(total, rel=1e-9)
+
+
+@pytest.mark.parametrize("duration", [0.5e-6, 1.375e-6])
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_without_noise_the_peak_is_where_the_target_is(duration, direction):
+    """To a twentieth of the bound at eta = 200, and of the power eta / 2 but for what steering's grid loses."""
+    array = receiver(duration=duration, direction=direction)
+    bound = np.sqrt(np.diag(array.train.measurement_covariance(CARRIER, 200.0)))
+    for r, rate, angle in ((40.0, 0.3, 0.2), (123.4, -17.9, 1.5), (290.0, 18.7, 2.9), (77.7, 0.0, 4.0)):
+        peaks = array.peaks(array.image(echo(array, r, rate, 200.0, angle)), 7.0)
+        assert len(peaks.z) == 1
+        assert (np.abs(peaks.z[0] - [r, rate]) < 0.05 * bound).all()
+        assert 0.94 * 198 < peaks.snr[0] < 1.01 * 198  # less 2, the noise that is not there
+
+
+def test_the_peak_s_own_shape_says_the_bound():
+    peaks = LONG.peaks(LONG.image(echo(LONG, 100.0, 5.0, 1e4)), 7.0)
+    np.testing.assert_allclose(
+        np.diag(peaks.R[0]), np.diag(LONG.train.measurement_covariance(CARRIER, peaks.snr[0])), rtol=0.05
+    )
+
+
+def test_sidelobes_are_no_targets():
+    """Sixty decibels above the threshold there is still one peak; another target in the clear is not lost."""
+    strong = echo(LONG, 60.0, 3.3, 1e7)
+    assert len(LONG.peaks(LONG.image(strong), 7.0).z) == 1
+    both = LONG.peaks(LONG.image(strong + echo(LONG, 120.0, -8.0, 200.0)), 7.0)
+    np.testing.assert_allclose(both.z, [[60.0, 3.3], [120.0, -8.0]], atol=0.05)
+
+
+def test_two_targets_a_resolution_cell_or_two_apart_are_two():
+    one, other = echo(LONG, 100.0, 2.0, 400.0), echo(LONG, 100.0, 2.0 + 2 * 1.5, 400.0)
+    assert len(LONG.peaks(LONG.image(one + other), 7.0).z) == 2
+
+
+def test_range_rates_fold():
+    """At a pulse a millisecond by lambda / 2 / 1 ms = 37.5 m/s."""
+    peaks = LONG.peaks(LONG.image(echo(LONG, 100.0, 25.0, 200.0)), 7.0)
+    assert peaks.z[0, 1] == pytest.approx(25.0 - SPEED_OF_LIGHT / CARRIER / 2e-3, abs=0.01)
+
+
+@pytest.mark.parametrize("elements", [1, 3])
+def test_noise_has_unit_power_and_passes_the_threshold_as_often_as_theory_says(elements):
+    """In 150 images some 1700 peaks of noise: 2.4 % either way, and theory's next term is worth a few per cent."""
+    array, rng = receiver(duration=0.5e-6, elements=elements), np.random.default_rng(0)
+    threshold = array.threshold(1e-3)
+    assert array.false_returns(threshold) == pytest.approx(1e-3)
+    count, power = 0, []
+    for _ in range(150):
+        image = array.image(noise(array, rng))
+        power.append(np.mean(np.abs(image) ** 2) * elements)  # each has its share
+        count += len(array.peaks(image, threshold).z)
+    assert np.mean(power) == pytest.approx(1.0, abs=0.02)
+    area = 150 * 300.0 * SPEED_OF_LIGHT / CARRIER / 2e-3
+    assert count / area == pytest.approx(1e-3, rel=0.2)
+
+
+@pytest.mark.slow
+def test_errors_reach_the_bound():
+    """4000 echoes of eta = 200 anywhere: standard deviations, the covariances that the fits say, and no bias."""
+    trials, rng = 4000, np.random.default_rng(11)
+    errors, said = [], []
+    for _ in range(trials):
+        r, rate = rng.uniform(20.0, 290.0), rng.uniform(-15.0, 15.0)
+        samples = echo(LONG, r, rate, 200.0, *rng.uniform(0.0, 2.0 * np.pi, 2)) + noise(LONG, rng)
+        peaks = LONG.peaks(LONG.image(samples), LONG.threshold(1e-3))
+        assert np.abs(peaks.z[0] - [r, rate]).max() < 5.0  # strongest first
+        errors.append(peaks.z[0] - [r, rate])
+        said.append(np.diag(peaks.R[0]))
+    bound = np.diag(LONG.train.measurement_covariance(CARRIER, 200.0))
+    deviation = np.std(errors, axis=0)
+    assert (deviation / np.sqrt(bound) > 0.9).all()
+    assert (deviation / np.sqrt(bound) < 1.15).all()
+    np.testing.assert_allclose(np.mean(said, axis=0), bound, rtol=0.1)
+    assert (np.abs(np.mean(errors, axis=0)) < 3.0 * deviation / math.sqrt(trials)).all()
+
+
+def test_delays_are_those_of_every_element_by_itself():
+    """An element's mirror images are those of an antenna that stands in its place; a target moves on as it should."""
+    city, place = City.load("intersection"), (2088.0, 1475.0)
+    pair = Multistatic(Antenna(city, (2085.0, 1470.5)), Antenna(city, place, axis=(0.6, 0.8)))
+    state = np.array([2070.0, 1560.0, 3.0, 9.0, -0.5, 1.0])
+    ways, times, offsets = np.arange(len(pair.ways)), np.array([-0.1, 0.0, 0.1]), np.array([-0.4, 0.0, 0.4])
+    delays = pair.delays(np.tile(state, (len(ways), 1)), ways, times, offsets)
+    for i, t in enumerate(times):
+        later = np.concatenate([state[:2] + t * state[2:4] + 0.5 * t * t * state[4:], state[2:4]])
+        for m, offset in enumerate(offsets):
+            element = Antenna(city, (place[0] + 0.6 * offset, place[1] + 0.8 * offset))
+            alone = Multistatic(pair.transmitter, element)
+            np.testing.assert_array_equal(alone.ways, pair.ways)
+            np.testing.assert_allclose(delays[:, i, m], 2.0 * alone.measure(later)[:, 0] / SPEED_OF_LIGHT, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ArrayReceiver(GaussianChirp(duration=1e-6), CARRIER, BAND, 300.0), "expected a PulseTrain"),
+        (lambda: ArrayReceiver(LONG.train, CARRIER, -1.0, 300.0), "sample_rate is -1.0"),
+        (lambda: ArrayReceiver(LONG.train, CARRIER, BAND, 300.0, elements=0), "elements is 0"),
+        (lambda: LONG.receive(np.zeros((1, 25, 2)), [1.0]), r"expected \(way, 25, 3\)"),
+        (lambda: LONG.threshold(1.0), "density is 1.0, expected at most"),
+        (lambda: Antenna(City(), (0.0, 0.0), axis=(1.0, 1.0)), "expected a unit vector"),
+    ],
+)
+def test_mistakes(make, message):
+    with pytest.raises(InputError, match=message) as error:
+        make()
+    assert "\n" not in str(error.value)

@@ -1,0 +1,229 @@
+"""A receiver's signal chain: pulse trains at an array's elements, matched filter, delay-Doppler image, peaks.
+
+What a receiver in a street measures without the formula for its errors (Barbosa et al., sections 3.2 and 4.1). The
+radar stops and hops: within a pulse nothing moves. Amplitudes are in units in which white noise of unit variance in
+every sample has unit power in the image too; an echo of eta = 2E/N0 then has the power eta / 2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.fft
+import scipy.optimize
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.errors import InputError, positive, whole
+from wavegym.sensors import receiver_kernels as kernels
+from wavegym.sensors.checks import Array
+from wavegym.waveforms import PulseTrain
+from wavegym.waveforms.fisher import SPEED_OF_LIGHT
+
+ComplexArray = NDArray[np.complex128]
+
+DELAY_CELLS = 2  # to a sample
+DOPPLER_CELLS = 4  # to a resolution cell
+BEAMS_PER_ELEMENT = 3
+MOST = 64  # peaks of an image; weaker ones are lost
+AUDIBLE = 1e-3  # of a pulse's peak amplitude, where it begins and ends
+SIDELOBE_MARGIN = 2.0  # 3 dB above what the sidelobes of stronger peaks reach
+
+
+class Peaks(NamedTuple):
+    """What is measured of one image, strongest first."""
+
+    z: Array  # range and range-rate, m and m/s, (peak, 2)
+    R: Array  # error covariance that the peak's own shape says, (peak, 2, 2)
+    snr: Array  # eta = 2E/N0 (peak,)
+
+
+@dataclass(frozen=True)
+class ArrayReceiver:
+    """A uniform linear array, half a wavelength from element to element, that knows what is transmitted.
+
+    Args:
+        train: Gaussian chirps, or other pulses whose ambiguity function has no sidelobes in delay.
+        carrier: fc, Hz.
+        sample_rate: of each element, Hz; not below the band that the pulses take.
+        reach: half path beyond which nothing is received, m.
+        elements: L.
+
+    Raises:
+        InputError: a train that is none, numbers out of range.
+    """
+
+    train: PulseTrain
+    carrier: float
+    sample_rate: float
+    reach: float
+    elements: int = 3
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.train, PulseTrain):
+            raise InputError(f"train is {self.train!r}, expected a PulseTrain")
+        for name in ("carrier", "sample_rate", "reach"):
+            positive(name, getattr(self, name))
+        whole("elements", self.elements, 1)
+
+    @property
+    def offsets(self) -> Array:
+        """Of the elements from the array's middle, along its axis, m, (element,)."""
+        half = 0.5 * SPEED_OF_LIGHT / self.carrier
+        return np.asarray(half * (np.arange(self.elements) - 0.5 * (self.elements - 1)))
+
+    @property
+    def times(self) -> Array:
+        """Of the pulses, about the middle of the train, s, (pulse,)."""
+        return np.asarray(self.train.interval * (np.arange(self.train.count) - 0.5 * (self.train.count - 1)))
+
+    @cached_property
+    def shape(self) -> tuple[int, int, int]:
+        """Of the samples of one scan: (pulse, element, sample)."""
+        window = 2 * self._half + math.ceil(2.0 * self.reach / SPEED_OF_LIGHT * self.sample_rate)
+        return self.train.count, self.elements, scipy.fft.next_fast_len(window + 1)
+
+    def receive(self, delays: ArrayLike, amplitudes: ArrayLike) -> ComplexArray:
+        """What elements sample of echoes, without noise, (pulse, element, sample).
+
+        Args:
+            delays: of each way at each pulse and element, s, (way, pulse, element).
+            amplitudes: complex, (way,): sqrt(eta / 2) and a phase.
+
+        Raises:
+            InputError: shapes that do not fit.
+        """
+        delays, amplitudes = np.ascontiguousarray(delays, np.float64), np.ascontiguousarray(amplitudes, np.complex128)
+        if delays.shape != (len(amplitudes), *self.shape[:2]):
+            raise InputError(
+                f"delays and amplitudes have shapes {delays.shape} and {amplitudes.shape}, expected"
+                f" (way, {self.shape[0]}, {self.shape[1]}) and (way,)"
+            )
+        spectra = np.zeros(self.shape, np.complex128)
+        kernels.add_echoes(delays, amplitudes, self.carrier, self.sample_rate / self.shape[2], spectra)
+        return np.asarray(scipy.fft.ifft(spectra * self._template, overwrite_x=True))
+
+    def image(self, samples: ComplexArray) -> ComplexArray:
+        """Each element's matched filter over delay and Doppler, (element, delay cell, Doppler cell)."""
+        spectra = scipy.fft.fft(samples) * np.conj(self._template)
+        finer, length = DELAY_CELLS * self.shape[2], (self.shape[2] + 1) // 2
+        padded = np.zeros((*self.shape[:2], finer), np.complex128)
+        padded[..., :length], padded[..., length - self.shape[2] :] = spectra[..., :length], spectra[..., length:]
+        compressed = DELAY_CELLS * scipy.fft.ifft(padded, overwrite_x=True)[..., : self._delays]
+        by_delay = np.ascontiguousarray(compressed.transpose(1, 2, 0))
+        return np.asarray(scipy.fft.fft(by_delay, self._dopplers, overwrite_x=True))
+
+    def peaks(self, image: ComplexArray, threshold: float, noise: float = 1.0) -> Peaks:
+        """Range, range-rate and covariance of what stands out of an image in any direction.
+
+        Args:
+            image: of ``image``.
+            threshold: in units of the noise's power.
+            noise: power of the noise in the image.
+        """
+        power = np.empty(image.shape[1:])
+        kernels.brightest(image, self._steering, power)
+        found = np.empty((MOST, 2), np.int64)
+        count = kernels.find_maxima(power, threshold * noise, found)
+        C = self._cells @ self._curvature @ self._cells
+        count = kernels.drop_sidelobes(
+            power, found, count, C[0, 0], self.train.count, self._dopplers / self.train.count, SIDELOBE_MARGIN
+        )
+        rows = np.empty((count, 6))
+        kernels.fit_peaks(image, found, count, _NINE, noise, (C[0, 0], C[0, 1], C[1, 1]), rows)
+        return self._measured(rows)
+
+    def _measured(self, rows: Array) -> Peaks:
+        """From cells to metres and metres per second."""
+        turns = rows[:, 1] / self._dopplers
+        step = self._cells[1, 1] * self._dopplers
+        z = np.stack([rows[:, 0] * self._cells[0, 0], step * (turns - np.rint(turns))], axis=1)
+        C = rows[:, [2, 3, 3, 4]].reshape(-1, 2, 2)
+        R = self._cells @ np.linalg.inv(C) @ self._cells / rows[:, 5, None, None]
+        return Peaks(z, R, rows[:, 5])
+
+    def false_returns(self, threshold: float) -> float:
+        """Peaks of noise alone above a threshold, expected per (m x m/s).
+
+        The field's excursions as the expected Euler characteristic counts them: |A|^2 is a chi-square field with two
+        degrees of freedom over delay, Doppler and direction (Worsley, "Local maxima and the expected Euler
+        characteristic of excursion sets of chi^2, F and t fields", Adv. Appl. Prob. 26, 1994); less those whose top
+        lies between cells.
+        """
+        curvature, twice = self._cells @ self._curvature @ self._cells, 2.0 * threshold
+        cell = abs(np.linalg.det(self._cells))
+        density = math.sqrt(np.linalg.det(curvature)) / cell * math.exp(-threshold) / (2.0 * math.pi)
+        seen = _between_cells(threshold * curvature[0, 0]) * _between_cells(threshold * curvature[1, 1])
+        if self.elements == 1:
+            return density * seen * (twice - 1.0)
+        spread = (2.0 * math.pi) ** 2 * (self.elements**2 - 1.0) / 12.0  # of the phase with spatial frequency
+        seen *= _between_cells(threshold * spread / len(self._steering) ** 2)
+        return density * seen * math.sqrt(spread / (2.0 * math.pi) * twice) * (twice - 3.0)
+
+    def threshold(self, density: float) -> float:
+        """That noise alone exceeds ``density`` times per (m x m/s); InputError for more than it can."""
+        low, high = 3.0, 100.0
+        if not self.false_returns(high) < density < self.false_returns(low):
+            raise InputError(f"density is {density!r}, expected at most {self.false_returns(low):.3g} per (m x m/s)")
+        return float(scipy.optimize.brentq(lambda t: math.log(self.false_returns(t) / density), low, high))
+
+    @cached_property
+    def _half(self) -> int:
+        """Samples from a pulse's begin to its middle."""
+        t = np.arange(0.0, self.train.pulse.support[1], 1.0 / self.sample_rate)
+        audible = self.train.pulse.envelope(t) > AUDIBLE * float(self.train.pulse.envelope(0.0))
+        return int(audible.sum())
+
+    @cached_property
+    def _template(self) -> ComplexArray:
+        """Spectrum of one pulse, of the energy that makes the image's noise that of a sample."""
+        pulse = np.zeros(self.shape[2], np.complex128)
+        t = np.arange(-self._half, self._half + 1)
+        pulse[: len(t)] = self.train.pulse.signal(t / self.sample_rate)
+        pulse /= np.linalg.norm(pulse) * math.sqrt(self.train.count * self.elements)
+        return np.asarray(scipy.fft.fft(pulse))
+
+    @property
+    def _delays(self) -> int:
+        """Cells from no delay to that of the reach, and one more."""
+        return math.ceil(2.0 * self.reach / SPEED_OF_LIGHT * self.sample_rate * DELAY_CELLS) + 2
+
+    @property
+    def _dopplers(self) -> int:
+        return scipy.fft.next_fast_len(DOPPLER_CELLS * self.train.count)
+
+    @cached_property
+    def _cells(self) -> Array:
+        """How far it is from one cell to the next in range and range-rate, m and m/s, on the diagonal."""
+        metres = 0.5 * SPEED_OF_LIGHT
+        rate = -metres / (self.carrier * self._dopplers * self.train.interval)
+        return np.diag([metres / (self.sample_rate * DELAY_CELLS), rate])
+
+    @cached_property
+    def _curvature(self) -> Array:
+        """C in |A|^2 = exp(-d^T C d) of the train's image near its peak: its Fisher information at an SNR of 1."""
+        return np.asarray(np.linalg.inv(self.train.fisher_factors().measurement_covariance(self.carrier)))
+
+    @property
+    def _steering(self) -> ComplexArray:
+        """Beams, (beam, element)."""
+        beams = BEAMS_PER_ELEMENT * self.elements
+        return np.exp(2j * np.pi * np.outer(np.arange(beams) / beams, np.arange(self.elements)))
+
+
+def _between_cells(decay: float) -> float:
+    """Mean of exp(-decay x^2) over a cell: the part of the tops just above a threshold whose middle is above it too."""
+    half = 0.5 * math.sqrt(decay)
+    return 0.5 * math.sqrt(math.pi) * math.erf(half) / half
+
+
+def _six_of_nine() -> Array:
+    """From nine values about a cell to the coefficients of 1, d, f, d^2, df, f^2 of least squares, (6, 9)."""
+    d, f = (axis.ravel() for axis in np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], indexing="ij"))
+    return np.linalg.pinv(np.stack([np.ones(9), d, f, d * d, d * f, f * f], axis=1))
+
+
+_NINE = _six_of_nine()
