@@ -17,8 +17,8 @@ myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action
 myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; rules whose constants are
 tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, until-seen, priced, adaptive-price, paced,
 best-simple (the best of them); planners that simulate futures: rollout:H, tree:H, beam:W, mcts:N, replan, plan-once,
-best-planner; ppo and dqn, the trained agents that come with the environment; or the folder of a trained run (or of
-several runs, one for each seed)"""
+best-planner; a whole loop that the system names, such as open-loop of Urban; ppo and dqn, the trained agents that come
+with the environment; or the folder of a trained run (or of several runs, one for each seed)"""
 SAVED = Path(__file__).parents[1] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.study makes them
 LEARNERS = ("ppo", "dqn")
 

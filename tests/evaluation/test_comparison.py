@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from evaluation_systems import Uneven
 
+import wavegym
 from wavegym.errors import InputError
 from wavegym.evaluation import compare, make_task, summarise, world_seeds
 from wavegym.evaluation import comparison as module
@@ -72,6 +75,25 @@ def test_settings_reach_the_system():
     comparison = compare(POSITION, {}, worlds=2, jobs=1, horizon=3, q=50.0)
     assert comparison.task.system.q == 50.0
     assert comparison.played["myopic"][0].cost.shape == (2, 3)
+
+
+class WithLoop(Uneven):
+    """A paper's baseline of it has twice the gains."""
+
+    def named_loops(self):
+        return {"louder": ("fixed:0", {"gains": (2.0, 4.0, 8.0)})}
+
+
+def test_a_named_loop_plays_the_same_worlds_with_parameters_of_its_own():
+    """Its first gain is twice the other's, whose scheduler does as well as a fixed choice."""
+    wavegym.register("tests/WithLoop-v0", WithLoop)
+    try:
+        comparison = compare("tests/WithLoop-v0", {"louder": None, "fixed:0": None}, worlds=5, jobs=1, horizon=4)
+        np.testing.assert_array_equal(comparison.cost("louder"), 2.0 * comparison.cost("fixed:0"))
+        with pytest.raises(InputError, match=r"policy is 'loudr', .* did you mean 'louder'"):
+            compare("tests/WithLoop-v0", {"loudr": None}, worlds=2, jobs=1)
+    finally:
+        del gym.registry["tests/WithLoop-v0"]
 
 
 class Counting(Fixed):

@@ -66,7 +66,8 @@ def compare(
 
     Args:
         env_id: a registered id.
-        policies: by name; None stands for the scheduler of that name. The baseline ``myopic`` is added if absent.
+        policies: by name; None stands for the scheduler, or the system's loop, of that name. The baseline ``myopic``
+            is added if absent.
         worlds: how many.
         root: the seed from which worlds, tuning worlds and the policies' own randomness follow.
         jobs: processes; -1 = one for each core.
@@ -84,15 +85,15 @@ def compare(
     task = make_task(env_id, settings)
     members = _members(task, policies if BASELINE in policies else {BASELINE: None, **policies}, root)
     work = [
-        (name, policy, seeds[start : start + CHUNK])
-        for name, those in members.items()
+        (own, policy, seeds[start : start + CHUNK])
+        for own, those in members.values()
         for policy in those
         for start in range(0, worlds, CHUNK)
     ]
     with tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True) as bar:
-        parts = iter(_Visible(bar, jobs)(delayed(_play_warm)(task, policy, chunk) for _, policy, chunk in work))
+        parts = iter(_Visible(bar, jobs)(delayed(_play_warm)(own, policy, chunk) for own, policy, chunk in work))
     chunks = range(0, worlds, CHUNK)
-    played = {name: [merged([next(parts) for _ in chunks]) for _ in those] for name, those in members.items()}
+    played = {name: [merged([next(parts) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
     comparison = Comparison(task, root, seeds, played)
     _check_finite(comparison)
     return comparison
@@ -115,18 +116,21 @@ def tuning_worlds(system: System) -> int:
     return min(max(TUNING_STEPS // system.horizon, LEAST_WORLDS), MOST_WORLDS)
 
 
-def _members(task: Task, policies: Mapping[str, Factory | None], root: int) -> dict[str, Sequence[Policy]]:
-    """Every policy's members, each tried for one step: mistakes show before the work begins, and kernels get compiled
-    here, not by several processes at once.
+def _members(task: Task, policies: Mapping[str, Factory | None], root: int) -> dict[str, tuple[Task, Sequence[Policy]]]:
+    """Every policy's members and what they play, each tried for one step: mistakes show before the work begins, and
+    kernels get compiled here, not by several processes at once.
     """
+    loops = task.system.named_loops()
     tuning = draw_worlds(task.system, world_seeds(root, "tune", tuning_worlds(task.system)))
-    members: dict[str, Sequence[Policy]] = {}
+    members: dict[str, tuple[Task, Sequence[Policy]]] = {}
     for name, factory in policies.items():
         try:
-            made = factory(task.system) if factory else make_policy(name, task.system, tuning)
-            members[name] = made if isinstance(made, Sequence) else [made]
-            for policy in members[name]:
-                _warm_up(task, policy)
+            scheduler, changed = (name, {}) if factory else loops.get(name, (name, {}))
+            own = make_task(task.env_id, {**task.settings, **changed}) if changed else task
+            made = factory(own.system) if factory else make_policy(scheduler, own.system, tuning)
+            members[name] = own, made if isinstance(made, Sequence) else [made]
+            for policy in members[name][1]:
+                _warm_up(own, policy)
         except NotImplementedError as error:
             missing = f"{type(task.system).__name__} does not offer what it needs"
             raise InputError(f"policy {name!r} cannot play {task.env_id}: {missing}") from error

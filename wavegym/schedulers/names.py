@@ -56,7 +56,8 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
 
     Raises:
         InputError: an unknown name (nearest named), a number after the colon that is no integer in range, an M that is
-            no number >= 0, a NAME that the system lacks, or a scheduler that this system cannot have.
+            no number >= 0, a NAME that the system lacks, a scheduler that this system cannot have, or one of its
+            ``named_loops``, which have parameters of their own and are played by ``wavegym.evaluation.compare``.
     """
     family, _, argument = name.partition(":")
     if family == "fixed":
@@ -67,7 +68,11 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
         return NUMBERED[family](_integer(name, family, argument))
     if family in PLANNERS or name in PLANS:
         return _planner(name, system, tuning_worlds)
-    return PLAIN[choice("policy", name, FORMS)](system, tuning_worlds)
+    loops = system.named_loops()
+    if choice("policy", name, (*FORMS, *loops)) in loops:
+        scheduler, changed = loops[name]
+        raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
+    return PLAIN[name](system, tuning_worlds)
 
 
 def is_scheduler(name: str) -> bool:

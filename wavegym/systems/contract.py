@@ -204,3 +204,10 @@ class System:
         no integer, because ``fixed:K`` is a number's.
         """
         return {}
+
+    def named_loops(self) -> dict[str, tuple[str, dict[str, Any]]]:
+        """Whole loops that have a name: a scheduler, and parameters of the system that differ from this one's.
+
+        A comparison plays them on the same worlds, e.g. a paper's baseline with a simpler tracker. Default: none.
+        """
+        return {}

@@ -18,9 +18,9 @@ from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.systems import urban_kernels as kernels
 from wavegym.systems.contract import Element, State, System
 from wavegym.systems.urban_receivers import StreetReceivers
-from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, make_scene, urban_elements
+from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, key_figures, make_scene, urban_elements
 from wavegym.targets import ScriptedPath, Segment
-from wavegym.trackers import StreetTracker, Tracks, gospa
+from wavegym.trackers import StreetTracker, Tracks
 from wavegym.trackers.street import CONFIRMED, EMPTY, MODELS
 from wavegym.waveforms import GaussianChirp, JointLibrary, Library, PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
@@ -29,7 +29,6 @@ Array = NDArray[Any]
 
 EFFECTIVE = 7.4338  # durations in which the chirp sweeps its bandwidth
 LONG = 1.375e-6  # s, the duration that has the reference SNR
-HELD_WITHIN = 20.0  # m, of GOSPA too: a confirmed track farther off is none of a target's
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -191,6 +190,10 @@ class Urban(System):
         """Range-rates beyond this are folded, m/s: lambda / (4 interval)."""
         return SPEED_OF_LIGHT / self.carrier / (4.0 * self.interval)
 
+    def named_loops(self) -> dict[str, tuple[str, dict[str, Any]]]:
+        """The paper's baseline: waveforms in turn, and one nearly constant velocity."""
+        return {"open-loop": ("round-robin", {"tracker": "ncv"})}
+
     def draw_world(self, rng: np.random.Generator) -> World:
         """The key of all draws of one episode."""
         return World(np.asarray(rng.integers(2**64, dtype=np.uint64)))
@@ -271,29 +274,4 @@ class Urban(System):
         is not held. Of the scan: ``confirmed``, ``false`` and ``tentative`` tracks, those ``refused`` a slot, ``gospa``
         (m, cutoff 20 m), and the ``measurements``.
         """
-        hidden, public = state
-        x, P = Tracks(*public[1:]).combined()
-        sure = public.status == CONFIRMED
-        off = hidden.truth[:, :, None, :4] - x[:, None, :, :4]  # (env, target, slot, 4)
-        distance = np.where(sure[:, None], np.hypot(off[..., 0], off[..., 1]), np.inf)
-        near = distance.argmin(axis=2)
-        least = distance.min(axis=2)
-        held = hidden.present & (least <= HELD_WITHIN)
-        e, g = np.nonzero(held)
-        nees = np.zeros(held.shape)
-        own, spread = off[e, g, near[e, g]], P[e, near[e, g], :4, :4]
-        nees[e, g] = (own * np.linalg.solve(spread, own[..., None])[..., 0]).sum(axis=-1)
-        nobody = (np.where(hidden.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
-        return {
-            "position_error": np.where(held, least, 0.0),
-            "nees": nees,
-            "present": held,
-            "held": held,
-            "lost": self.scene.direct[public.step] & ~held,
-            "confirmed": sure.sum(axis=1),
-            "false": nobody.sum(axis=1),
-            "tentative": ((public.status != EMPTY) & ~sure).sum(axis=1),
-            "refused": hidden.refused,
-            "gospa": gospa(hidden.truth[..., :2], x[..., :2], hidden.present, sure, HELD_WITHIN).distance,
-            "measurements": hidden.number.sum(axis=1),
-        }
+        return key_figures(state, self.scene.direct)

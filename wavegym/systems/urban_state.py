@@ -11,11 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.errors import InputError
 from wavegym.sensors.city import City
 from wavegym.sensors.multistatic import Multistatic
-from wavegym.systems.contract import Element
+from wavegym.systems.contract import Element, State
 from wavegym.targets import ScriptedPath
+from wavegym.trackers import Tracks, gospa
+from wavegym.trackers.street import CONFIRMED, EMPTY
 
 Array = NDArray[Any]
 
+HELD_WITHIN = 20.0  # m, of GOSPA too: a confirmed track farther off is none of a target's
 MOST = 64  # measurements of a pair in a scan; more are lost
 
 
@@ -114,3 +117,33 @@ def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[E
             Element(f"mu_{name.replace(' ', '_')}_{s}", "1", 0.5, 0.5, f"probability of {name} {of}") for name in models
         ]
     return tuple(listed)
+
+
+def key_figures(state: State, direct: Array) -> dict[str, Array]:
+    """What ``Urban.metrics`` says of a state; direct (scan, target): whether both first pairs see it straight."""
+    hidden, public = state
+    x, P = Tracks(*public[1:]).combined()
+    sure = public.status == CONFIRMED
+    off = hidden.truth[:, :, None, :4] - x[:, None, :, :4]  # (env, target, slot, 4)
+    distance = np.where(sure[:, None], np.hypot(off[..., 0], off[..., 1]), np.inf)
+    near = distance.argmin(axis=2)
+    least = distance.min(axis=2)
+    held = hidden.present & (least <= HELD_WITHIN)
+    e, g = np.nonzero(held)
+    nees = np.zeros(held.shape)
+    own, spread = off[e, g, near[e, g]], P[e, near[e, g], :4, :4]
+    nees[e, g] = (own * np.linalg.solve(spread, own[..., None])[..., 0]).sum(axis=-1)
+    nobody = (np.where(hidden.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
+    return {
+        "position_error": np.where(held, least, 0.0),
+        "nees": nees,
+        "present": held,
+        "held": held,
+        "lost": direct[public.step] & ~held,
+        "confirmed": sure.sum(axis=1),
+        "false": nobody.sum(axis=1),
+        "tentative": ((public.status != EMPTY) & ~sure).sum(axis=1),
+        "refused": hidden.refused,
+        "gospa": gospa(hidden.truth[..., :2], x[..., :2], hidden.present, sure, HELD_WITHIN).distance,
+        "measurements": hidden.number.sum(axis=1),
+    }
