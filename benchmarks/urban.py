@@ -17,7 +17,7 @@ from wavegym.systems.urban_signal import UrbanSignal
 from wavegym.trackers import Tracks, imm_ukf_scan
 from wavegym.trackers.street import TRANSITION
 
-BATCH, LONG_UP = 256, 2
+BATCH, LONG_UP = 256, 0
 SYSTEM = Urban()
 F, Q = (np.stack([getattr(model, name) for model in SYSTEM.following.motion]) for name in "FQ")
 TX, RX = np.array(SYSTEM.transmitters[0]), np.array(SYSTEM.receivers[1])

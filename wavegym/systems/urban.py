@@ -59,13 +59,14 @@ class Urban(System):
         city: a city that comes with wavegym, or a TOML file. transmitters, receivers: (x, y) in m. arrivals: s at which
         each target starts. fidelity: "measurement", or "signal" as in wavegym/UrbanSignal-v0. start: (x, y) in m.
         velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of each stretch; then it drives on.
-        durations: of the pulses, s; each sweeps up or down. bandwidth, carrier: Hz. pulses, interval: of a train;
-        range-rates beyond lambda / (4 interval) are folded. reference_snr: eta at 100 m of the longest pulse; energy
-        grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration that NCV and turns expect, m/s^2.
-        vaguest: standard deviation of a new track's place at most, m. ghosts: whether the tracker tells ghosts by the
-        map. slots: tracks at most. charged: slots that count in the cost. clutter_density: false returns per (m x m/s).
-        false_alarm: Pfa, 1e-3 if not given; of signals it follows from ``clutter_density``, which sets the threshold.
-        rate_floor: m/s. reach: half path, m. weights: diagonal of Lambda, for positions, velocities and accelerations.
+        durations: of the pulses, s; each sweeps up or down; the first is sent where no track says otherwise. bandwidth,
+        carrier: Hz. pulses, interval: of a train; range-rates beyond lambda / (4 interval) are folded. reference_snr:
+        eta at 100 m of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". sigma: of the
+        acceleration that NCV and turns expect, m/s^2. vaguest: standard deviation of a new track's place at most, m.
+        ghosts: whether the tracker tells ghosts by the map. slots: tracks at most. charged: slots that count in the
+        cost. clutter_density: false returns per (m x m/s). false_alarm: Pfa, 1e-3 if not given; of signals it follows
+        from ``clutter_density``, which sets the threshold. rate_floor: m/s. reach: half path, m. weights: diagonal of
+        Lambda, for positions, velocities and accelerations.
 
     References
         P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
@@ -84,7 +85,7 @@ class Urban(System):
     path: tuple[tuple[float, float, float], ...] = (
         (5.0, 0.0, 0.0), (5.0, -1.0, 0.0), (10.0, 0.0, math.pi / 20), (5.0, 1.0, 0.0),
     )  # fmt: skip
-    durations: tuple[float, ...] = (0.5e-6, 1.375e-6)
+    durations: tuple[float, ...] = (1.375e-6, 0.5e-6)
     bandwidth: float = 40e6
     carrier: float = 4e9
     fidelity: Literal["measurement", "signal"] = "measurement"
