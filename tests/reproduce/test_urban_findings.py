@@ -153,6 +153,14 @@ def test_what_scheduling_is_worth_is_what_round_robin_loses(street_summary, loos
     assert where(f"With the four models, scheduling is worth {words}") == EXTRA
 
 
+@pytest.mark.parametrize(("last", "words"), [((1.0, 1.1), "is a matter"), ((1.1, 1.3), "is not a matter")])
+def test_starts_matter_if_strict_and_loosest_differ(street_summary, last, words):
+    other = copy.deepcopy(street_summary)
+    for found, ends in ((other["starts"][0], (1.2, 1.4)), (other["starts"][-1], last)):
+        found["over_open"]["confirmed"] = of_ratio(*ends)
+    assert f"How many more tracks are confirmed {words} of how tracks begin" in told(other)[0]
+
+
 def test_a_single_run_has_no_interval_and_is_told_all_the_same(street_study):
     one = {case: Runs(*(array[:1] for array in runs)) for case, runs in street_study.runs.items()}
     summary = summarise(Study(street_study.root, one))

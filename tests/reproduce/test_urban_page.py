@@ -65,6 +65,13 @@ def test_the_models_know_the_turn_and_the_acceleration_and_later_the_straight(ke
     assert 0.4 < braking["CT left"]["mean"] < 0.7
 
 
+def test_the_looser_the_start_the_more_the_open_loop_confirms(kept):
+    more = [of["over_open"]["confirmed"]["ratio"] for of in kept["starts"]]
+    assert more == sorted(more, reverse=True)
+    assert more[0] > 1.5 > 1.1 > more[-1]
+    assert all(of["over_open"]["rmse"]["ci"][1] < 0.4 for of in kept["starts"])
+
+
 def test_strict_starts_leave_few_false_tracks(kept):
     assert figures(kept, STRICT, CLOSED)["false_tracks"]["ci"][1] < 0.3
     assert figures(kept, LOOSE, CLOSED)["false_tracks"]["ci"][0] > 0.3

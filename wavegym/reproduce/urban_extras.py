@@ -77,6 +77,24 @@ def _scheduling(summary: dict[str, Any]) -> Finding:
     )
 
 
+def _starts(summary: dict[str, Any]) -> Finding:
+    first, *_, last = summary["starts"]
+    one, other = (of["over_open"]["confirmed"]["ci"] for of in (first, last))
+    matters = one is not None and other is not None and (one[0] > other[1] or one[1] < other[0])
+
+    why = " With loose starts the open loop soon replaces what it has lost, rightly or not." if matters else ""
+
+    def told(key: str) -> str:
+        return ", ".join(f"{change(of['over_open'][key])} at {of['vaguest']:g} m" for of in summary["starts"])
+
+    return EXTRA, (
+        f"**How many more tracks are confirmed {'is' if matters else 'is not'} a matter of how tracks begin.** The "
+        "closed loop's number over the open loop's, by how well the place of a new track must be known: "
+        f"{told('confirmed')}. Its error: {told('rmse')}. Its share of the targets' scans that are held: "
+        f"{told('held')}.{why}"
+    )
+
+
 def _held(summary: dict[str, Any]) -> Finding:
     def told(setting: str) -> str:
         closed, opened = (figures(summary, setting, loop) for loop in (CLOSED, OPEN))
@@ -118,4 +136,4 @@ def _braking(summary: dict[str, Any]) -> Finding:
     )
 
 
-EXTRAS = (_one_model, _long, _scheduling, _held, _origins, _braking)
+EXTRAS = (_one_model, _long, _scheduling, _starts, _held, _origins, _braking)

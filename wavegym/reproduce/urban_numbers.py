@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.summary import versions
 from wavegym.reproduce.estimates import mean_estimate, plain, ratio_estimates, rms_estimate, rms_ratio, share_estimate
-from wavegym.reproduce.urban import CASES, CLOSED, GHOSTS, OPEN, SETTINGS, Case, Runs, Study, system
+from wavegym.reproduce.urban import CASES, CLOSED, GHOSTS, OPEN, SETTINGS, STARTS, Case, Runs, Study, system
 from wavegym.reproduce.urban_false import ORIGINS
 from wavegym.reproduce.urban_models import models
 
@@ -22,7 +22,8 @@ def summarise(study: Study) -> dict[str, Any]:
 
     Keys:
         command, seed, runs, scans, versions, ``seen``, share of the targets' scans at which the straight ways to both
-        receivers are open, and settings: for "loose" and "strict" ``vaguest`` in m, ``models`` of the closed loop
+        receivers are open, ``starts``, a list by ``vaguest`` of the closed loop's figures ``over_open`` and of either
+        loop's false tracks, and settings: for "loose" and "strict" ``vaguest`` in m, ``models`` of the closed loop
         (``urban_models.models``), ``ghosts_over_none`` (of the closed and the open loop, what they hold and their false
         tracks with ghost logic over those without) and ``systems``: with and without ghost logic, by filter and policy,
         figures.
@@ -49,6 +50,7 @@ def summarise(study: Study) -> dict[str, Any]:
         "versions": versions(),
         "seen": float(scene.direct[1:].sum() / scene.present[1:].sum()),
         "settings": {setting: _setting(study, setting) for setting in SETTINGS},
+        "starts": [_start(study, start) for start in STARTS],
     }
 
 
@@ -84,6 +86,17 @@ def _setting(study: Study, setting: str) -> dict[str, Any]:
             for name, (ours, none) in with_and_without.items()
         },
         "systems": systems,
+    }
+
+
+def _start(study: Study, start: str) -> dict[str, Any]:
+    """The headline, for one way to begin tracks."""
+    closed, opened = (study.of(start, loop) for loop in (CLOSED, OPEN))
+    return {
+        "vaguest": STARTS[start],
+        "over_open": _over(closed, opened, study.root),
+        "false_tracks": plain(mean_estimate(closed.origins.sum(axis=1), study.root)),
+        "false_tracks_open": plain(mean_estimate(opened.origins.sum(axis=1), study.root)),
     }
 
 

@@ -17,12 +17,16 @@ ABLATION = (
     "filter", "policy", "confirmed", "95 %", "over open", "95 %", "RMSE, m", "95 %", "over open", "95 %",
     "over closed", "95 %", "held %", "false tracks a run", "GOSPA, m",
 )  # fmt: skip
+STARTS = (
+    "place of a new track known to", "confirmed, closed over open", "95 %", "RMSE, closed over open", "95 %",
+    "held, closed over open", "95 %", "false tracks a run, closed", "95 %", "open", "95 %",
+)  # fmt: skip
 MODELS = ("starts", "target", "phase", "scans", "NCV", "NCA", "CT left", "CT right", "least of the right one", "95 %",
           "above .8 from scan")  # fmt: skip
 
 
 def markdown(summary: dict[str, Any]) -> str:
-    """Closed against open loop, then every filter with every policy, then the models."""
+    """Closed against open loop, then every filter with every policy, starts, models."""
     headline = [_headline(summary, setting, ghosts) for setting in SETTINGS for ghosts in GHOSTS]
     parts = [f"Closed against open loop\n\n{table(HEAD, [row for rows in headline for row in rows])}"]
     for setting in SETTINGS:
@@ -30,6 +34,7 @@ def markdown(summary: dict[str, Any]) -> str:
         rows = [(of, policy, *_cells(found)) for of, each in systems.items() for policy, found in each.items()]
         parts.append(f"Filter and policy, {setting} starts, with ghost logic\n\n{table(ABLATION, rows)}")
     models = [row for setting in SETTINGS for row in _models(setting, summary["settings"][setting]["models"])]
+    parts.append(f"How vague a track may begin, with ghost logic\n\n{table(STARTS, _starts(summary['starts']))}")
     return "\n\n".join([*parts, f"Models, closed loop with ghost logic\n\n{table(MODELS, models)}"])
 
 
@@ -56,6 +61,16 @@ def _cells(found: dict[str, Any]) -> tuple[str, ...]:
         *_ratio(found["over_open"]["rmse"]), *_ratio(found["over_closed"]["rmse"]), percent(found["held"]["mean"]),
         written(found["false_tracks"]["mean"], 2), written(found["gospa"]["mean"], 2),
     )  # fmt: skip
+
+
+def _starts(starts: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"{found['vaguest']:g} m", *(cell for key in ("confirmed", "rmse", "held") for cell in
+            _ratio(found["over_open"][key])), *_mean(found["false_tracks"]), *_mean(found["false_tracks_open"]),
+        )
+        for found in starts
+    ]  # fmt: skip
 
 
 def _models(setting: str, targets: list[list[dict[str, Any]]]) -> list[tuple[str, ...]]:
