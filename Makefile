@@ -58,14 +58,18 @@ league: $(READY)
 reproduce: $(READY)
 	$(BIN)/python -m wavegym.reproduce agile_clutter $(if $(PAGE),--runs 500 --tracker both) --out $(OUT)/agile_clutter
 	$(BIN)/python -m wavegym.reproduce rf_eo --out $(OUT)/rf_eo
+	$(BIN)/python -m wavegym.reproduce urban $(if $(PAGE),--runs 500) --out $(OUT)/urban
 ifdef PAGE
-	mkdir -p results/agile_clutter results/rf_eo
+	mkdir -p results/agile_clutter results/rf_eo results/urban
 	cp $(addprefix $(OUT)/agile_clutter/,summary.json figure2.csv figure3.csv) results/agile_clutter/
 	cp $(addprefix $(OUT)/rf_eo/,summary.json figure2.csv figure3.csv figure4.csv) results/rf_eo/
+	cp $(addprefix $(OUT)/urban/,summary.json figure3.csv figure4.csv figure5.csv figure6.csv) results/urban/
 	for f in 2 3; do cp $(OUT)/agile_clutter/figure$$f.png docs/images/agile_clutter_figure$$f.png || exit; done
 	for f in 2 3 4; do cp $(OUT)/rf_eo/figure$$f.png docs/images/rf_eo_figure$$f.png || exit; done
+	for f in 3 4 5 6; do cp $(OUT)/urban/figure$$f.png docs/images/urban_figure$$f.png || exit; done
 	$(BIN)/python -m wavegym.reproduce.page results/agile_clutter/summary.json docs/reproduce.md
 	$(BIN)/python -m wavegym.reproduce.page results/rf_eo/summary.json docs/reproduce_rf_eo.md
+	$(BIN)/python -m wavegym.reproduce.page results/urban/summary.json docs/reproduce_urban.md
 endif
 
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.

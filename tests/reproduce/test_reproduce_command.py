@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from wavegym.evaluation import statistics
-from wavegym.reproduce import agile_clutter, contents, rf_eo, rf_eo_files, work
+from wavegym.reproduce import agile_clutter, contents, rf_eo, rf_eo_files, urban, urban_files, work
 from wavegym.reproduce.__main__ import main
 from wavegym.reproduce.agile_clutter import FREE, FULL, POLICIES, names
 from wavegym.reproduce.agile_clutter_table import markdown
 from wavegym.reproduce.rf_eo_choices import QUANTILES
 from wavegym.reproduce.rf_eo_numbers import shown
 from wavegym.reproduce.rf_eo_pictures import CURVES, TRACKS
+from wavegym.reproduce.urban_pictures import NAMES
 
 FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json"}
 
@@ -89,6 +90,26 @@ def test_the_platforms_files_tell_the_same_whatever_the_number_of_jobs(tmp_path,
         assert float(row["pixel_angle_10"]) <= float(row["pixel_angle_50"]) <= float(row["pixel_angle_90"])
 
 
+@pytest.mark.slow
+def test_the_street_s_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+    monkeypatch.setattr(urban, "CHUNK", 2)
+    for jobs in "12":
+        assert main(["urban", "--runs", "3", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    assert {path.name for path in (tmp_path / "1").iterdir()} == set(urban_files.FILES)
+    for name in urban_files.FILES:
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    assert "| loose | ghost logic | closed |" in capsys.readouterr().out
+    figure3, figure4, figure5, figure6 = (rows(tmp_path / "1" / f"figure{n}.csv") for n in (3, 4, 5, 6))
+    assert [sum((r["of"], r["number"]) == ("target", n) for r in figure3) for n in "12"] == [140, 101]
+    assert all((row["no_target"] == "") == (row["of"] == "target") for row in figure3)
+    curves = len(urban.SETTINGS) * len(NAMES) * 140
+    assert (len(figure4), len(figure5), len(figure6)) == (curves, curves, len(urban.SETTINGS) * 2 * 4 * 140)
+    assert all((row["rms"] == "") == (float(row["held"]) == 0) for row in figure5)
+    for row in figure6:
+        assert (row["probability"] == "") == (row["runs"] == "0")
+        assert all(0 <= float(row[key]) <= 1 + 1e-9 for key in ("probability", "low", "high") if row[key])
+
+
 def test_an_interrupted_command_keeps_what_is_done(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(rf_eo, "POLICIES", {rf_eo.PUBLISHED: (rf_eo.ADAPTIVE,), rf_eo.FAR: (rf_eo.ADAPTIVE,)})
     monkeypatch.setattr(rf_eo, "play", partial(rf_eo.play, tuning=2, horizon=2))
@@ -113,6 +134,9 @@ def test_an_interrupted_command_keeps_what_is_done(tmp_path, capsys, monkeypatch
         (["rf_eo", "--jobs", "0"], "jobs is 0"),
         (["rf_eo", "--seed", "-1"], "seed is -1"),
         (["rf_eo", "--tracker", "jpda"], "--tracker is 'jpda'"),
+        (["urban", "--tracker", "jpda"], "--tracker is 'jpda'"),
+        (["urban", "--runs", "0"], "runs is 0"),
+        (["urbn"], "did you mean 'urban'"),
         ([], "PAPER"),
     ],
 )

@@ -6,6 +6,7 @@ import copy
 
 import pytest
 from rf_eo_runs import RUNS
+from told import heading_of
 
 from wavegym.reproduce.rf_eo import ADAPTIVE, CONSTANT, FAR, INFORMATION, PROPOSED, PUBLISHED, Runs, Study
 from wavegym.reproduce.rf_eo_findings import findings
@@ -13,20 +14,8 @@ from wavegym.reproduce.rf_eo_numbers import summarise
 from wavegym.reproduce.rf_eo_table import markdown
 
 
-def headings(text):
-    """Of each bullet's title the heading it is under."""
-    found, heading = {}, ""
-    for line in text.splitlines():
-        if line.startswith("### "):
-            heading = line[4:]
-        elif line.startswith("- **"):
-            found[line[4:].partition("**")[0].rstrip(".")] = heading
-    return found
-
-
 def under(summary, words):
-    (heading,) = {heading for title, heading in headings(findings(summary)).items() if title.startswith(words)}
-    return heading
+    return heading_of(findings(summary), words)
 
 
 def changed(summary, scene, policy, key, value):

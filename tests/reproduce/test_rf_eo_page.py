@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from wavegym.reproduce.claims import lies, side
 from wavegym.reproduce.page import END, START, block, main
 from wavegym.reproduce.rf_eo import ADAPTIVE, CONSTANT, FAR, INFORMATION, POLICIES, PROPOSED, PUBLISHED, SCENES
 from wavegym.reproduce.rf_eo_findings import ALTERNATES
-from wavegym.reproduce.rf_eo_words import angles, both, jumped, lies, side, slots
+from wavegym.reproduce.rf_eo_words import angles, both, jumped, slots
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results" / "rf_eo" / "summary.json"

@@ -57,6 +57,11 @@ def mean(values: Array, rng: np.random.Generator) -> Estimate:
     return _estimate(statistic, values.shape, rng)
 
 
+def of_worlds(statistic: Callable[[Array], Array], count: int, rng: np.random.Generator) -> Estimate:
+    """Of so many worlds any ``statistic`` of their indices, (..., world) -> (...)."""
+    return _estimate(lambda members, worlds: statistic(worlds), (1, count), rng)
+
+
 def average(values: Array) -> float | None:
     """The mean over all episodes, without an interval."""
     return _finite(np.mean(values))

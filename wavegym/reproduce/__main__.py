@@ -2,6 +2,7 @@
 
     python -m wavegym.reproduce agile_clutter --runs 200 --tracker both --out DIR
     python -m wavegym.reproduce rf_eo --out DIR
+    python -m wavegym.reproduce urban --out DIR
 
 Writes a CSV and a PNG of each figure and summary.json into DIR, all or none, and prints a table.
 """
@@ -16,7 +17,7 @@ from pathlib import Path
 from wavegym.errors import InputError, choice
 from wavegym.evaluation.command import Parser, guarded
 
-RUNS = {"agile_clutter": 200, "rf_eo": 20}
+RUNS = {"agile_clutter": 200, "rf_eo": 20, "urban": 50}
 TRACKERS = ("jpda", "particle", "both")
 
 
@@ -61,8 +62,7 @@ def _agile_clutter(options: argparse.Namespace, out: Path) -> tuple[str, Sequenc
 
 
 def _rf_eo(options: argparse.Namespace, out: Path) -> tuple[str, Sequence[str]]:
-    if options.tracker is not None:
-        raise InputError(f"--tracker is {options.tracker!r}, expected none: rf_eo has one tracker")
+    _no_tracker(options, "rf_eo has one")
     from wavegym.reproduce.rf_eo import play
     from wavegym.reproduce.rf_eo_files import FILES, write
     from wavegym.reproduce.rf_eo_table import markdown
@@ -73,9 +73,25 @@ def _rf_eo(options: argparse.Namespace, out: Path) -> tuple[str, Sequence[str]]:
         return markdown(write(study, out)), FILES
 
 
+def _urban(options: argparse.Namespace, out: Path) -> tuple[str, Sequence[str]]:
+    _no_tracker(options, "urban plays all of its own")
+    from wavegym.reproduce.urban import play
+    from wavegym.reproduce.urban_files import FILES, write
+    from wavegym.reproduce.urban_table import markdown
+
+    out.mkdir(parents=True, exist_ok=True)
+    return markdown(write(play(options.runs, options.seed, options.jobs), out)), FILES
+
+
+def _no_tracker(options: argparse.Namespace, why: str) -> None:
+    if options.tracker is not None:
+        raise InputError(f"--tracker is {options.tracker!r}, expected none: {why}")
+
+
 PAPERS: dict[str, Callable[[argparse.Namespace, Path], tuple[str, Sequence[str]]]] = {
     "agile_clutter": _agile_clutter,
     "rf_eo": _rf_eo,
+    "urban": _urban,
 }
 
 

@@ -46,6 +46,19 @@ def ratio_estimates(values: Array, reference: Array, root: int) -> dict[str, Any
     return {"ratio": ratio, "ci": ci, "geometric": geometric, "geometric_ci": geometric_ci, "runs": len(values)}
 
 
+def rms_estimate(squares: Array, counts: Array, root: int) -> Estimate:
+    """Root of the mean of all squares: ``squares`` (run,) are their sums, ``counts`` (run,) how many there are."""
+    return statistics.of_worlds(lambda runs: _rms(squares, counts, runs), len(squares), _generator(root))
+
+
+def rms_ratio(ours: tuple[Array, Array], reference: tuple[Array, Array], root: int) -> dict[str, Any]:
+    """One root mean square, (squares, counts) as for ``rms_estimate``, over another of the same worlds."""
+    found = statistics.of_worlds(
+        lambda runs: _rms(*ours, runs) / _rms(*reference, runs), len(ours[0]), _generator(root)
+    )
+    return {"ratio": found.value, "ci": None if found.ci is None else list(found.ci)}
+
+
 def plain(estimate: Estimate) -> dict[str, Any]:
     """As JSON has it."""
     return {"mean": estimate.value, "ci": None if estimate.ci is None else list(estimate.ci)}
@@ -54,6 +67,10 @@ def plain(estimate: Estimate) -> dict[str, Any]:
 def _from_percent(estimate: Estimate) -> tuple[float | None, list[float] | None]:
     value, ci = estimate
     return None if value is None else 1.0 + value / 100.0, None if ci is None else [1.0 + end / 100.0 for end in ci]
+
+
+def _rms(squares: Array, counts: Array, runs: Array) -> Array:
+    return np.asarray(np.sqrt(squares[runs].sum(axis=-1) / counts[runs].sum(axis=-1)))
 
 
 def _generator(root: int) -> np.random.Generator:

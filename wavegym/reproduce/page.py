@@ -12,11 +12,19 @@ from wavegym.errors import InputError
 from wavegym.evaluation import blocks
 from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
-from wavegym.reproduce import agile_clutter_findings, agile_clutter_table, rf_eo_findings, rf_eo_table
+from wavegym.reproduce import (
+    agile_clutter_findings,
+    agile_clutter_table,
+    rf_eo_findings,
+    rf_eo_table,
+    urban_findings,
+    urban_table,
+)
 
 PAPERS: dict[str, tuple[Callable[..., str], Callable[..., str]]] = {  # table and findings
     "agile_clutter": (agile_clutter_table.markdown, agile_clutter_findings.findings),
     "rf_eo": (rf_eo_table.markdown, rf_eo_findings.findings),
+    "urban": (urban_table.markdown, urban_findings.findings),
 }
 START, END = "<!-- made by `make reproduce PAGE=1`: -->", "<!-- to here -->"
 

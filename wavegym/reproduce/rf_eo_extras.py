@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from wavegym.reproduce.claims import EXTRA, Finding, side
 from wavegym.reproduce.rf_eo import ADAPTIVE, DEPTHS, FAR, INFORMATION, MARGIN, PUBLISHED
 from wavegym.reproduce.rf_eo_table import places
-from wavegym.reproduce.rf_eo_words import EXTRA, Finding, both, side
+from wavegym.reproduce.rf_eo_words import both
 from wavegym.reproduce.words import between, compared, mean, percent, share, written
 
 JUDGED = str(DEPTHS[-1])  # the deepest lookahead decides what is said of all

@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from wavegym.reproduce.claims import GIVEN, HOLDS, NOT, PART, Finding, lies, listed, side
 from wavegym.reproduce.rf_eo import ADAPTIVE, CONSTANT, CYCLE, FAR, INFORMATION, PROPOSED, PUBLISHED
 from wavegym.reproduce.rf_eo_extras import EXTRAS
-from wavegym.reproduce.rf_eo_words import (
-    GIVEN,
-    HOLDS,
-    NOT,
-    PART,
-    Finding,
-    angles,
-    jumped,
-    lies,
-    listed,
-    side,
-    slots,
-)
+from wavegym.reproduce.rf_eo_words import angles, jumped, slots
 from wavegym.reproduce.words import bullet, geometric, mean, ratio, share, written
 
 ORDER = 10.0  # the paper: at least an order of magnitude
