@@ -12,6 +12,8 @@ SYSTEMS = {
     "wavegym/AgileClutter-v0": "wavegym.systems.agile_clutter:AgileClutter",
     "wavegym/RfEo-v0": "wavegym.systems.rf_eo:RfEo",
     "wavegym/RfEoFar-v0": "wavegym.systems.rf_eo_far:RfEoFar",
+    "wavegym/Urban-v0": "wavegym.systems.urban:Urban",
+    "wavegym/UrbanSignal-v0": "wavegym.systems.urban_signal:UrbanSignal",
     "wavegym/CameraSlew-v0": "wavegym.systems.planning.camera_slew:CameraSlew",
     "wavegym/SectorSetup-v0": "wavegym.systems.planning.sector_setup:SectorSetup",
     "wavegym/BeamAllocation-v0": "wavegym.systems.planning.beam_allocation:BeamAllocation",

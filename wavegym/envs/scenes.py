@@ -18,11 +18,13 @@ from wavegym.envs.line_of_sight_scene import LineOfSightScene
 from wavegym.envs.moment import Moment, Scene
 from wavegym.envs.panels import caption, few_ticks, wipe
 from wavegym.envs.platform_scene import PlatformScene
+from wavegym.envs.street_scene import StreetScene
 from wavegym.envs.target_scene import TargetScene
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.contract import System
 from wavegym.systems.kershaw_evans import KershawEvans
 from wavegym.systems.rf_eo import RfEo
+from wavegym.systems.urban import Urban
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
@@ -65,3 +67,4 @@ def make_scene(system: Any, figure: SubFigure) -> Scene:
 make_scene.register(KershawEvans, LineOfSightScene)
 make_scene.register(AgileClutter, TargetScene)
 make_scene.register(RfEo, PlatformScene)
+make_scene.register(Urban, StreetScene)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,7 @@ Array = NDArray[Any]
 
 COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
 MOST_LABELS = 7
+WIDEST = 26  # characters of a label's line
 MOST_NAMED = 6  # lines of a box that have a name: as many as there is room for
 APART = 0.2  # rows between two sensors' marks where both transmit the same waveform
 
@@ -114,7 +116,7 @@ def draw_choices(axes: Axes, moment: Moment) -> None:
     axes.set_ylim(-0.7, len(used) - 0.3 if sensors == 1 else 1.4 * len(used))  # room for the legend
     labelled = np.arange(len(used))[:: -(-len(used) // MOST_LABELS)]
     labels = waveform_labels(actions)
-    axes.set_yticks(labelled, [labels[i] for i in used[labelled]], fontsize=SMALL - 1.5)
+    axes.set_yticks(labelled, [fill(labels[i], WIDEST) for i in used[labelled]], fontsize=SMALL - 1.5)
 
 
 def draw_parameters(axes: Axes, moment: Moment) -> None:

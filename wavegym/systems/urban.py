@@ -53,19 +53,20 @@ class Urban(System):
         No tracks; the first target enters at its arrival.
 
     Episode end
-        Terminates after ``horizon`` scans.
+        Terminates after ``horizon`` scans; the time left is observed.
 
     Arguments
         city: a city that comes with wavegym, or a TOML file. transmitters, receivers: (x, y) in m. arrivals: s at which
         each target starts. fidelity: "measurement", or "signal" as in wavegym/UrbanSignal-v0. start: (x, y) in m.
-        velocity: m/s. path: (s, m/s^2 along the motion, rad/s to the left) of each stretch; then it drives on.
-        durations: of the pulses, s; each sweeps up or down; the first is sent where no track says otherwise. bandwidth,
-        carrier: Hz. pulses, interval: of a train; range-rates beyond lambda / (4 interval) are folded. reference_snr:
-        eta at 100 m of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". sigma: of the
-        acceleration that NCV and turns expect, m/s^2. vaguest: standard deviation of a new track's place at most, m.
-        ghosts: whether the tracker tells ghosts by the map. slots: tracks at most. charged: slots that count in the
-        cost. clutter_density: false returns per (m x m/s). false_alarm: Pfa, 1e-3 if not given; of signals it follows
-        from ``clutter_density``, which sets the threshold. rate_floor: m/s. reach: half path, m. weights: diagonal of
+        velocity: (x, y) in m/s, there. path: (s, m/s^2 along the motion, rad/s to the left) of each stretch; then it
+        drives on. durations: k of the pulses' envelopes exp(-t^2 / 2k^2), s; each sweeps up or down; the first is sent
+        where no track says otherwise. bandwidth: swept in 7.43 k, the effective pulse, Hz. carrier: Hz. pulses: of a
+        train. interval: between two pulses, s; range-rates beyond lambda / (4 interval) are folded. reference_snr: eta
+        at 100 m of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration
+        that NCV and turns expect, m/s^2. vaguest: standard deviation of a new track's place at most, m. ghosts: whether
+        the tracker tells ghosts by the map. slots: tracks at most. charged: slots that count in the cost.
+        clutter_density: false returns per (m x m/s). false_alarm: Pfa, 1e-3 if not given; of signals it follows from
+        ``clutter_density``, which sets the threshold. rate_floor: m/s. reach: half path, m. weights: diagonal of
         Lambda, for positions, velocities and accelerations.
 
     References

@@ -106,8 +106,8 @@ def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[E
         listed += [
             Element(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
             Element(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),
-            Element(f"x_{s}", "m", 0.0, reach / 3, f"x from the first transmitter, {of}"),
-            Element(f"y_{s}", "m", 0.0, reach / 3, f"y from the first transmitter, {of}"),
+            Element(f"x_{s}", "m", 0.0, reach / 3, f"x, counted from the first transmitter, {of}"),
+            Element(f"y_{s}", "m", 0.0, reach / 3, f"y, counted from the first transmitter, {of}"),
             Element(f"xdot_{s}", "m/s", 0.0, 10.0, f"velocity along x {of}"),
             Element(f"ydot_{s}", "m/s", 0.0, 10.0, f"velocity along y {of}"),
             Element(f"sigma_position_{s}", "m", 2.0, 3.0, f"RMS position uncertainty {of}"),
