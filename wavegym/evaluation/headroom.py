@@ -28,7 +28,7 @@ from wavegym.evaluation.task import make_task
 from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.names import make_policy
-from wavegym.schedulers.settled import SIMPLE, recorded
+from wavegym.schedulers.settled import SIMPLE, recorded, records
 from wavegym.systems.contract import System
 
 LADDER = (
@@ -112,9 +112,9 @@ def figures(comparison: Comparison) -> dict[str, Any]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Play and write."""
     parser = Parser(prog="python -m wavegym.evaluation.headroom", description="How much is there to gain by planning.")
-    parser.add_argument(
-        "ids", nargs="*", metavar="ID", default=list(SYSTEMS), help="environments (default: the suite's)"
-    )
+    tuned = [env_id for env_id, path in SYSTEMS.items() if path.rpartition(":")[2] in records()]
+    wanted = "environments (default: those of the suite with rules on record)"
+    parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
     parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")

@@ -39,7 +39,9 @@ def settled_record(system: System, worlds: Any, planners: Sequence[str], before:
         mean of the mean cost per step, of rules over all worlds; under ``planner_costs``, relative to the best rule's
         on the same worlds, of planners over the first PLANNED.
     """
-    best, constants, costs = best_simple(system, worlds)
+    _, constants, found_costs = best_simple(system, worlds)
+    costs = {name: _rounded(log) for name, log in found_costs.items()}
+    best = min(costs, key=lambda name: costs[name])  # of those alike to the digits recorded, the first
     kept: dict[str, Any] = {name: before[name] for name in (PLANNER, BASE, *PLANNERS, *PLANS) if name in before}
     few = trees.first(worlds, PLANNED)
     base = kept.get(BASE, best)
@@ -53,7 +55,7 @@ def settled_record(system: System, worlds: Any, planners: Sequence[str], before:
     chosen: dict[str, Any] = (
         {PLANNER: min(found, key=lambda name: found[name]), "planner_costs": found} if found else {}
     )
-    return {SIMPLE: best, **kept, **chosen, **constants, "costs": {k: _rounded(v) for k, v in costs.items()}}
+    return {SIMPLE: best, **kept, **chosen, **constants, "costs": costs}
 
 
 def _rounded(log: float) -> float:
