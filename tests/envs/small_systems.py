@@ -10,6 +10,9 @@ import numpy as np
 
 from wavegym.systems.contract import Element, State, System
 
+BRIEF = {"wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)}}
+"""Settings for whole episodes of ids whose steps take milliseconds: fewer pulses, and a target on its way already."""
+
 
 class Menu(NamedTuple):
     labels: tuple[str, ...]

@@ -5,12 +5,13 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
-from small_systems import Burner, Leaky, LeakyMetric
+from small_systems import BRIEF, Burner, Leaky, LeakyMetric
 
 import wavegym
 from wavegym.envs import WaveformEnv, WaveformVectorEnv, check_vector_env
 from wavegym.envs.bitwise import difference
 from wavegym.envs.conformance import ConformanceError
+from wavegym.errors import InputError
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 
 SYSTEM = "wavegym.systems.kershaw_evans:KershawEvansPosition"
@@ -160,7 +161,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("id", wavegym.list_envs())
 def test_every_environment_of_the_suite_passes(id):
-    assert check_vector_env(id) is None
+    assert check_vector_env(id, **BRIEF.get(id, {})) is None
 
 
 @pytest.mark.parametrize("action", ["library", "box"])
@@ -170,6 +171,11 @@ def test_a_factory_passes_and_its_time_limit_is_compared_with_gymnasiums(action)
         return WaveformVectorEnv(KershawEvansPosition(horizon=6, action=action), num_envs, **settings)
 
     assert check_vector_env(factory) is None
+
+
+def test_settings_are_for_ids():
+    with pytest.raises(InputError, match="expected none: only an id takes any"):
+        check_vector_env(LosesAStep, horizon=6)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from small_systems import has_form
+from small_systems import BRIEF, has_form
 
 import wavegym
 from wavegym.envs.bitwise import difference
@@ -126,7 +126,7 @@ def test_both_environment_checkers_pass_without_a_warning(id):
 
 @pytest.mark.parametrize("id", wavegym.list_envs())
 def test_a_whole_episode_stays_inside_the_spaces(id):
-    env = gym.make_vec(id, 8, autoreset_mode="Disabled")
+    env = gym.make_vec(id, 8, autoreset_mode="Disabled", **BRIEF.get(id, {}))
     env.action_space.seed(1)
     observations, _ = env.reset(seed=1)
     system = env.unwrapped.system

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 
-import gymnasium as gym
 import numpy as np
 import oracles
 import pytest
 
-import wavegym
-from wavegym.envs import check_vector_env
 from wavegym.errors import InputError
 from wavegym.parameter_sets import make_checked
 from wavegym.schedulers.names import make_policy
@@ -37,13 +34,6 @@ def scanned(system, scan, count, waveform):
     state = system.begin(worlds)
     state = state._replace(public=state.public._replace(step=np.full(count, scan - 1)))
     return system.advance(state, np.full(count, waveform), worlds).hidden
-
-
-@pytest.mark.slow
-def test_conformance():
-    wavegym.register("test/UrbanSignal-v0", UrbanSignal, horizon=12, arrivals=(-5.0, 0.0))
-    check_vector_env("test/UrbanSignal-v0")
-    del gym.registry["test/UrbanSignal-v0"]
 
 
 @pytest.mark.parametrize("waveform", range(4))

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from wavegym.envs.foresight import foresight_defect
 from wavegym.envs.lockstep import ConformanceError, Lockstep, Makers
+from wavegym.errors import InputError
 from wavegym.systems.contract import System
 
 __all__ = ["ConformanceError", "check_vector_env"]
@@ -38,7 +39,9 @@ UNREST = 20  # steps with random partial resets, after which whole episodes are 
 EPISODES = 2  # of every environment
 
 
-def check_vector_env(env: str | Callable[..., VectorEnv], *, seed: int = 0, max_steps: int = 1000) -> None:
+def check_vector_env(
+    env: str | Callable[..., VectorEnv], *, seed: int = 0, max_steps: int = 1000, **settings: Any
+) -> None:
     """Compare a native vector environment bit for bit with SyncVectorEnv over single environments.
 
     Whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments, integer and list
@@ -52,11 +55,15 @@ def check_vector_env(env: str | Callable[..., VectorEnv], *, seed: int = 0, max_
             ``max_episode_steps`` too, that is compared with Gymnasium's TimeLimit.
         seed: of resets and actions.
         max_steps: steps after which endless episodes are given up.
+        **settings: of the environment, such as a shorter horizon where steps are slow; with an id only.
 
     Raises:
         ConformanceError: on the first defect, which its one line names.
+        InputError: settings for a function, which makes the environment as it will.
     """
-    makers, limits = _by_id(env) if isinstance(env, str) else _by_factory(env)
+    if settings and not isinstance(env, str):
+        raise InputError(f"settings of {env!r} are {settings}, expected none: only an id takes any")
+    makers, limits = _by_id(env, settings) if isinstance(env, str) else _by_factory(env)
     _check_system(makers)
     for limit in limits:
         for mode in MODES:
@@ -95,9 +102,10 @@ def _check_system(makers: Makers) -> None:
         raise ConformanceError(f"{makers.name}: {defect}")
 
 
-def _by_id(id: str) -> tuple[Makers, list[dict[str, int]]]:
-    native = partial(gym.make_vec, id, vectorization_mode="vector_entry_point")
-    return Makers(id, native, partial(gym.make, id, disable_env_checker=True)), [{"max_episode_steps": SHORT}, {}]
+def _by_id(id: str, settings: dict[str, Any]) -> tuple[Makers, list[dict[str, int]]]:
+    native = partial(gym.make_vec, id, vectorization_mode="vector_entry_point", **settings)
+    single = partial(gym.make, id, disable_env_checker=True, **settings)
+    return Makers(id, native, single), [{"max_episode_steps": SHORT}, {}]
 
 
 def _by_factory(factory: Callable[..., VectorEnv]) -> tuple[Makers, list[dict[str, int]]]:

@@ -188,5 +188,5 @@ def _value(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, (tuple, list)):
-        return f"({', '.join(_value(v) for v in value)})"
+        return f"({', '.join(_value(v) for v in value)}{',' * (len(value) == 1)})"
     return f"`{value!r}`" if isinstance(value, str) else str(value)

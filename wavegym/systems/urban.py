@@ -46,8 +46,8 @@ class Urban(System):
 
     Rewards
         Minus the cost, summed over the ``charged`` surest slots: r min(trace(Lambda P), c0) + (1 - r) c0, with r the
-        track's probability of existence and c0 the trace of a track just begun at its vaguest; m^2, with 1 s^2 and
-        1 s^4 on velocities and accelerations. To lose a track never pays.
+        track's probability of existence and c0 the trace of a track just begun at its vaguest; m^2, with ``weights`` 1,
+        1 s^2 and 1 s^4 on positions, velocities and accelerations. To lose a track never pays.
 
     Starting state
         No tracks; the first target enters at its arrival.
