@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from agents.league import PAGE, ROOT, WORLDS, Account, read_accounts, shown
 from agents.policies.runs import load_policy
 from agents.study import Study, load_studies, run_folder, train_missing
@@ -21,6 +23,7 @@ from wavegym.evaluation.command import Parser, guarded
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
+from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import tabulated
 from wavegym.schedulers.settled import SIMPLE
 
@@ -46,10 +49,19 @@ def table(played: Mapping[str, Mapping[str, Account]]) -> str:
     for name, accounts in played.items():
         for agent in [FULL, *(agent for agent in accounts if agent not in (FULL, SIMPLE, BASELINE))]:
             account = accounts[agent]
-            against_full = ["", ""] if agent == FULL else shown(account.against(accounts[FULL]))
+            against_full = ["", ""] if agent == FULL else shown(against_seed_by_seed(account, accounts[FULL]))
             cells = [*shown(account.against(accounts[SIMPLE])), *against_full]
             rows.append([name.removesuffix(SUFFIX), agent, str(len(account.cost)), *cells])
     return tabulated(head, rows)
+
+
+def against_seed_by_seed(account: Account, full: Account) -> Estimate:
+    """Geometric mean of the ratios of costs, in per cent, each run's to that of the full agent with the same seed.
+
+    An agent's mean over runs would be above its geometric mean, and so a partner that makes the other look better.
+    """
+    once = account._replace(cost=np.ones((1, account.cost.shape[1])))
+    return account._replace(cost=account.cost / full.cost).against(once)
 
 
 def main() -> None:

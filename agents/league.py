@@ -221,9 +221,9 @@ def renew(env_ids: Sequence[str]) -> None:
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.league", description="Learned and analytic schedulers in one table.")
-    parser.add_argument(
-        "ids", nargs="*", metavar="ID", default=list(SYSTEMS), help="environments (default: the suite's)"
-    )
+    ladders = [env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}.csv").exists()]
+    wanted = "environments (default: those of the suite that `make headroom` played)"
+    parser.add_argument("ids", nargs="*", metavar="ID", default=ladders, help=wanted)
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     parser.add_argument("--times", action="store_true", help="time decisions, play nothing")
     parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
@@ -232,7 +232,7 @@ def main() -> None:
         if not read.times:
             play(env_id, read.jobs)
         time_decisions(env_id)
-    renew([env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}.csv").exists()])
+    renew(ladders)
 
 
 if __name__ == "__main__":

@@ -51,6 +51,14 @@ def test_figures_are_geometric_means_of_paired_ratios() -> None:
     assert row[6].strip() == "+50.0"  # sqrt(2 * 1.125) = 1.5
 
 
+def test_runs_meet_those_of_the_same_seed() -> None:
+    """An agent that costs what the full one does, run for run, is no better, however its runs differ."""
+    costs = np.array([[1.0, 2.0], [9.0, 4.0]])
+    full = Account(costs, np.full((2, 2), np.nan))
+    assert ablation.against_seed_by_seed(full, full).value == pytest.approx(0.0, abs=1e-12)
+    assert ablation.against_seed_by_seed(full._replace(cost=2.0 * costs), full).value == pytest.approx(100.0)
+
+
 @pytest.mark.parametrize("name", ABLATIONS)
 def test_one_thing_at_a_time_is_left_out(name: str) -> None:
     own = ABLATIONS[name]

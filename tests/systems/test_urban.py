@@ -7,6 +7,7 @@ import oracles
 import pytest
 from scipy.stats import chi2, poisson
 
+from wavegym.envs import check_vector_env
 from wavegym.errors import InputError
 from wavegym.parameter_sets import make_checked
 from wavegym.schedulers.names import make_policy
@@ -225,6 +226,12 @@ def test_each_of_several_transmitters_has_its_own_waveform():
     assert (cost[:, 3:] <= cost + 1e-9).all()
     assert (cost[:, :1] >= cost - 1e-9).all()
     assert (cost[:, 1] != cost[:, 2]).all()
+
+
+def test_joint_choices_of_several_transmitters_conform():
+    check_vector_env(
+        "wavegym/Urban-v0", horizon=12, arrivals=(-10.0, 0.0), transmitters=((2085.0, 1470.5), (2060.0, 1530.0))
+    )
 
 
 def test_a_second_transmitter_elsewhere_helps():
