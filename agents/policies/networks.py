@@ -39,17 +39,18 @@ class Network(NamedTuple):
     def outputs(self, observation: Array) -> Array:
         """Logits, values or means (env, outputs) of observations (env, elements) float32; see ``Mixture``."""
         activate = np.tanh if self.activation == "tanh" else _relu
-        layers = self._count("W")
-        return (self._scores if self.kind == "scorer" else self._mlp)(observation, activate, layers)
+        return (self._scores if self.kind == "scorer" else self._mlp)(observation, activate)
 
-    def _mlp(self, hidden: Array, activate: Any, layers: int) -> Array:
-        given = self.arrays
-        for n in range(layers - 1):
-            hidden = activate(hidden @ given[f"W{n}"].T + given[f"b{n}"])
-        return hidden @ given[f"W{layers - 1}"].T + given[f"b{layers - 1}"]
+    def _mlp(self, hidden: Array, activate: Any) -> Array:
+        given = list(self.arrays.values())  # W0, b0, W1, ...
+        for weight, offset in zip(given[:-2:2], given[1:-2:2], strict=True):
+            hidden = hidden @ weight.T  # an array of its own, that may be written over
+            hidden += offset
+            activate(hidden, out=hidden)
+        return np.asarray(hidden @ given[-2].T + given[-1])
 
-    def _scores(self, observation: Array, activate: Any, layers: int) -> Array:
-        given = self.arrays
+    def _scores(self, observation: Array, activate: Any) -> Array:
+        given, layers = self.arrays, self._count("W")
         elements, (candidates, _) = given["W0"].shape[1], given["offset"].shape
         context = observation[:, :elements]
         for n in range(layers):
@@ -95,8 +96,8 @@ def _likeliest(outputs: Array, modes: int) -> Array:
     return points[np.arange(len(outputs)), outputs[:, :modes].argmax(axis=1)]
 
 
-def _relu(values: Array) -> Array:
-    return np.maximum(values, 0.0)
+def _relu(values: Array, out: Array | None = None) -> Array:
+    return np.maximum(values, 0.0, out=out)
 
 
 class LearnedPolicy:
@@ -129,7 +130,7 @@ class LearnedPolicy:
         if self.network.kind == "mixture":
             outputs, heads = _likeliest(outputs, *heads), ()
         if not heads:
-            return np.clip(outputs, -1.0, 1.0)
+            return np.maximum(np.minimum(outputs, 1.0), -1.0)  # np.clip takes four times as long
         if mask is not None:
             outputs = np.where(mask, outputs, -np.inf)
         if len(heads) == 1:

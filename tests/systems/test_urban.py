@@ -126,6 +126,24 @@ def test_foresight_has_the_shapes_of_the_contract_and_is_a_prediction():
     assert (each.step == public.step[:, None] + 1).all()
 
 
+def test_what_agents_see_is_the_mixture_s_mean_and_spread():
+    public = played(SYSTEM, "random", 4, stop=90)[-1].public
+    x, P = Tracks(*public[1:]).combined()
+    shown = [
+        SYSTEM.observe(public)[:, [i for i, e in enumerate(SYSTEM.elements) if e.name.startswith(name)]]
+        for name in ("x_", "y_", "xdot_", "ydot_", "sigma_position_", "sigma_velocity_", "existence_", "confirmed_")
+    ]
+    there, variance = public.status != EMPTY, np.diagonal(P, 0, -2, -1)
+    sigma = np.sqrt(variance[..., 0] + variance[..., 1]), np.sqrt(variance[..., 2] + variance[..., 3])
+    place = x[..., 0] - SYSTEM.transmitters[0][0], x[..., 1] - SYSTEM.transmitters[0][1], x[..., 2], x[..., 3]
+    for ours, exact in zip(shown, (*place, *sigma, public.existence, public.status == CONFIRMED), strict=True):
+        np.testing.assert_allclose(ours, np.where(there, exact, 0.0), rtol=1e-9, atol=1e-9)
+    named = [e.name for e in SYSTEM.elements]
+    turning = SYSTEM.observe(public)[:, [named.index(f"mu_CT_left_{s}") for s in range(1, SYSTEM.slots + 1)]]
+    np.testing.assert_array_equal(turning, np.where(there, public.mu[..., 2], 0.0))
+    assert there.any()
+
+
 def test_metrics_are_counted_by_hand():
     for state in played(SYSTEM, "round-robin", 4)[19::30]:
         found = SYSTEM.metrics(state)

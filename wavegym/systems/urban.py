@@ -21,7 +21,7 @@ from wavegym.systems.urban_receivers import StreetReceivers
 from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, key_figures, make_scene, urban_elements
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import StreetTracker, Tracks
-from wavegym.trackers.street import CONFIRMED, EMPTY, MODELS
+from wavegym.trackers.street import MODELS
 from wavegym.waveforms import GaussianChirp, JointLibrary, Library, PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -260,15 +260,13 @@ class Urban(System):
 
     def observe(self, public: Public) -> Array:
         """See ``elements``."""
-        x, P = Tracks(*public[1:]).combined()
-        there = (public.status != EMPTY)[..., None]
-        variance = np.diagonal(P, 0, -2, -1)
-        sigma = np.sqrt(np.stack([variance[..., :2].sum(axis=-1), variance[..., 2:4].sum(axis=-1)], axis=-1))
-        place = x[..., :4] - np.array([*self.transmitters[0], 0.0, 0.0])
-        sure = np.stack([public.existence, public.status == CONFIRMED], axis=-1)
-        each = np.where(there, np.concatenate([sure, place, sigma, public.mu], axis=-1), 0.0)
-        left = 1.0 - public.step[:, None] / self.horizon
-        return np.concatenate([left, each.reshape(len(each), -1)], axis=1)
+        out = np.zeros((len(public.step), len(self.elements)))
+        kernels.observe(*public, self._centre, self.horizon, out)
+        return out
+
+    @cached_property
+    def _centre(self) -> Array:
+        return np.array(self.transmitters[0])
 
     def metrics(self, state: State) -> dict[str, Array]:
         """Of each target ``held``: whether a confirmed track is within 20 m; ``position_error`` and ``nees`` of the

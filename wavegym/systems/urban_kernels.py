@@ -1,4 +1,4 @@
-"""What receivers in a street measure of one scan, in compiled form: targets by every way, and clutter."""
+"""What receivers in a street measure of one scan, targets by every way and clutter; and what agents see: compiled."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -8,7 +8,7 @@ import numpy as np
 from wavegym.counter_kernels import exponential, normal, stream, uniform
 from wavegym.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
-from wavegym.trackers.street_kernels import noise, snr_at
+from wavegym.trackers.street_kernels import CONFIRMED, EMPTY, noise, snr_at
 
 CLUTTER = 10_000  # number of the clutter's stream, beyond those of all ways
 
@@ -65,3 +65,30 @@ def measure(keys, scans, scene, street, wave, reference, limit, z, count):
             key = stream(stream(keys[e], scans[e]), m)
             found = measure_targets(key, scans[e], m, scene, street, wave[e, m], reference[e, m], limit, z[e, m], 0)
             count[e, m] = measure_clutter(key, street, limit, z[e, m], found)
+
+
+@kernel
+def observe(step, x, P, mu, existence, status, age, centre, horizon, out):
+    """``urban_elements`` of every environment into out, which holds zeros; places are counted from ``centre`` (2,)."""
+    slots, models = mu.shape[1], mu.shape[2]
+    mean, variance = np.empty(4), np.empty(4)
+    for e in range(len(step)):
+        out[e, 0] = 1.0 - step[e] / horizon
+        for s in range(slots):
+            if status[e, s] == EMPTY:
+                continue
+            for k in range(4):
+                mean[k] = variance[k] = 0.0
+                for j in range(models):
+                    mean[k] += mu[e, s, j] * x[e, s, j, k]
+                for j in range(models):
+                    off = x[e, s, j, k] - mean[k]
+                    variance[k] += mu[e, s, j] * (P[e, s, j, k, k] + off * off)
+            first = 1 + s * (8 + models)
+            out[e, first], out[e, first + 1] = existence[e, s], status[e, s] == CONFIRMED
+            for k in range(4):
+                out[e, first + 2 + k] = mean[k] - centre[k] if k < 2 else mean[k]
+            out[e, first + 6] = np.sqrt(variance[0] + variance[1])
+            out[e, first + 7] = np.sqrt(variance[2] + variance[3])
+            for j in range(models):
+                out[e, first + 8 + j] = mu[e, s, j]
