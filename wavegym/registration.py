@@ -16,6 +16,7 @@ SYSTEMS = {
     "wavegym/UrbanSignal-v0": "wavegym.systems.urban_signal:UrbanSignal",
     "wavegym/CameraSlew-v0": "wavegym.systems.planning.camera_slew:CameraSlew",
     "wavegym/SectorSetup-v0": "wavegym.systems.planning.sector_setup:SectorSetup",
+    "wavegym/SectorSetupCity-v0": "wavegym.systems.planning.sector_setup_city:SectorSetupCity",
     "wavegym/BeamAllocation-v0": "wavegym.systems.planning.beam_allocation:BeamAllocation",
     "wavegym/EnergyBudget-v0": "wavegym.systems.planning.energy_budget:EnergyBudget",
     "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.planning.energy_budget_known:EnergyBudgetKnown",

@@ -115,7 +115,7 @@ class City:
         Raises:
             InputError: no such city or file, or one that holds something else.
         """
-        own = {file.stem: file for file in CITIES.glob("*.toml")}
+        own = {file.stem: file for file in sorted(CITIES.glob("*.toml"))}
         file = own.get(str(source), Path(source))
         if not file.suffix:
             choice("city", str(source), own)

@@ -81,6 +81,11 @@ class Antenna:
         points, lead = _flat(points)
         return np.asarray(kernels.seen(points, *self._rays)).reshape(*lead, len(self.images))
 
+    def in_sight(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (x, y) in m, (..., 2), are seen straight, (...): the first of ``seen``, without the others."""
+        points, lead = _flat(points)
+        return np.asarray(kernels.in_sight(points, np.array(self.position, np.float64), self.city.walls)).reshape(lead)
+
     def bounces(self, points: ArrayLike) -> Array:
         """Where the rays to points (..., 2) reflect, in order from the antenna, (x, y) in m, (..., image, 2, 2).
 

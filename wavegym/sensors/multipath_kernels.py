@@ -82,6 +82,15 @@ def reaches(x, y, antenna, image, first, one, other, walls):
 
 
 @kernel
+def in_sight(points, place, walls):
+    """Whether no wall stands between each of points (n, 2) and place (2,), (n,)."""
+    out = np.empty(len(points), np.bool_)
+    for n in range(len(points)):
+        out[n] = clear(points[n, 0], points[n, 1], place[0], place[1], walls, NONE, NONE)
+    return out
+
+
+@kernel
 def seen(points, antenna, images, firsts, via, walls):
     """Which images are seen from which points, (point, image)."""
     result = np.empty((len(points), len(images)), dtype=np.bool_)

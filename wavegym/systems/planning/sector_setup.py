@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,6 @@ from wavegym.targets import MotionModel, constant_velocity
 Array = NDArray[Any]
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
-LOST_BEYOND = 300.0  # m of position error: half the width of a lit sector of .15 rad at the region's middle
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -95,6 +94,7 @@ class SectorSetup(System):
     hidden: tuple[int, int] = (4, 10)
     windows: tuple[Window, ...] = ()
     weights: Quad = (1.0, 1.0, 1.0, 1.0)
+    lost_beyond: ClassVar[float] = 300.0  # m: half the width of a lit sector of .15 rad at the region's middle
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
@@ -144,15 +144,23 @@ class SectorSetup(System):
     def begin(self, world: World) -> State:
         """Targets somewhere in the region, the first estimates around them, and the windows of visibility."""
         count, T = world.density.shape
-        low, high = np.array([*self.region, self.speed, (-math.pi, math.pi)]).T
-        x, y, speed, heading = np.moveaxis(low + (high - low) * world.place, -1, 0)
-        truth = np.stack([x, speed * np.sin(heading), y, speed * np.cos(heading)], axis=-1)
+        truth = self._starts(world)
         mean = truth + np.sqrt(self.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
         zero = np.zeros(count, np.int64)
-        public = Public(zero, mean, covariance, np.full(count, -1), zero.copy(), q, visibility(self, world.window, T))
+        public = Public(zero, mean, covariance, np.full(count, -1), zero.copy(), q, self._in_sight(world, truth))
         return State(Hidden(truth, zero.copy(), np.zeros(count, np.bool_)), public)
+
+    def _starts(self, world: World) -> Array:
+        """States of the targets at first, (env, target, 4): anywhere in the region, with any heading."""
+        low, high = np.array([*self.region, self.speed, (-math.pi, math.pi)]).T
+        x, y, speed, heading = np.moveaxis(low + (high - low) * world.place, -1, 0)
+        return np.stack([x, speed * np.sin(heading), y, speed * np.cos(heading)], axis=-1)
+
+    def _in_sight(self, world: World, truth: Array) -> Array:
+        """When targets that start at ``truth`` can be seen, bool (env, H, target)."""
+        return visibility(self, world.window, truth.shape[1])
 
     def _split(self, actions: Array) -> tuple[Array, Array]:
         """Target and waveform of each action."""
@@ -259,7 +267,7 @@ class SectorSetup(System):
         return {
             "position_error": position,
             "nees": nees,
-            "lost": position > LOST_BEYOND,
+            "lost": position > self.lost_beyond,
             "detections": hidden.detections.copy(),
             "dead": hidden.silent.copy(),
         }
