@@ -92,7 +92,8 @@ def test_mistakes_in_a_city(make, values, message) -> None:
 
 
 def test_mistakes_in_a_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="city is 'intersektion', expected one of 'intersection', 'promenade'; did you mean"):
+    wanted = "city is 'intersektion', expected one of 'intersection', 'promenade'; did you mean"
+    with pytest.raises(InputError, match=wanted):
         City.load("intersektion")
     with pytest.raises(InputError, match="cannot be read"):
         City.load(tmp_path / "none.toml")
