@@ -17,7 +17,7 @@ import numpy as np
 from agents.league import PAGE, ROOT, WORLDS, Account, read_accounts, shown
 from agents.policies.runs import load_policy
 from agents.study import Study, load_studies, run_folder, train_missing
-from wavegym.errors import choice
+from wavegym.errors import InputError, choice
 from wavegym.evaluation import blocks, compare
 from wavegym.evaluation.command import Parser, guarded
 from wavegym.evaluation.comparison import BASELINE
@@ -60,6 +60,8 @@ def against_seed_by_seed(account: Account, full: Account) -> Estimate:
 
     An agent's mean over runs would be above its geometric mean, and so a partner that makes the other look better.
     """
+    if account.cost.shape != full.cost.shape:
+        raise InputError(f"runs and worlds are {account.cost.shape}, expected the full agent's {full.cost.shape}")
     once = account._replace(cost=np.ones((1, account.cost.shape[1])))
     return account._replace(cost=account.cost / full.cost).against(once)
 
@@ -72,9 +74,9 @@ def main() -> None:
     parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
     options = parser.read(None)
     studies = {name: study for name, study in load_studies().items() if name.endswith(SUFFIX)}
-    for name in options.studies or studies:
-        choice("ablation", name, studies)
-        if not options.tables:
+    asked = [choice("ablation", name, studies) for name in options.studies] or list(studies)
+    if not options.tables:
+        for name in asked:
             play(name, studies[name], options.jobs)
     played = {name: read_accounts(FOLDER / f"{name}.csv") for name in studies if (FOLDER / f"{name}.csv").exists()}
     blocks.renew(PAGE, START, END, table(played))

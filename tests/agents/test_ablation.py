@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from runs_for_tests import ID
 from agents import ablation, study
 from agents.league import Account
 from agents.settings import load_settings
+from wavegym.errors import InputError
 from wavegym.evaluation.command import settings
 from wavegym.registration import SYSTEMS
 
@@ -57,6 +59,15 @@ def test_runs_meet_those_of_the_same_seed() -> None:
     full = Account(costs, np.full((2, 2), np.nan))
     assert ablation.against_seed_by_seed(full, full).value == pytest.approx(0.0, abs=1e-12)
     assert ablation.against_seed_by_seed(full._replace(cost=2.0 * costs), full).value == pytest.approx(100.0)
+    with pytest.raises(InputError, match=r"runs and worlds are \(1, 2\), expected the full agent's \(2, 2\)"):
+        ablation.against_seed_by_seed(Account(costs[:1], np.full((1, 2), np.nan)), full)
+
+
+def test_an_unknown_study_is_refused_before_any_is_trained(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["ablation", next(iter(ABLATIONS)), "CameraSlow-ablation"])
+    monkeypatch.setattr(ablation, "play", lambda *_: pytest.fail("played"))
+    with pytest.raises(InputError, match="did you mean 'CameraSlew-ablation'"):
+        ablation.main()
 
 
 @pytest.mark.parametrize("name", ABLATIONS)

@@ -76,7 +76,7 @@ def walls(system, scan):
 
 
 def test_measurements_do_not_depend_on_other_choices():
-    """Only the noise's size does: the same returns and clutter meet every waveform."""
+    """Both sweeps, of the same energy, meet the same returns and the same clutter."""
     worlds = oracles.worlds(SYSTEM, 20)
     state = SYSTEM.begin(worlds)
     up, down = (SYSTEM.advance(state, np.full(20, a), worlds).hidden for a in (0, 1))
@@ -272,6 +272,10 @@ def test_a_second_transmitter_elsewhere_helps():
         ({"charged": 9}, "charged is 9, expected 1 to 8 slots"),
         ({"horizon": 0}, "horizon is 0"),
         ({"tracker": "imm"}, "tracker is 'imm'"),
+        ({"weights": (1.0, -1.0, 1.0)}, r"weight is -1\.0"),
+        ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
+        ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
+        ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
         ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
     ],
 )

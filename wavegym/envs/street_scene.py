@@ -13,6 +13,7 @@ from wavegym.envs.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, 
 from wavegym.envs.street_map import RECEIVER, SURE, TRANSMITTER, TREE, UNSURE, draw_street_map
 from wavegym.envs.target_map import colour, cross
 from wavegym.sensors import multistatic_range_and_rate
+from wavegym.systems import urban_kernels
 from wavegym.systems.urban import Urban
 from wavegym.trackers import Tracks
 from wavegym.trackers.street import CONFIRMED, EMPTY, MODELS, TENTATIVE
@@ -140,8 +141,7 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
 
 def folded(z: Array, ambiguity: float) -> Array:
     """Range and range-rate (..., 2) as a pulse train measures them: the rate in [-ambiguity, ambiguity]."""
-    turns = np.rint(z[..., 1:] / (2.0 * ambiguity))
-    return np.concatenate([z[..., :1], z[..., 1:] - 2.0 * ambiguity * turns], axis=-1)
+    return np.stack([z[..., 0], urban_kernels.folded(z[..., 1], ambiguity)], axis=-1)
 
 
 def scan_caption(system: Urban, moment: Moment) -> str:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
-from wavegym.sensors.checks import Array, shaped
+from wavegym.errors import InputError, within
+from wavegym.sensors.checks import Array, every, shaped
 from wavegym.sensors.geometry import range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multipath_kernels import MOST_WALLS
@@ -112,11 +112,12 @@ class Multistatic:
             offsets: of the elements along the receiver's axis, m, (element,).
 
         Raises:
-            InputError: shapes that do not fit.
+            InputError: shapes that do not fit, a way that is none.
         """
         state, way = shaped("state", state, 6), np.asarray(way, np.int64)
         if state.ndim != 2 or way.shape != state.shape[:1]:
             raise InputError(f"state and way have shapes {state.shape} and {way.shape}, expected (n, 6) and (n,)")
+        every(lambda name, number: within(name, number, 0, len(self.ways) - 1), "way", way)
         times, offsets = np.array(times, np.float64, ndmin=1), np.array(offsets, np.float64, ndmin=1)
         out, back = self.ways[way].T
         delays = np.empty((len(way), len(times), len(offsets)))

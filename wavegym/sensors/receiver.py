@@ -17,9 +17,9 @@ import scipy.fft
 import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, positive, whole
+from wavegym.errors import InputError, non_negative, positive, whole, within
 from wavegym.sensors import receiver_kernels as kernels
-from wavegym.sensors.checks import Array
+from wavegym.sensors.checks import Array, every
 from wavegym.waveforms import PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -30,6 +30,7 @@ DOPPLER_CELLS = 4  # to a resolution cell
 BEAMS_PER_ELEMENT = 3
 MOST = 64  # peaks of an image; weaker ones are lost
 AUDIBLE = 1e-3  # of a pulse's peak amplitude, where it begins and ends
+BANDWIDTHS = 6.0  # rms, that samples take in: of a Gaussian pulse all but .3 % of the energy
 SIDELOBE_MARGIN = 2.0  # 3 dB above what the sidelobes of stronger peaks reach
 
 
@@ -48,7 +49,7 @@ class ArrayReceiver:
     Args:
         train: Gaussian chirps, or other pulses whose ambiguity function has no sidelobes in delay.
         carrier: fc, Hz.
-        sample_rate: of each element, Hz; not below the band that the pulses take.
+        sample_rate: of each element, Hz; at least six times the pulses' rms bandwidth.
         reach: half path beyond which nothing is received, m.
         elements: L.
 
@@ -68,6 +69,10 @@ class ArrayReceiver:
         for name in ("carrier", "sample_rate", "reach"):
             positive(name, getattr(self, name))
         whole("elements", self.elements, 1)
+        bandwidth = math.sqrt(self.train.pulse.fisher_factors().information()[0, 0]) / (2.0 * math.pi)
+        if self.sample_rate < BANDWIDTHS * bandwidth:
+            wanted = f"{BANDWIDTHS:g} times the pulses' rms bandwidth (nearest: {BANDWIDTHS * bandwidth:.6g})"
+            raise InputError(f"sample_rate is {self.sample_rate!r} Hz, expected at least {wanted}")
 
     @property
     def offsets(self) -> Array:
@@ -90,24 +95,32 @@ class ArrayReceiver:
         """What elements sample of echoes, without noise, (pulse, element, sample).
 
         Args:
-            delays: of each way at each pulse and element, s, (way, pulse, element).
+            delays: of each way at each pulse and element, s, (way, pulse, element). Of a way that is ever more than
+                a sample later than the reach nothing is received.
             amplitudes: complex, (way,): sqrt(eta / 2) and a phase.
 
         Raises:
-            InputError: shapes that do not fit.
+            InputError: shapes that do not fit, delays below 0.
         """
         delays, amplitudes = np.ascontiguousarray(delays, np.float64), np.ascontiguousarray(amplitudes, np.complex128)
-        if delays.shape != (len(amplitudes), *self.shape[:2]):
+        if amplitudes.ndim != 1 or delays.shape != (len(amplitudes), *self.shape[:2]):
             raise InputError(
                 f"delays and amplitudes have shapes {delays.shape} and {amplitudes.shape}, expected"
                 f" (way, {self.shape[0]}, {self.shape[1]}) and (way,)"
             )
+        every(non_negative, "delay", delays)
+        latest = 2.0 * self.reach / SPEED_OF_LIGHT + 1.0 / self.sample_rate
+        heard = delays.max(axis=(1, 2)) <= latest
         spectra = np.zeros(self.shape, np.complex128)
-        kernels.add_echoes(delays, amplitudes, self.carrier, self.sample_rate / self.shape[2], spectra)
+        kernels.add_echoes(delays[heard], amplitudes[heard], self.carrier, self.sample_rate / self.shape[2], spectra)
         return np.asarray(scipy.fft.ifft(spectra * self._template, overwrite_x=True))
 
     def image(self, samples: ComplexArray) -> ComplexArray:
-        """Each element's matched filter over delay and Doppler, (element, delay cell, Doppler cell)."""
+        """Each element's matched filter over delay and Doppler, (element, delay cell, Doppler cell).
+
+        samples: (pulse, element, sample), of ``shape``; InputError for any other.
+        """
+        _require("samples", samples, self.shape)
         spectra = scipy.fft.fft(samples) * np.conj(self._template)
         finer, length = DELAY_CELLS * self.shape[2], (self.shape[2] + 1) // 2
         padded = np.zeros((*self.shape[:2], finer), np.complex128)
@@ -116,24 +129,27 @@ class ArrayReceiver:
         by_delay = np.ascontiguousarray(compressed.transpose(1, 2, 0))
         return np.asarray(scipy.fft.fft(by_delay, self._dopplers, overwrite_x=True))
 
-    def peaks(self, image: ComplexArray, threshold: float, noise: float = 1.0) -> Peaks:
+    def peaks(self, image: ComplexArray, threshold: float) -> Peaks:
         """Range, range-rate and covariance of what stands out of an image in any direction.
 
         Args:
             image: of ``image``.
             threshold: in units of the noise's power.
-            noise: power of the noise in the image.
+
+        Raises:
+            InputError: another image's shape.
         """
+        _require("image", image, (self.elements, self._delays, self._dopplers))
         power = np.empty(image.shape[1:])
         kernels.brightest(image, self._steering, power)
         found = np.empty((MOST, 2), np.int64)
-        count = kernels.find_maxima(power, threshold * noise, found)
-        C = self._cells @ self._curvature @ self._cells
+        count = kernels.find_maxima(power, threshold, found)
+        C = self._curvature
         count = kernels.drop_sidelobes(
             power, found, count, C[0, 0], self.train.count, self._dopplers / self.train.count, SIDELOBE_MARGIN
         )
         rows = np.empty((count, 6))
-        kernels.fit_peaks(image, found, count, _NINE, noise, (C[0, 0], C[0, 1], C[1, 1]), rows)
+        kernels.fit_peaks(image, found, count, _NINE, (C[0, 0], C[0, 1], C[1, 1]), rows)
         return self._measured(rows)
 
     def _measured(self, rows: Array) -> Peaks:
@@ -153,7 +169,7 @@ class ArrayReceiver:
         characteristic of excursion sets of chi^2, F and t fields", Adv. Appl. Prob. 26, 1994); less those whose top
         lies between cells.
         """
-        curvature, twice = self._cells @ self._curvature @ self._cells, 2.0 * threshold
+        curvature, twice = self._curvature, 2.0 * threshold
         cell = abs(np.linalg.det(self._cells))
         density = math.sqrt(np.linalg.det(curvature)) / cell * math.exp(-threshold) / (2.0 * math.pi)
         seen = _between_cells(threshold * curvature[0, 0]) * _between_cells(threshold * curvature[1, 1])
@@ -166,8 +182,7 @@ class ArrayReceiver:
     def threshold(self, density: float) -> float:
         """That noise alone exceeds ``density`` times per (m x m/s); InputError for more than it can."""
         low, high = 3.0, 100.0
-        if not self.false_returns(high) < density < self.false_returns(low):
-            raise InputError(f"density is {density!r}, expected at most {self.false_returns(low):.3g} per (m x m/s)")
+        within("density", density, self.false_returns(high), self.false_returns(low), "per (m x m/s)")
         return float(scipy.optimize.brentq(lambda t: math.log(self.false_returns(t) / density), low, high))
 
     @cached_property
@@ -204,14 +219,20 @@ class ArrayReceiver:
 
     @cached_property
     def _curvature(self) -> Array:
-        """C in |A|^2 = exp(-d^T C d) of the train's image near its peak: its Fisher information at an SNR of 1."""
-        return np.asarray(np.linalg.inv(self.train.fisher_factors().measurement_covariance(self.carrier)))
+        """C in |A|^2 = exp(-d^T C d) of the image of a train, d in cells: its Fisher information at an SNR of 1."""
+        information = np.linalg.inv(self.train.fisher_factors().measurement_covariance(self.carrier))
+        return np.asarray(self._cells @ information @ self._cells)
 
-    @property
+    @cached_property
     def _steering(self) -> ComplexArray:
         """Beams, (beam, element)."""
         beams = BEAMS_PER_ELEMENT * self.elements
         return np.exp(2j * np.pi * np.outer(np.arange(beams) / beams, np.arange(self.elements)))
+
+
+def _require(name: str, values: ComplexArray, shape: tuple[int, ...]) -> None:
+    if np.shape(values) != shape:
+        raise InputError(f"{name} has shape {np.shape(values)}, expected {shape}")
 
 
 def _between_cells(decay: float) -> float:

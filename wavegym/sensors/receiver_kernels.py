@@ -141,7 +141,7 @@ def drop_sidelobes(power, found, count, delay_decay, pulses, oversampled, margin
 
 
 @kernel
-def fit_peaks(cube, found, count, solve, noise, own, peaks):
+def fit_peaks(cube, found, count, solve, own, peaks):
     """Fit log|A|^2 = a - (x - x0)^T C (x - x0) about each maximum, in cells: peaks (peak, 6) = x0, C00, C01, C11, eta.
 
     solve (6, 9) takes the nine log powers, in the direction that suits the peak best, to the coefficients of
@@ -165,7 +165,7 @@ def fit_peaks(cube, found, count, solve, noise, own, peaks):
             C00, C01, C11 = own
         peaks[i, 0], peaks[i, 1] = d + x, f + y
         peaks[i, 2], peaks[i, 3], peaks[i, 4] = C00, C01, C11
-        peaks[i, 5] = 2.0 * max(np.exp(top) / noise - 1.0, 0.5)
+        peaks[i, 5] = 2.0 * max(np.exp(top) - 1.0, 0.5)
 
 
 @kernel

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import InputError, positive, whole
+from wavegym.errors import InputError, non_negative, positive, whole
 from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.city import City, Point
 from wavegym.sensors.receiver import ArrayReceiver
@@ -28,7 +28,6 @@ from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 Array = NDArray[Any]
 
 EFFECTIVE = 7.4338  # durations in which the chirp sweeps its bandwidth
-LONG = 1.375e-6  # s, the duration that has the reference SNR
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -40,9 +39,9 @@ class Urban(System):
         through the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train
         of Gaussian chirps of one of four kinds; each receiver detects each way from a transmitter by target to
         receiver, by no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with
-        R(psi) / eta, eta falling with the fourth power of the half path and .4 with each wall; and there are false
-        returns. Tracks are begun, confirmed and ended by the tracker: LMIPDA and a variable-structure IMM of unscented
-        filters.
+        R(psi) / eta, eta falling with the fourth power of the half path and .4 with each wall, and with the variance
+        rate_floor^2 of range-rate beside it; and there are false returns. Tracks are begun, confirmed and ended by the
+        tracker: LMIPDA and a variable-structure IMM of unscented filters.
 
     Rewards
         Minus the cost, summed over the ``charged`` surest slots: r min(trace(Lambda P), c0) + (1 - r) c0, with r the
@@ -112,6 +111,10 @@ class Urban(System):
             positive(name, getattr(self, name))
         if not self.arrivals:
             raise InputError("arrivals is (), expected the time in s at which each target starts")
+        for weight in self.weights:
+            non_negative("weight", weight)
+        positive("sum of weights", sum(self.weights))
+        positive("clutter_density", self.clutter_density)
         if not 1 <= self.charged <= self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
         if self.fidelity == "signal" and self.false_alarm is not None:
@@ -142,9 +145,10 @@ class Urban(System):
         return JointLibrary(self.library, several) if several > 1 else self.library
 
     def _sent(self, action: Array) -> Array:
-        """What each transmitter sends, (..., transmitter)."""
+        """Number of the waveform that each pair's transmitter sends, (..., pair)."""
         chosen = np.asarray(action)
-        return self.actions.indices[chosen] if isinstance(self.actions, JointLibrary) else chosen[..., None]
+        sent = self.actions.indices[chosen] if isinstance(self.actions, JointLibrary) else chosen[..., None]
+        return np.repeat(sent, len(self.receivers), axis=-1)
 
     @cached_property
     def pairs(self) -> list[Multistatic]:
@@ -215,10 +219,9 @@ class Urban(System):
         R, snr = (values[sent] for values in self._waves)
         z, count = np.zeros(state.hidden.z.shape), np.zeros(state.hidden.number.shape, np.int64)
         if self.fidelity == "signal":
-            self.signals.measure(world.key, scan, np.repeat(sent, len(self.receivers), axis=1), z, count)
+            self.signals.measure(world.key, scan, sent, z, count)
         else:
-            waves = (np.repeat(each, len(self.receivers), axis=1) for each in (R, snr))
-            kernels.measure(world.key, scan, self.scene, self.following.street, *waves, self.ambiguity, z, count)
+            kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
         tracks, refused = self.following.scan(Tracks(*state.public[1:]), z, count, R, snr)
         hidden = Hidden(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
         return State(hidden, Public(scan, *tracks))

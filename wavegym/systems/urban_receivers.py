@@ -22,7 +22,8 @@ Array = NDArray[Any]
 
 FRAMES = 30  # recorded of the empty street, each a train, whose mean is subtracted
 STANDING = 100.0  # power of what a tree or a wall returns over that of a target in its place
-NOISE, EMPTY_STREET = 20_000, 30_000  # numbers of streams, beyond those of all ways
+NOISE = 20_000  # number of a stream within a scan's, beyond those of all ways
+EMPTY_STREET = 30_000  # and of one beside the scans'
 
 
 @dataclass(frozen=True)

@@ -158,8 +158,9 @@ class StreetTracker:
             tracks: before it.
             z: range and range-rate of each pair's measurements, m and m/s, (env, pair, most, 2).
             count: how many of them there are, (env, pair).
-            R: error covariance at an SNR of 1 of the waveform that each transmitter sent, (env, transmitter, 2, 2).
-            snr: its SNR at a half path of 100 m by no wall, (env, transmitter).
+            R: error covariance at an SNR of 1 of the waveform that each pair's transmitter sent, beside which a
+                range-rate has the variance rate_floor^2; leading axes broadcast to (env, pair, 2, 2).
+            snr: its SNR at a half path of 100 m by no wall; leading axes broadcast to (env, pair).
 
         Returns:
             New tracks, and how many found no slot of their own, (env,): they took a tentative track's, or none.
@@ -190,8 +191,8 @@ class StreetTracker:
         return after
 
     def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
-        """R and SNR of each pair."""
-        lead = envs, len(self.transmitters)
+        """R and SNR of each environment's pairs."""
+        lead = envs, len(self.transmitters) * len(self.receivers)
         try:
             covariance = np.broadcast_to(shaped("R", R, 2, 2), (*lead, 2, 2))
             ratio = np.broadcast_to(np.asarray(snr, np.float64), lead)
@@ -199,8 +200,7 @@ class StreetTracker:
             raise InputError(
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
-        receivers = len(self.receivers)
-        return np.repeat(covariance, receivers, axis=1), np.repeat(ratio, receivers, axis=1)
+        return np.ascontiguousarray(covariance), np.ascontiguousarray(ratio)
 
     @property
     def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
