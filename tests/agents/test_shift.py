@@ -24,6 +24,23 @@ def test_every_shift_is_another_world_that_shows_the_same_elements(env: str, nam
     assert here.elements == there.elements  # or no agent could be played there
 
 
+FACTORS = {
+    ("SNR -3 dB", "reference_snr"): 10**-0.3,
+    ("SNR -3 dB", "reference_range"): 10 ** (-3 / 40),  # eta falls with its fourth power
+    ("process noise x4", "q"): 4.0,
+    ("clutter x4", "clutter_density"): 4.0,
+}
+
+
+@pytest.mark.parametrize(("env", "name", "given"), CASES, ids=[f"{env}: {name}" for env, name, _ in CASES])
+def test_a_shift_changes_as_much_as_its_name_says(env: str, name: str, given: dict) -> None:
+    made_for = make_task(f"wavegym/{env}-v0", {}).system
+    known = [(key, FACTORS[name, key]) for key in given if (name, key) in FACTORS]
+    assert known or name not in {shift for shift, _ in FACTORS}
+    for key, factor in known:
+        np.testing.assert_allclose(given[key], factor * np.array(getattr(made_for, key)), rtol=5e-3)  # half is -3.01 dB
+
+
 def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(shift, "WORLDS", 4)
     monkeypatch.setattr(shift, "SAVED", tmp_path)
