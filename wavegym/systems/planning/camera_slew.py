@@ -21,13 +21,11 @@ from wavegym.systems.planning.camera_slew_kernels import Mount
 from wavegym.systems.planning.camera_slew_state import Hidden, Public, World
 from wavegym.systems.planning.windows import Window, visibility, window_draws
 from wavegym.systems.rf_eo import NN, RfEo
-from wavegym.systems.rf_eo_kernels import Rules, measure
+from wavegym.systems.rf_eo_kernels import Rules
 from wavegym.systems.rf_eo_state import Pair, Quad
 from wavegym.targets import MotionModel
 
 Array = NDArray[Any]
-
-LOST_AFTER = 30  # steps in which the camera has not found a target
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -295,15 +293,4 @@ class CameraSlew(System):
         step), ``found`` (the camera found it in this step) and ``lost``: not found for more than thirty steps; and
         ``pointing`` (rad) and ``settling`` (steps) of the camera.
         """
-        hidden, public = state
-        position, nees = np.empty(hidden.unseen.shape), np.empty(hidden.unseen.shape)
-        measure(public.mean, public.covariance, hidden.truth, position, nees, NN)
-        return {
-            "position_error": position,
-            "nees": nees,
-            "received": hidden.received.copy(),
-            "found": hidden.seen.copy(),
-            "lost": hidden.unseen > LOST_AFTER,
-            "pointing": public.pointing.copy(),
-            "settling": public.settling.copy(),
-        }
+        return parts.key_figures(state)

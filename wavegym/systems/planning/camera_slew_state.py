@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.errors import non_negative, ordered, positive, within
-from wavegym.systems.contract import Element
+from wavegym.systems.contract import Element, State
 from wavegym.systems.planning import windows
 from wavegym.systems.planning.windows import given_windows, window_draws
-from wavegym.systems.rf_eo import RfEo
+from wavegym.systems.rf_eo import NN, RfEo
+from wavegym.systems.rf_eo_kernels import measure
 from wavegym.systems.rf_eo_state import MOST
 from wavegym.systems.rf_eo_state import Public as Belief
 from wavegym.targets import MotionModel
@@ -25,6 +26,7 @@ Array = NDArray[Any]
 SOON = 10  # steps of visibility that are observed
 LONGEST = 10_000  # steps; as many matrices are kept
 FASTEST = 1e6  # rad/s
+LOST_AFTER = 30  # steps in which the camera has not found a target
 
 
 class World(NamedTuple):
@@ -151,3 +153,19 @@ def check_camera(system: CameraSlew) -> None:
     positive("low of q", system.q[0], "m^2/s^3")
     window_draws(system.horizon, system.shown, system.hidden)
     given_windows(system.windows, system.targets, system.horizon)
+
+
+def key_figures(state: State) -> dict[str, Array]:
+    """What ``CameraSlew.metrics`` says of a state."""
+    hidden, public = state
+    position, nees = np.empty(hidden.unseen.shape), np.empty(hidden.unseen.shape)
+    measure(public.mean, public.covariance, hidden.truth, position, nees, NN)
+    return {
+        "position_error": position,
+        "nees": nees,
+        "received": hidden.received.copy(),
+        "found": hidden.seen.copy(),
+        "lost": hidden.unseen > LOST_AFTER,
+        "pointing": public.pointing.copy(),
+        "settling": public.settling.copy(),
+    }

@@ -16,23 +16,13 @@ from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.agile_clutter_search import NN
 from wavegym.systems.contract import Element, State
 from wavegym.systems.planning import energy_budget_kernels as kernels
+from wavegym.systems.planning import energy_state as parts
 from wavegym.systems.planning.energy_account import PulseMenu
-from wavegym.systems.planning.energy_state import (
-    ROUND,
-    Hidden,
-    Public,
-    World,
-    account_elements,
-    check_budget,
-    check_pulses,
-    spells,
-)
+from wavegym.systems.planning.energy_state import Hidden, Public, World
 from wavegym.systems.several_targets import Pulse
 from wavegym.trackers.reduction import reduction_table
 
 Array = NDArray[Any]
-
-WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -76,7 +66,6 @@ class EnergyBudget(AgileClutter):
     """
 
     strict: ClassVar[bool] = False
-
     horizon: int = 72
     dt: float = 0.25
     q: float = 10.0
@@ -100,9 +89,9 @@ class EnergyBudget(AgileClutter):
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
-        check_pulses(self)
+        parts.check_pulses(self)
         super().__post_init__()
-        check_budget(self)
+        parts.check_budget(self)
         self._check_occlusions()
 
     def _check_occlusions(self) -> None:
@@ -119,7 +108,7 @@ class EnergyBudget(AgileClutter):
     @cached_property
     def total(self) -> float:
         """Energy of a full account."""
-        return int(self.budget * self.horizon * self.menu.quanta * ROUND) / self.menu.quanta
+        return int(self.budget * self.horizon * self.menu.quanta * parts.ROUND) / self.menu.quanta
 
     @cached_property
     def spending(self) -> Array:
@@ -183,12 +172,11 @@ class EnergyBudget(AgileClutter):
     def _sight(self, public: Any, wait: Array) -> Array:
         """Chance that the slot after ``wait`` (env, candidate) more steps is clear."""
         usual, memory = self._spells
-        occluded = usual + (public.occluded[:, None] - usual) * memory[np.minimum(wait, len(memory) - 1)]
-        return 1.0 - occluded
+        return 1.0 - (usual + (public.occluded[:, None] - usual) * memory[np.minimum(wait, len(memory) - 1)])
 
     @cached_property
     def _spells(self) -> tuple[float, Array]:
-        return spells(self.mean_clear, self.mean_occluded, self.horizon)
+        return parts.spells(self.mean_clear, self.mean_occluded, self.horizon)
 
     @cached_property
     def _onset(self) -> tuple[float, float]:
@@ -287,8 +275,8 @@ class EnergyBudget(AgileClutter):
     @cached_property
     def elements(self) -> tuple[Element, ...]:
         """The observation: AgileClutter's, with the SNR of the longest pulse, the account and the occlusions."""
-        base = [e._replace(centre=WEAK) if e.name.startswith("snr") else e for e in super().elements]
-        return (*base, *account_elements(self.total / self.horizon, len(self.sensors)), *self._air_elements())
+        base = [e._replace(centre=parts.WEAK) if e.name.startswith("snr") else e for e in super().elements]
+        return (*base, *parts.account_elements(self.total / self.horizon, len(self.sensors)), *self._air_elements())
 
     def _air_elements(self) -> tuple[Element, ...]:
         return (Element("occluded", "1", 0.5, 0.5, "whether the last slot was occluded"),)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 ROUND = 1.0 + 1e-12  # a budget short of whole quanta by rounding only is not short
+WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
 
 
 class World(NamedTuple):
