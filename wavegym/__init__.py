@@ -14,6 +14,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from wavegym.errors import InputError
 from wavegym.registration import list_envs, register, register_suite
 
@@ -23,8 +25,12 @@ __all__ = ["InputError", "describe", "list_envs", "register"]
 register_suite()
 
 
-def describe(id: str) -> str:
-    """What the environment ``id`` observes, takes and rewards, as Markdown tables (those of its page in the docs)."""
+def describe(id: str, /, **parameters: Any) -> str:
+    """What the environment ``id`` observes, takes and rewards, as Markdown tables (those of its page in the docs).
+
+    With parameters: of what ``gym.make(id, **parameters)`` makes. InputError for an unknown id, or a parameter that is
+    unknown or out of range.
+    """
     from wavegym.envs.describe import describe as in_full
 
-    return in_full(id)
+    return in_full(id, **parameters)

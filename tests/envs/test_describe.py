@@ -18,6 +18,7 @@ from wavegym.envs.pages import main, pages
 from wavegym.errors import InputError
 from wavegym.registration import SYSTEMS
 from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+from wavegym.systems.urban import Urban
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "environments"
 IDS = list(SYSTEMS)
@@ -42,6 +43,16 @@ def test_the_committed_page_is_what_the_environment_says(name):
 
 def test_there_is_a_page_for_every_environment_and_no_other():
     assert {path.name for path in COMMITTED.glob("*.md")} == {"index.md", *(f"{id.partition('/')[2]}.md" for id in IDS)}
+
+
+def test_a_page_with_parameters_is_that_environment_s():
+    page = wavegym.describe("wavegym/Urban-v0", slots=3, tracker="ncv")
+    assert "gym.make(\"wavegym/Urban-v0\", slots=3, tracker='ncv')" in page
+    assert len(rows(chapter(page, "Observations"), "index")) == len(Urban(slots=3, tracker="ncv").elements)
+    values = {row[0]: row[1] for row in rows(chapter(page, "Parameters"), "parameter")}
+    assert (values["`slots`"], values["`tracker`"]) == ("3", "`'ncv'`")
+    with pytest.raises(InputError, match="did you mean 'slots'"):
+        describe("wavegym/Urban-v0", slot=3)
 
 
 @pytest.mark.parametrize("id", IDS)

@@ -45,20 +45,21 @@ FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``
 SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps", "forecasts")
 
 
-def describe(id: str) -> str:
-    """The page of the environment ``id``, Markdown.
+def describe(id: str, /, **parameters: Any) -> str:
+    """The page of the environment ``id``, Markdown; with parameters as ``gym.make(id, **parameters)`` takes them.
 
     Raises:
-        InputError: no such environment (nearest named).
+        InputError: no such environment or parameter (nearest named), or a value out of range.
     """
-    env = gym.make(choice("environment", id, list_envs())).unwrapped
+    env = gym.make(choice("environment", id, list_envs()), **parameters).unwrapped
+    given = "".join(f", {name}={value!r}" for name, value in parameters.items())
     assert isinstance(env.system, System)  # type: ignore[attr-defined]
     system: System = env.system  # type: ignore[attr-defined]
     parts = [
         f"# {id}",
         summary(type(system)),
-        f'```python\nimport gymnasium as gym\nimport wavegym\n\nenv = gym.make("{id}")\n'
-        f'envs = gym.make_vec("{id}", num_envs=64)\n```',
+        f'```python\nimport gymnasium as gym\nimport wavegym\n\nenv = gym.make("{id}"{given})\n'
+        f'envs = gym.make_vec("{id}", num_envs=64{given})\n```',
         *(_chapter(heading, section(type(system), heading)) for heading in SECTIONS[:-1]),
         "## Actions",
         *(_actions(form, chosen) for form, chosen in _forms(system).items()),
