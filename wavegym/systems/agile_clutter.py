@@ -57,7 +57,7 @@ class AgileClutter(SensorAfterSensor):
 
     Rewards
         -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities. It
-        is what the tracker believes, and a lost track may be confident: JPDA loses one in twelve (``lost``, ``nees``),
+        is what the tracker believes, and a lost track may be confident: JPDA loses one in fifteen (``lost``, ``nees``),
         particles one in a hundred; ``reward="error"`` looks at the truth.
 
     Starting state

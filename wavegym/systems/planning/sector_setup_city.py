@@ -22,13 +22,14 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class SectorSetupCity(SectorSetup):
-    """One illuminator serves several targets in a city; buildings hide them, at times that the map foretells.
+    """One illuminator serves several targets in a city; its buildings hide them, at times known from the beginning.
 
     Description
         As wavegym/SectorSetup-v0 before a row of boards. Targets start anywhere on the roads, on the right of the
-        middle, and drive along them. A target can be seen while no building stands between it and the illuminator and
-        receivers: where it would be if it drove on as it started. Whose way a manoeuvre changes is seen and lost as was
-        foretold.
+        middle, and drive along them. Each has filed its route: where it starts, without error, and the velocity at
+        which it means to drive on. Route and map say when a building would stand between it and the illuminator or a
+        receiver; then it is out of sight, and else in sight, also where manoeuvres have taken it off its route. These
+        times tell a scheduler something of the true start that the tracker does not use.
 
     Rewards
         As wavegym/SectorSetup-v0.
