@@ -8,6 +8,7 @@ evaluate.py, with the learning curve in DIR/curve.csv and TensorBoard's files in
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -65,7 +66,7 @@ def train(arguments: Sequence[str] | None) -> None:
     run(plan, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
     print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
     if chosen.environment:
-        same = " ".join(f"{name}={value}" for name, value in chosen.environment.items())
+        same = shlex.join(f"{name}={value}" for name, value in chosen.environment.items())
         print(f"trained with {same}: evaluate.py takes the same as --set {same}")
 
 

@@ -22,6 +22,8 @@ with the environment; or the folder of a trained run (or of several runs, one fo
 SAVED = Path(__file__).parents[1] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.study makes them
 LEARNERS = ("ppo", "dqn")
 
+RECORDED = "KershawEvansPosition-v0"
+
 # What `compare` takes besides parameters of the environment, and where a user says it.
 COMPARISON = {
     "env_id": "it as the first argument",
@@ -54,13 +56,17 @@ def parser() -> Parser:
     return options
 
 
-def parameters(options: Any) -> dict[str, Any]:
-    """The system's parameters that the options ask for."""
+def parameters(options: Any, env_id: str) -> dict[str, Any]:
+    """The system's parameters that the options ask for. InputError for recorded targets where there can be none."""
+    from wavegym.evaluation import make_task
+
     chosen = settings(options.set)
     for name in chosen:
         if name in COMPARISON:
             raise InputError(f"--set {name} is no parameter of an environment, expected {COMPARISON[name]}")
     if options.tracks:
+        if not hasattr(make_task(env_id, {}).system, "tracks"):
+            raise InputError(f"--tracks {options.tracks}: {env_id} takes no recorded targets, as {RECORDED} does")
         chosen |= {"targets": "recorded", "tracks": options.tracks}
     if options.radar:
         if len(options.radar) not in (2, 3):
@@ -132,7 +138,7 @@ def evaluate(arguments: Sequence[str] | None) -> None:
         worlds=options.worlds,
         root=options.seed,
         jobs=options.jobs,
-        **parameters(options),
+        **parameters(options, env_id),
     )
     print(write_report(comparison, options.out))
     print(f"\nwritten to {options.out}: report.html, summary.json, episodes.csv, table.md, comparison.png")

@@ -10,7 +10,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from wavegym.errors import InputError, positive
-from wavegym.parameter_sets import make_checked
+from wavegym.parameter_sets import in_one_line, make_checked
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -24,8 +24,27 @@ class Radar:
         positive("gain", self.gain)
 
 
+@in_one_line
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class Sonar(Radar):
+    """One that is made without ``make_checked``."""
+
+
 def test_values_arrive_validated() -> None:
     assert make_checked(Radar, {"gain": 2, "corners": [[1, 2]]}) == Radar(gain=2.0, corners=((1.0, 2.0),))
+
+
+def test_names_given_in_the_same_place_are_suggested_too() -> None:
+    with pytest.raises(InputError, match="setting 'rewrd' is unknown to Radar; did you mean 'reward'"):
+        make_checked(Radar, {"gain": 1.0, "rewrd": 2}, beside=["reward"])
+
+
+def test_a_class_by_itself_says_the_same() -> None:
+    with pytest.raises(InputError, match=r"place is .*, expected 3 elements, not 1"):
+        Sonar(gain=1.0, place=(1.0,))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"gain is -1\.0, expected a finite number > 0"):
+        Sonar(-1.0)
+    assert Sonar(2.0) == Sonar(gain=2)
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,11 @@ def within(name: str, value: float, low: float, high: float, unit: str = "") -> 
     return _checked(name, value, unit, low <= value <= high, wanted)
 
 
+def open_unit(name: str, value: float) -> float:
+    """Return ``value`` if 0 < value < 1; otherwise raise an InputError."""
+    return _checked(name, value, "", 0.0 < value < 1.0, "a probability above 0 and below 1")
+
+
 def whole(name: str, value: SupportsIndex, low: int) -> int:
     """Return ``value`` as an int if it is a whole number >= low; otherwise raise an InputError naming the bound."""
     if not hasattr(value, "__index__") or int(value) < low:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -13,13 +14,16 @@ from wavegym.errors import InputError, nearest
 Made = TypeVar("Made")
 
 
-def make_checked(make: Callable[..., Made], values: Mapping[str, Any], source: str = "") -> Made:
+def make_checked(
+    make: Callable[..., Made], values: Mapping[str, Any], source: str = "", beside: Iterable[str] = ()
+) -> Made:
     """``make(**values)``.
 
     Args:
         make: a dataclass, or anything callable.
         values: parameters by name.
         source: where one that is missing is expected, e.g. ``" in the settings file"``.
+        beside: names that are given in the same place and are not ``make``'s: to them an unknown one may be nearest.
 
     Raises:
         InputError: an unknown parameter (nearest named), one that is missing, or a value out of range.
@@ -29,11 +33,26 @@ def make_checked(make: Callable[..., Made], values: Mapping[str, Any], source: s
         names = [field.name for field in dataclasses.fields(make)]
         for name in values:
             if name not in names:
-                raise InputError(f"setting {name!r} is unknown to {title}{nearest(name, names)}")
+                raise InputError(f"setting {name!r} is unknown to {title}{nearest(name, [*names, *beside])}")
     try:
         return make(**values)
     except ValidationError as error:
         raise _in_one_line(error, title, source) from None
+
+
+def in_one_line(made: type[Made]) -> type[Made]:
+    """A pydantic dataclass that users make themselves: what is wrong with its values is an InputError."""
+    make: Callable[..., None] = made.__init__
+
+    @wraps(make)
+    def checked(self: Made, *values: Any, **named: Any) -> None:
+        try:
+            make(self, *values, **named)
+        except ValidationError as error:
+            raise _in_one_line(error, made.__name__, "") from None
+
+    made.__init__ = checked  # type: ignore
+    return made
 
 
 def _in_one_line(error: ValidationError, title: str, source: str) -> InputError:

@@ -14,6 +14,7 @@
 from __future__ import annotations
 
 import hashlib
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -146,8 +147,9 @@ def _check_same(folder: Path, run: dict[str, Any], env_id: str, system: System) 
         )
     if run["actions"] != here["actions"]:
         known, offered = (f"{a['count']} ({a['form']}, {a['sha256'][:8]})" for a in (run["actions"], here["actions"]))
-        form = run["actions"]["form"]
-        hint = "" if form == here["actions"]["form"] else f" (nearest: the setting action={form.split()[0]})"
+        own = run["settings"]["environment"]
+        given = shlex.join(f"{name}={value}" for name, value in own.items())
+        hint = f" (nearest: the setting{'s' if len(own) > 1 else ''} {given} of its training)" if own else ""
         raise InputError(
             f"policy {str(folder)!r} chooses among actions {known}, but this {env_id} offers {offered}{hint}"
         )

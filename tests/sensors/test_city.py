@@ -75,13 +75,16 @@ BOW = ((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0))
         (Building, {"corners": SQUARE[:2]}, "expected at least three different ones"),
         (Building, {"corners": (SQUARE[0], SQUARE[1], SQUARE[0])}, "expected at least three different ones"),
         (Building, {"corners": ((0.0, 0.0), (1.0, 1.0), (2.0, 2.0))}, "bound an area"),
-        (Building, {"corners": (*SQUARE[:3], (0.0, np.inf))}, "expected finite numbers"),
+        (Building, {"corners": (*SQUARE[:3], (0.0, np.inf))}, "corners.3.1 is inf: Input should be a finite number"),
         (Building, {"corners": SQUARE, "reflectivity": 1.5}, r"reflectivity is 1\.5, expected .* \(nearest: 1\)"),
         (Road, {"centre": (SQUARE[0], SQUARE[0]), "width": 3.0}, "expected at least two different points"),
         (Road, {"centre": (), "width": 3.0}, "expected at least two different points"),
         (Road, {"centre": SQUARE[:2], "width": 0.0}, "a road's width is 0"),
         (City, {"junctions": (BOW,)}, "a junction's corners"),
         (City, {"buildings": (Building(SQUARE), Building(((5.0, 5.0), (20.0, 5.0), (20.0, 20.0))))}, "overlap by"),
+        (Building, {"corners": SQUARE, "reflectivity": np.nan}, "reflectivity is nan"),
+        (Road, {"centre": ((0.0, 0.0), (np.inf, 0.0)), "width": 3.0}, "centre.1.0 is inf: Input should be a finite"),
+        (City, {"discretes": ((np.nan, 1.0),)}, "discretes.0.0 is nan: Input should be a finite number"),
         (City, {"building": ()}, "setting 'building' is unknown to City; did you mean 'buildings'"),
     ],
 )
@@ -89,6 +92,9 @@ def test_mistakes_in_a_city(make, values, message) -> None:
     with pytest.raises(InputError, match=message) as error:
         make_checked(make, values)
     assert "\n" not in str(error.value)
+    if "unknown" not in message:
+        with pytest.raises(InputError, match=message):
+            make(**values)
 
 
 def test_mistakes_in_a_file(tmp_path: Path) -> None:

@@ -85,3 +85,13 @@ def test_a_city_without_roads_is_no_place_to_start(tmp_path):
     file.write_text("[[buildings]]\ncorners = [[0, 50], [10, 50], [10, 60]]\n")
     with pytest.raises(InputError, match="expected one with roads"):
         make_checked(SectorSetupCity, {"city": str(file)})
+
+
+def test_no_road_leads_through_a_building(tmp_path):
+    file = tmp_path / "tunnel.toml"
+    file.write_text(
+        "[[buildings]]\ncorners = [[-20, 100], [20, 100], [20, 120], [-20, 120]]\n"
+        "[[roads]]\ncentre = [[-150, 110], [150, 110]]\nwidth = 14\n"
+    )
+    with pytest.raises(InputError, match="leads into a building, expected roads in the open"):
+        make_checked(SectorSetupCity, {"city": str(file)})

@@ -67,7 +67,25 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     ]
     number = hidden.number[:, 0].mean()
     assert abs(number - expected - sum(most)) < 4.5 * np.sqrt((expected + len(most) / 4) / count)
+    assert hidden.z.shape[2] == MOST
     assert poisson.sf(MOST // 2, expected) < 1e-6  # an array has room for all
+
+
+def test_there_is_room_for_all_clutter():
+    """Beside what targets return: 6 standard deviations; as many false returns come as should."""
+    system, count = Urban(clutter_density=1e-2), 40
+    worlds = oracles.worlds(system, count)
+    hidden = system.advance(system.begin(worlds), np.zeros(count, int), worlds).hidden
+    expected = 1e-2 * 300.0 * 2.0 * system.ambiguity  # 112
+    assert poisson.sf(hidden.z.shape[2] - 1, expected) < 1e-8
+    assert abs(hidden.number.mean() - expected) < 4.5 * np.sqrt(expected / hidden.number.size)
+
+
+def test_a_target_that_nobody_holds_is_an_error_too():
+    system = Urban(reference_snr=1e-3)
+    worlds = oracles.worlds(system, 2)
+    figures = system.metrics(system.advance(system.begin(worlds), np.zeros(2, int), worlds))
+    np.testing.assert_array_equal(figures["position_error"], [[20.0, 0.0]] * 2)  # the second has not come yet
 
 
 def walls(system, scan):
@@ -161,7 +179,9 @@ def test_metrics_are_counted_by_hand():
                 near = min(off, key=off.__getitem__) if off else None
                 held = bool(state.hidden.present[e, g]) and near is not None and off[near] <= 20.0
                 assert found["held"][e, g] == held
-                assert found["position_error"][e, g] == pytest.approx(off[near] if held else 0.0)
+                assert found["position_error"][e, g] == pytest.approx(
+                    off[near] if held else 20.0 if state.hidden.present[e, g] else 0.0
+                )
                 if held:
                     d = state.hidden.truth[e, g, :4] - x[e, near, :4]
                     assert found["nees"][e, g] == pytest.approx(d @ np.linalg.solve(P[e, near, :4, :4], d))
@@ -208,7 +228,7 @@ def headline(system, policy):
     held = np.array([f["held"] for f in figures])
     squares = np.array([f["position_error"] for f in figures]) ** 2
     confirmed = np.mean([f["confirmed"] for f in figures])
-    return (confirmed, np.sqrt(squares.sum() / held.sum())), models_of_first(states)
+    return (confirmed, np.sqrt(squares[held].mean())), models_of_first(states)
 
 
 def models_of_first(states):
@@ -275,6 +295,9 @@ def test_a_second_transmitter_elsewhere_helps():
         ({"weights": (1.0, -1.0, 1.0)}, r"weight is -1\.0"),
         ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
         ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
+        ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
+        ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan: Input should be a finite number"),
+        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "city and antennas span"),
         ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
         ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
     ],

@@ -61,5 +61,9 @@ def test_ranges_that_do_not_meet():
 def test_mistakes():
     with pytest.raises(InputError, match="stand in one line, expected a triangle"):
         multilaterate(np.ones((2, 2)), R, TX, np.stack([TX + 1.0, TX - 2.0]))
+    with pytest.raises(InputError, match=r"transmitter has shape \(2, 2\), expected \(2,\)"):
+        multilaterate(np.ones((2, 2)), R, [TX, TX], RX)
+    with pytest.raises(InputError, match="that broadcast"):
+        multilaterate(np.ones((3, 2, 2)), np.ones((4, 2, 2, 2)), TX, RX)
     with pytest.raises(InputError, match=r"measurements has shape \(2,\)"):
         multilaterate([1.0, 2.0], R, TX, RX)

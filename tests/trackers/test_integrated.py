@@ -104,6 +104,8 @@ def test_a_batch_is_its_scans_and_missed_scans_lower_existence():
         ({"clutter_density": 0.0}, "clutter_density.* is 0.0, expected finite numbers > 0"),
         ({"models": np.ones((3, 3))}, r"have the shapes \(3, 2, 4\), \(3, 3\), \(3,\), \(3,\) and \(3, 4\), expected"),
         ({"existence": [0.5]}, "have the shapes"),
+        ({"models": np.ones((3, 2))}, r"the sum of models\[0\] is 2\.0, expected 1"),
+        ({"likelihood": np.full((3, 2, 4), 1e308), "clutter_density": 1e-9}, r"likelihood goes up to 1e\+308"),
         ({"gate_probability": 0.0}, "gate_probability is 0.0"),
     ],
 )

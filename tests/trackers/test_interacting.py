@@ -169,5 +169,18 @@ def test_mistakes():
         ukf_update(x[0], 1e-6 * np.eye(6), z, -np.eye(2), TX, RX)
     with pytest.raises(InputError, match="covariance has the eigenvalue"):
         ukf_update(x[0], -P[0], z, R, TX, RX)
+    with pytest.raises(InputError, match="covariance has the eigenvalue -1"):
+        ukf_update(x[0], np.diag([1.0, 1.0, 1.0, 1.0, 1.0, -1.0]), z, R, TX, RX)
+    with pytest.raises(InputError, match="mean has 3 components, expected at least 4"):
+        ukf_update(np.ones(3), np.eye(3), z, R, TX, RX)
+    with pytest.raises(InputError, match="F has 2 components, expected at least 4"):
+        imm_ukf_scan(x[:, :2], P[:, :2, :2], mu, z, R, TX, RX, F[:, :2, :2], Q[:, :2, :2], TRANSITION)
+    with pytest.raises(InputError, match=r"transmitter has shape \(2, 2\), expected \(2,\)"):
+        imm_ukf_scan(x, P, mu, z, R, [TX, TX], RX, F, Q, TRANSITION)
+    with pytest.raises(InputError, match="expected leading axes that broadcast to the mean's"):
+        imm_ukf_scan(x, P, mu, np.ones((3, 2)), R, TX, RX, F, Q, TRANSITION)
+    with pytest.raises(InputError, match=r"probability\[0\] is -0\.5, expected probabilities"):
+        imm_mix(x, P, [-0.5, 1.5, 0.0, 0.0], TRANSITION)
+    np.testing.assert_array_equal(imm_reweigh([0.3, 0.7], [-np.inf, -np.inf]), [0.3, 0.7])
     with pytest.raises(InputError, match=r"F has shape \(6, 6\), expected \(models, n, n\)"):
         imm_ukf_scan(x, P, mu, z, R, TX, RX, F[0], Q[0], TRANSITION)

@@ -52,6 +52,15 @@ def test_is_a_metric(T, N, K, seed):
     assert gospa(a, c).distance <= gospa(a, b).distance + gospa(b, c).distance + 1e-9
 
 
+@pytest.mark.parametrize("p", [1.0, 2.0, 8.0, 14.0, 100.0])
+@pytest.mark.parametrize("apart", [0.1, 1.0, 19.0])
+def test_one_track_near_its_target_is_as_far_as_it_is(apart, p):
+    """At any order, of the nearer of two targets too; the other one costs c^p / 2."""
+    assert gospa([[0.0, 0.0]], [[apart, 0.0]], order=p).distance == pytest.approx(apart, rel=1e-9)
+    two = gospa([[apart, 0.0], [0.5 * apart, 0.0]], [[0.0, 0.0]], order=p)
+    assert two.localisation ** (1.0 / p) == pytest.approx(0.5 * apart, rel=1e-9)
+
+
 def test_absent_targets_and_tracks_do_not_count():
     targets, tracks = np.zeros((6, 3, 2)), np.zeros((3, 2))
     present = [[True, False, False], [True, True, False]] * 3
@@ -71,6 +80,7 @@ def test_absent_targets_and_tracks_do_not_count():
         ((np.zeros((2, 2)), np.zeros((2, 2)), [True] * 3), r"present and alive have shapes \(3,\)"),
         ((np.zeros((2, 2)), np.zeros((2, 2)), True, True, 0.0), "cutoff is 0.0 m"),
         ((np.zeros((2, 2)), np.zeros((2, 2)), True, True, 1.0, 0.5), "order is 0.5"),
+        ((np.zeros((2, 2)), np.zeros((2, 2)), True, True, 1e4, 100.0), "order is 100.0, expected at most 77"),
     ],
 )
 def test_mistakes(arguments, message):

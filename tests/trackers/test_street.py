@@ -183,6 +183,7 @@ def test_combined_is_the_mixture():
         ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
         ({"slots": 0}, "slots is 0, expected an integer >= 1"),
         ({"false_alarm": 0.0}, "false_alarm is 0"),
+        ({"false_alarm": 1.0}, r"false_alarm is 1\.0, expected a probability above 0 and below 1"),
         ({"clutter_density": -1.0}, "clutter_density is -1"),
         ({"survival": 1.1}, r"survival is 1\.1"),
         ({"models": "vsim"}, "models is 'vsim'"),
@@ -190,8 +191,12 @@ def test_combined_is_the_mixture():
     ],
 )
 def test_mistakes(change, message):
+    arguments = {"city": CROSSING, "transmitters": (TX,), "receivers": RX, **change}
     with pytest.raises(InputError, match=message):
-        make_checked(StreetTracker, {"city": CROSSING, "transmitters": (TX,), "receivers": RX, **change})
+        make_checked(StreetTracker, arguments)
+    if "unknown" not in message:
+        with pytest.raises(InputError, match=message):
+            StreetTracker(**arguments)
 
 
 def test_shapes_that_do_not_fit():
@@ -199,5 +204,36 @@ def test_shapes_that_do_not_fit():
         InputError, match=r"z and count have shapes \(1, 3, 6, 2\) and \(1, 2\), expected \(1, 2, most, 2\)"
     ):
         TRACKER.scan(TRACKER.empty(1), np.zeros((1, 3, 6, 2)), np.zeros((1, 2)), R, SNR)
-    with pytest.raises(InputError, match="count is 7, expected at most 6"):
-        TRACKER.scan(TRACKER.empty(1), NOTHING[0], np.full((1, 2), 7), R, SNR)
+    for count in (7, -1, 1.5, np.nan):
+        with pytest.raises(InputError, match=f"count is {count}, expected an integer from 0 to 6"):
+            TRACKER.scan(TRACKER.empty(1), NOTHING[0], np.full((1, 2), count), R, SNR)
+
+
+@pytest.mark.parametrize(
+    "other", [StreetTracker(CROSSING, (TX,), RX, models="ncv"), StreetTracker(CROSSING, (TX,), RX, slots=3)]
+)
+def test_another_tracker_s_tracks_are_refused(other):
+    for use in (lambda tracks: TRACKER.scan(tracks, *NOTHING, R, SNR), lambda tracks: TRACKER.expect(tracks, R, SNR)):
+        with pytest.raises(InputError, match=r"tracks\.\w+ has shape .*: this tracker's"):
+            use(other.empty(1))
+
+
+@pytest.mark.parametrize(
+    ("R", "snr", "message"),
+    [
+        (-R, SNR, "expected positive definite matrices"),
+        (np.ones((2, 2)), SNR, "expected positive definite matrices"),
+        (np.full((2, 2), np.nan), SNR, "expected positive definite matrices"),
+        (R, 0.0, "snr is 0"),
+        (R, -1.0, "snr is -1"),
+        (R, np.nan, "snr is nan"),
+        (R, np.ones(3), r"snr have shapes"),
+    ],
+)
+def test_impossible_waveforms_are_refused(R, snr, message):
+    for use in (
+        lambda: TRACKER.scan(TRACKER.empty(1), *NOTHING, R, snr),
+        lambda: TRACKER.expect(TRACKER.empty(1), R, snr),
+    ):
+        with pytest.raises(InputError, match=message):
+            use()

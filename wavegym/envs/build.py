@@ -9,6 +9,8 @@ from wavegym.errors import InputError
 from wavegym.parameter_sets import make_checked
 from wavegym.systems.contract import System
 
+SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps", "forecasts")
+
 
 def build_system(system: System | type[System] | str, parameters: dict[str, Any]) -> System:
     """The system itself, or one built from its class or ``"package.module:Class"`` and parameters.
@@ -20,7 +22,7 @@ def build_system(system: System | type[System] | str, parameters: dict[str, Any]
         if parameters:
             raise InputError(f"parameters {sorted(parameters)} were given beside a finished system, expected its class")
         return system
-    return make_checked(_load(system) if isinstance(system, str) else system, parameters)
+    return make_checked(_load(system) if isinstance(system, str) else system, parameters, beside=SETTINGS)
 
 
 def _load(path: str) -> Any:

@@ -14,6 +14,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from wavegym.envs.build import SETTINGS
 from wavegym.envs.docstrings import SECTIONS, meanings, mention, section, summary
 from wavegym.envs.observations import LIMIT
 from wavegym.envs.vector import WaveformVectorEnv
@@ -42,7 +43,6 @@ INFO_AT_TIMES = {
 }
 MOST_ROWS = 100  # of a joint form's table: a longer one says nothing that its rule does not
 FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system has those it accepts
-SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps", "forecasts")
 
 
 def describe(id: str, /, **parameters: Any) -> str:

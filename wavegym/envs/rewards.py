@@ -120,7 +120,7 @@ class Relative:
         reference = self.reference
         if isinstance(reference, str):
             if reference not in recorded(system):
-                wanted = "a system at its defaults with such a record (nearest: 'relative')"
+                wanted = "a system at its defaults with such a record (nearest: reward='relative')"
                 raise InputError(f"reward is relative to {reference!r}, expected {wanted}")
             reference = rule(reference, system, None)
         played = rollout(system, reference, world)

@@ -62,7 +62,7 @@ class Runs(NamedTuple):
     confirmed: Array  # (run, k) confirmed tracks
     false: Array  # (run, k) those with no target within 20 m
     held: Array  # (run, k, target) bool: a confirmed track is within 20 m
-    error: Array  # (run, k, target) m, of the nearest; 0 where not held
+    error: Array  # (run, k, target) m, of the nearest; 20 where not held, 0 where not there
     lost: Array  # (run, k, target) bool: both straight ways are open, and it is not held
     gospa: Array  # (run, k) m
     mu: Array  # (run, k, target, model) of the nearest confirmed track; NaN where not held

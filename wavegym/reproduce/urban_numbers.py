@@ -148,4 +148,4 @@ def _totals(runs: Runs) -> tuple[Array, Array]:
 
 def _squares(runs: Runs) -> tuple[Array, Array]:
     """Squared errors of the targets held, summed, and their number, (run, k)."""
-    return np.square(runs.error).sum(axis=2), runs.held.sum(axis=2)
+    return np.square(np.where(runs.held, runs.error, 0.0)).sum(axis=2), runs.held.sum(axis=2)

@@ -32,6 +32,14 @@ def shaped(name: str, values: ArrayLike, *core: int) -> Array:
     return array
 
 
+def exactly(name: str, values: ArrayLike, *shape: int) -> Array:
+    """``values`` as a fresh array of this shape, no axis more; otherwise InputError."""
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape:
+        raise InputError(f"{name} has shape {array.shape}, expected {shape}")
+    return array
+
+
 def alike(**arrays: ArrayLike) -> tuple[Array, ...]:
     """The arrays broadcast to one shape; otherwise InputError."""
     try:

@@ -11,18 +11,19 @@ from typing import Self
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from pydantic import ConfigDict, field_validator, model_validator
+from pydantic import ConfigDict, FiniteFloat, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
 from wavegym.errors import InputError, choice, positive, within
-from wavegym.parameter_sets import make_checked
+from wavegym.parameter_sets import in_one_line, make_checked
 from wavegym.sensors.checks import Array, shaped
 
-Point = tuple[float, float]
+Point = tuple[FiniteFloat, FiniteFloat]
 CITIES = Path(__file__).parent / "cities"
 CLOSED = ConfigDict(extra="forbid")
 
 
+@in_one_line
 @dataclass(frozen=True, config=CLOSED)
 class Building:
     """A polygon that nothing passes through and whose walls reflect like mirrors.
@@ -50,6 +51,7 @@ class Building:
         return within("reflectivity", reflectivity, 0.0, 1.0)
 
 
+@in_one_line
 @dataclass(frozen=True, config=CLOSED)
 class Road:
     """A strip on which targets may drive.
@@ -73,6 +75,7 @@ class Road:
         return self
 
 
+@in_one_line
 @dataclass(frozen=True, config=CLOSED)
 class City:
     """Everything a radar in a street has to know of it (Barbosa et al., figure 3).
@@ -163,6 +166,12 @@ class City:
             x, y = shapely.get_coordinates(crossed)[0]
             raise InputError(f"{name} leads into a building at ({x:g}, {y:g}) m, expected a path through the streets")
 
+    def check_roads(self) -> None:
+        """InputError if a road leads through a building."""
+        for road, strip in zip(self.roads, self._strips, strict=True):
+            if strip.intersection(self._built).area > 0.0:
+                raise InputError(f"the road along {road.centre} leads into a building, expected roads in the open")
+
     @cached_property
     def _built(self) -> shapely.Geometry:
         return _prepared([shapely.Polygon(each.corners) for each in self.buildings])
@@ -170,18 +179,19 @@ class City:
     @cached_property
     def paved(self) -> shapely.Geometry:
         """All roads as one area."""
-        strips = [
+        return _prepared(self._strips)
+
+    @property
+    def _strips(self) -> list[shapely.Geometry]:
+        return [
             shapely.LineString(r.centre).buffer(r.width / 2, cap_style="flat", join_style="mitre") for r in self.roads
         ]
-        return _prepared(strips)
 
 
 def _polygon(name: str, corners: tuple[Point, ...]) -> tuple[Point, ...]:
     """The corners anticlockwise; InputError where they bound no single area."""
     if len(set(corners)) < 3:
         raise InputError(f"{name} are {corners}, expected at least three different ones")
-    if not np.isfinite(corners).all():
-        raise InputError(f"{name} are {corners}, expected finite numbers [m]")
     polygon = shapely.Polygon(corners)
     if not polygon.is_valid or not polygon.area > 0.0:
         reason = shapely.is_valid_reason(polygon)

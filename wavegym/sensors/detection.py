@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.errors import InputError, positive
+from wavegym.errors import open_unit, positive
 from wavegym.sensors import detection_kernels as kernels
 from wavegym.sensors.checks import Array, every
 
@@ -37,9 +37,4 @@ def energy_detection_probability(energy_ratio: ArrayLike, false_alarm: ArrayLike
     The form that Sira et al. print. They call E/N0 by the same eta that divides their measurement covariance.
     """
     ratio = every(positive, "energy_ratio", energy_ratio)
-    return kernels.probability(ratio, np.log(every(_open_unit, "false_alarm", false_alarm)))
-
-
-def _open_unit(name: str, value: float) -> None:
-    if not 0.0 < value < 1.0:
-        raise InputError(f"{name} is {value!r}, expected a probability above 0 and below 1")
+    return kernels.probability(ratio, np.log(every(open_unit, "false_alarm", false_alarm)))

@@ -28,7 +28,7 @@ class Antenna:
         axis: along which the elements of an array stand, a unit vector.
 
     Raises:
-        InputError: a position inside a building, an axis of another length than 1.
+        InputError: a position that is not finite or inside a building, an axis of another length than 1.
     """
 
     city: City
@@ -36,8 +36,10 @@ class Antenna:
     axis: Point = (1.0, 0.0)
 
     def __post_init__(self) -> None:
+        if not np.isfinite(self.position).all():
+            raise InputError(f"the antenna's position is {self.position}, expected finite numbers in m")
         self.city.check_outdoors("the antenna's position", self.position)
-        if abs(np.hypot(*self.axis) - 1.0) > 1e-9:
+        if not abs(np.hypot(*self.axis) - 1.0) <= 1e-9:
             raise InputError(f"the antenna's axis is {self.axis}, expected a unit vector such as (1.0, 0.0)")
 
     @cached_property

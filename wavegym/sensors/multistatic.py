@@ -114,12 +114,16 @@ class Multistatic:
         Raises:
             InputError: shapes that do not fit, a way that is none.
         """
-        state, way = shaped("state", state, 6), np.asarray(way, np.int64)
+        state, way = shaped("state", state, 6), np.asarray(way)
         if state.ndim != 2 or way.shape != state.shape[:1]:
             raise InputError(f"state and way have shapes {state.shape} and {way.shape}, expected (n, 6) and (n,)")
         every(lambda name, number: within(name, number, 0, len(self.ways) - 1), "way", way)
+        if (way != np.floor(way)).any():
+            raise InputError(f"way is {way.tolist()}, expected integers")
         times, offsets = np.array(times, np.float64, ndmin=1), np.array(offsets, np.float64, ndmin=1)
-        out, back = self.ways[way].T
+        if times.ndim > 1 or offsets.ndim > 1:
+            raise InputError(f"times and offsets have shapes {times.shape} and {offsets.shape}, expected one axis each")
+        out, back = self.ways[way.astype(np.int64)].T
         delays = np.empty((len(way), len(times), len(offsets)))
         images = self.transmitter.images[out], self.receiver.images[back], self.receiver.axes[back]
         path_delays(np.array(state, order="C"), *images, offsets, times, SPEED_OF_LIGHT, delays)

@@ -137,9 +137,10 @@ class ArrayReceiver:
             threshold: in units of the noise's power.
 
         Raises:
-            InputError: another image's shape.
+            InputError: another image's shape, a threshold that is not > 0.
         """
         _require("image", image, (self.elements, self._delays, self._dopplers))
+        positive("threshold", threshold)
         power = np.empty(image.shape[1:])
         kernels.brightest(image, self._steering, power)
         found = np.empty((MOST, 2), np.int64)
@@ -167,8 +168,9 @@ class ArrayReceiver:
         The field's excursions as the expected Euler characteristic counts them: |A|^2 is a chi-square field with two
         degrees of freedom over delay, Doppler and direction (Worsley, "Local maxima and the expected Euler
         characteristic of excursion sets of chi^2, F and t fields", Adv. Appl. Prob. 26, 1994); less those whose top
-        lies between cells.
+        lies between cells. InputError for a threshold that is not > 0.
         """
+        positive("threshold", threshold)
         curvature, twice = self._curvature, 2.0 * threshold
         cell = abs(np.linalg.det(self._cells))
         density = math.sqrt(np.linalg.det(curvature)) / cell * math.exp(-threshold) / (2.0 * math.pi)

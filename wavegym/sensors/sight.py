@@ -12,11 +12,12 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import positive
+from wavegym.errors import InputError, positive
 from wavegym.sensors.checks import Array, shaped
 from wavegym.sensors.city import City
 from wavegym.sensors.multipath import Antenna
 
+MOST_CELLS = 10_000_000
 BEYOND = 10.0  # metres that a grid reaches past whatever stands in the city
 
 
@@ -36,13 +37,16 @@ class Grid:
 
     @classmethod
     def over(cls, city: City, antennas: tuple[tuple[float, float], ...] = (), cell: float = 1.0) -> Grid:
-        """Cells over all that stands in the city and all antennas. InputError: a cell not > 0."""
+        """Cells over all that stands in the city and all antennas. InputError: a cell not > 0, or too many."""
         positive("cell", cell, "m")
         roads = shapely.get_coordinates(city.paved)
         every = np.concatenate([city.walls.reshape(-1, 2), roads, np.array(antennas, np.float64).reshape(-1, 2)])
         low, high = (every.min(axis=0), every.max(axis=0)) if len(every) else (np.zeros(2), np.zeros(2))
         low, high = np.floor(low - BEYOND), np.ceil(high + BEYOND)
         columns, rows = np.ceil((high - low) / cell).astype(int)
+        if columns * rows > MOST_CELLS:
+            span = f"{high[0] - low[0]:g} m by {high[1] - low[1]:g} m"
+            raise InputError(f"city and antennas span {span} in cells of {cell:g} m, expected {MOST_CELLS:.0e} at most")
         return cls((float(low[0]), float(low[1])), cell, (int(columns), int(rows)))
 
     @cached_property

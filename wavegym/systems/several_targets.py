@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, non_negative, positive, within
+from wavegym.errors import InputError, non_negative, open_unit, positive, within
 from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.contract import Element
 from wavegym.trackers import Particles
@@ -115,8 +115,7 @@ def check_numbers(system: AgileClutter) -> None:
     positive("sum of weights", sum(system.weights))
     for sweep in system.sweeps:
         positive("sweep", sweep, "Hz")
-    if not 0.0 < system.false_alarm < 1.0:
-        raise InputError(f"false_alarm is {system.false_alarm!r}, expected a probability between 0 and 1, exclusive")
+    open_unit("false_alarm", system.false_alarm)
     within("particles", system.particles, 2, 1_000_000)
 
 

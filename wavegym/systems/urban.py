@@ -18,7 +18,7 @@ from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.systems import urban_kernels as kernels
 from wavegym.systems.contract import Element, State, System
 from wavegym.systems.urban_receivers import StreetReceivers
-from wavegym.systems.urban_state import MOST, Hidden, Public, Scene, World, key_figures, make_scene, urban_elements
+from wavegym.systems.urban_state import Hidden, Public, Scene, World, key_figures, make_scene, room_for, urban_elements
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import StreetTracker, Tracks
 from wavegym.trackers.street import MODELS
@@ -44,9 +44,10 @@ class Urban(System):
         tracker: LMIPDA and a variable-structure IMM of unscented filters.
 
     Rewards
-        Minus the cost, summed over the ``charged`` surest slots: r min(trace(Lambda P), c0) + (1 - r) c0, with r the
-        track's probability of existence and c0 the trace of a track just begun at its vaguest; m^2, with ``weights`` 1,
-        1 s^2 and 1 s^4 on positions, velocities and accelerations. To lose a track never pays.
+        Minus the cost, summed over the ``charged`` slots that cost least: r min(trace(Lambda P), c0) + (1 - r) c0, with
+        r the track's probability of existence and c0 the trace of a track just begun at its vaguest; m^2, with
+        ``weights`` 1, 1 s^2 and 1 s^4 on positions, velocities and accelerations. To lose a track never pays; a false
+        one pays as much as the tracker believes in it.
 
     Starting state
         No tracks; the first target enters at its arrival.
@@ -120,7 +121,7 @@ class Urban(System):
         if self.fidelity == "signal" and self.false_alarm is not None:
             wanted = "expected none with fidelity='signal': it follows from clutter_density"
             raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
-        _ = self.actions, self.following, self.scene
+        _ = self.actions, self.following, self.scene, self._most
 
     @cached_property
     def map(self) -> City:
@@ -196,6 +197,11 @@ class Urban(System):
         """Range-rates beyond this are folded, m/s: lambda / (4 interval)."""
         return SPEED_OF_LIGHT / self.carrier / (4.0 * self.interval)
 
+    @cached_property
+    def _most(self) -> int:
+        """Measurements of a pair in a scan that there is room for."""
+        return room_for(self.clutter_density * self.reach * 2.0 * self.ambiguity)
+
     def named_loops(self) -> dict[str, tuple[str, dict[str, Any]]]:
         """The paper's baseline: waveforms in turn, and one nearly constant velocity."""
         return {"open-loop": ("round-robin", {"tracker": "ncv"})}
@@ -208,7 +214,7 @@ class Urban(System):
         """No tracks, no scan."""
         count = len(world.key)
         truth, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
-        nothing = np.zeros((count, len(self.pairs), MOST, 2)), np.zeros((count, len(self.pairs)), np.int64)
+        nothing = np.zeros((count, len(self.pairs), self._most, 2)), np.zeros((count, len(self.pairs)), np.int64)
         hidden = Hidden(truth, present, *nothing, np.zeros(count, np.int64))
         return State(hidden, Public(np.zeros(count, np.int64), *self.following.empty(count)))
 
@@ -272,9 +278,10 @@ class Urban(System):
         return np.array(self.transmitters[0])
 
     def metrics(self, state: State) -> dict[str, Array]:
-        """Of each target ``held``: whether a confirmed track is within 20 m; ``position_error`` and ``nees`` of the
-        nearest (expected: 4), with ``present`` for those that are held; ``lost``: both straight ways are open, and it
-        is not held. Of the scan: ``confirmed``, ``false`` and ``tentative`` tracks, those ``refused`` a slot, ``gospa``
-        (m, cutoff 20 m), and the ``measurements``.
+        """Of each target ``held``: whether a confirmed track is within 20 m; ``position_error`` of the nearest (20 m
+        where none is, 0 while the target is not there) and its ``nees`` (expected: 4), with ``present`` for those that
+        are held, of which evaluations take means; ``lost``: both straight ways are open, and it is not held. Of the
+        scan: ``confirmed``, ``false`` and ``tentative`` tracks, those ``refused`` a slot, ``gospa`` (m, cutoff 20 m),
+        and the ``measurements``.
         """
         return key_figures(state, self.scene.direct)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -19,7 +20,8 @@ from wavegym.trackers.street import CONFIRMED, EMPTY
 Array = NDArray[Any]
 
 HELD_WITHIN = 20.0  # m, of GOSPA too: a confirmed track farther off is none of a target's
-MOST = 64  # measurements of a pair in a scan; more are lost
+MOST = 64  # measurements of a pair in a scan, where there is little clutter
+GREATEST = 4096  # in any
 
 
 class World(NamedTuple):
@@ -33,7 +35,7 @@ class Hidden(NamedTuple):
 
     truth: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
     present: Array  # (env, target)
-    z: Array  # (env, pair, MOST, 2): the last scan
+    z: Array  # (env, pair, most, 2): the last scan
     number: Array  # (env, pair): how many measurements it has
     refused: Array  # (env,): tracks that found no slot of their own in it
 
@@ -48,6 +50,21 @@ class Public(NamedTuple):
     existence: Array  # (env, slot)
     status: Array  # (env, slot)
     age: Array  # (env, slot)
+
+
+def room_for(expected: float) -> int:
+    """Measurements of a pair in a scan that there has to be room for, where so many false returns are expected.
+
+    Targets' returns beside six standard deviations of clutter.
+
+    Raises:
+        InputError: more than may be.
+    """
+    most = max(MOST, math.ceil(expected + 6.0 * math.sqrt(expected)) + MOST // 2)
+    if most > GREATEST:
+        wanted = f"at most {GREATEST} with targets' and six standard deviations"
+        raise InputError(f"false returns of a pair in a scan are {expected:.4g} on average, expected {wanted}")
+    return most
 
 
 class Scene(NamedTuple):
@@ -135,7 +152,7 @@ def key_figures(state: State, direct: Array) -> dict[str, Array]:
     nees[e, g] = (own * np.linalg.solve(spread, own[..., None])[..., 0]).sum(axis=-1)
     nobody = (np.where(hidden.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
     return {
-        "position_error": np.where(held, least, 0.0),
+        "position_error": np.where(hidden.present, np.minimum(least, HELD_WITHIN), 0.0),
         "nees": nees,
         "present": held,
         "held": held,

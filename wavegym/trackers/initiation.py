@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
-from wavegym.sensors.checks import shaped
+from wavegym.sensors.checks import exactly, shaped
 from wavegym.trackers import initiation_kernels as kernels
 from wavegym.trackers.checks import flat
 
@@ -36,9 +36,15 @@ def multilaterate(
         InputError: shapes that do not fit, antennas in one line.
     """
     z, errors = shaped("measurements", measurements, 2, 2), shaped("R", R, 2, 2, 2)
-    t, s = np.array(shaped("transmitter", transmitter, 2)), np.array(shaped("receivers", receivers, 2, 2))
+    t, s = exactly("transmitter", transmitter, 2), exactly("receivers", receivers, 2, 2)
     require_triangle(t, s)
-    lead = np.broadcast_shapes(z.shape[:-2], errors.shape[:-3])
+    try:
+        lead = np.broadcast_shapes(z.shape[:-2], errors.shape[:-3])
+    except ValueError:
+        raise InputError(
+            f"measurements and R have shapes {z.shape} and {errors.shape}, expected (..., 2, 2) and (..., 2, 2, 2) "
+            "that broadcast"
+        ) from None
     z, errors = flat(z, lead, 2, 2), flat(errors, lead, 2, 2, 2)
     x, P = np.empty((len(z), 2, 4)), np.empty((len(z), 2, 4, 4))
     kernels.multilaterate(z, errors, t, s, x, P)

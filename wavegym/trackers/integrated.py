@@ -71,10 +71,16 @@ def lmipda(
     require_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
     require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
     require_each("models", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
+    total = mu.sum(axis=-1)
+    require_each("the sum of models", total, abs(total - 1.0) < 1e-9, "1")
     association_terms(Pd, rho, gate_probability)
     mu, psi, seen = flat(mu, lead, T, r), flat(psi, lead, T), flat(Pd * gate_probability, lead, T)
     beta = np.empty((len(mu), T * r, 1 + M))
     kernels.lmipda(flat(p, lead, T, r, M), mu, seen, psi, flat(rho, lead, T, M), beta)
+    if not np.isfinite(psi).all():
+        raise InputError(
+            f"likelihood goes up to {p.max():g}, expected numbers whose ratio to clutter_density is finite"
+        )
     return Integrated(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
-from wavegym.sensors.checks import shaped
+from wavegym.sensors.checks import exactly, shaped
 from wavegym.trackers import interacting_kernels as kernels
 from wavegym.trackers.checks import flat, require_each
 from wavegym.trackers.kalman import require_positive_definite
@@ -45,11 +45,11 @@ def ukf_update(
     Raises:
         InputError: shapes that do not fit, a P or R that is not positive definite.
     """
+    _moves("mean", np.shape(mean)[-1:])
+    require_positive_definite("covariance", covariance)
+    require_positive_definite("R", R)
     transmitter, receiver = shaped("transmitter", transmitter, 2), shaped("receiver", receiver, 2)
     x, P, log_likelihood = kernels.unscented_update(mean, covariance, measurement, R, transmitter, receiver)
-    if np.isnan(log_likelihood).any():
-        require_positive_definite("covariance", covariance)
-        require_positive_definite("R", R)
     return x, P, log_likelihood
 
 
@@ -69,8 +69,10 @@ def imm_mix(
         has probability 0 and keeps its own mean and covariance.
 
     Raises:
-        InputError: shapes that do not fit, rows of ``transition`` that are no probabilities.
+        InputError: shapes that do not fit, a ``probability`` or rows of ``transition`` that are no probabilities.
     """
+    mu = np.asarray(probability, np.float64)
+    require_each("probability", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
     return kernels.mix(mean, covariance, probability, _stochastic("transition", transition))
 
 
@@ -83,9 +85,11 @@ def imm_reweigh(predicted: ArrayLike, log_likelihood: ArrayLike) -> Array:
     """Model probabilities after a measurement, (..., models), from predicted ones and log likelihoods.
 
     Likelihoods are compared before they are exponentiated: of a measurement that no model explains, such as one a
-    million metres off, the one that explains it least badly becomes certain, and none is lost.
+    million metres off, the one that explains it least badly becomes certain, and none is lost. Of one that is
+    impossible to all, log likelihood -inf, nothing is learned.
     """
-    return kernels.reweigh(predicted, log_likelihood)
+    log = np.asarray(log_likelihood, np.float64)
+    return kernels.reweigh(predicted, np.where((log == -np.inf).all(axis=-1, keepdims=True), 0.0, log))
 
 
 def imm_ukf_scan(
@@ -113,19 +117,32 @@ def imm_ukf_scan(
         Updated means, covariances and model probabilities, shaped as given.
 
     Raises:
-        InputError: shapes that do not fit, rows of ``transition`` that are no probabilities.
+        InputError: shapes that do not fit, fewer than four components, rows of ``transition`` that are no
+            probabilities.
     """
     F = np.array(shaped("F", F), np.float64, order="C")
     if F.ndim != 3 or F.shape[1] != F.shape[2]:
         raise InputError(f"F has shape {F.shape}, expected (models, n, n)")
     M, n = F.shape[:2]
+    _moves("F", (n,))
     chances = np.array(shaped("transition", _stochastic("transition", transition), M, M), order="C").reshape(1, M, M)
     x = shaped("mean", mean, M, n)
     lead = x.shape[:-2]
-    x, P = flat(x, lead, M, n), flat(shaped("covariance", covariance, M, n, n), lead, M, n, n)
-    mu, z = flat(shaped("probability", probability, M), lead, M), flat(shaped("measurement", measurement, 2), lead, 2)
-    errors, noise = flat(shaped("R", R, 2, 2), lead, 2, 2), flat(shaped("Q", Q, n, n), (M,), n, n)
-    places = (np.array(shaped(name, at, 2)) for name, at in (("transmitter", transmitter), ("receiver", receiver)))
+    try:
+        x, P = flat(x, lead, M, n), flat(shaped("covariance", covariance, M, n, n), lead, M, n, n)
+        mu, z = (
+            flat(shaped("probability", probability, M), lead, M),
+            flat(shaped("measurement", measurement, 2), lead, 2),
+        )
+        errors, noise = flat(shaped("R", R, 2, 2), lead, 2, 2), exactly("Q", Q, M, n, n)
+    except InputError:
+        raise
+    except ValueError:
+        raise InputError(
+            f"covariance, probability, measurement and R have shapes {np.shape(covariance)}, {np.shape(probability)}, "
+            f"{np.shape(measurement)} and {np.shape(R)}, expected leading axes that broadcast to the mean's, {lead}"
+        ) from None
+    places = exactly("transmitter", transmitter, 2), exactly("receiver", receiver, 2)
     kernels.scan(x, P, mu, z, errors, *places, F, noise, chances, (0,) * n, (0,) * M)
     return x.reshape(*lead, M, n), P.reshape(*lead, M, n, n), mu.reshape(*lead, M)
 
@@ -155,6 +172,12 @@ def variable_structure(transition: ArrayLike, active: ArrayLike) -> Array:
             " of transition with a probability > 0 for one of them"
         )
     return np.asarray(left / total)
+
+
+def _moves(name: str, size: tuple[int, ...]) -> None:
+    """InputError for a state that does not begin with x, y, xdot, ydot."""
+    if size and size[0] < 4:
+        raise InputError(f"{name} has {size[0]} components, expected at least 4: x, y, xdot, ydot")
 
 
 def _stochastic(name: str, transition: ArrayLike) -> Array:

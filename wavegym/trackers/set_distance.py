@@ -6,6 +6,8 @@ alpha = 2.
 
 from __future__ import annotations
 
+import math
+import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -54,6 +56,11 @@ def gospa(
         InputError: shapes that do not fit, more than 12 targets, a cutoff or order out of range.
     """
     c, p = positive("cutoff", cutoff, "m"), within("order", order, 1.0, 100.0)
+    if p * math.log(c) > math.log(sys.float_info.max):
+        most = math.log(sys.float_info.max) / math.log(c)
+        raise InputError(
+            f"order is {order!r}, expected at most {most:.4g} with a cutoff of {cutoff!r} m: c^p overflows"
+        )
     truth, found = shaped("targets", targets), shaped("tracks", tracks)
     if min(truth.ndim, found.ndim) < 2 or truth.shape[-1] != found.shape[-1]:
         raise InputError(

@@ -19,8 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.errors import InputError, positive, whole, within
-from wavegym.sensors.checks import shaped
+from wavegym.errors import InputError, open_unit, positive, whole, within
+from wavegym.parameter_sets import in_one_line
+from wavegym.sensors.checks import every, shaped
 from wavegym.sensors.city import City, Point
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.sight import Grid, SightMap, in_junctions, metres_to_road, sight_map
@@ -55,6 +56,7 @@ class Tracks(NamedTuple):
         return imm_combine(self.x, self.P, self.mu)
 
 
+@in_one_line
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class StreetTracker:
     """See the module; parameters are not the paper's, which prints next to none.
@@ -127,7 +129,7 @@ class StreetTracker:
         for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
             positive(name, getattr(self, name))
         for name in ("gate_probability", "false_alarm"):
-            within(name, getattr(self, name), 1e-9, 1.0 - 1e-9)
+            open_unit(name, getattr(self, name))
         for name in ("survival", "birth", "confirm"):
             within(name, getattr(self, name), 0.0, 1.0)
         _ = self.street
@@ -166,19 +168,22 @@ class StreetTracker:
             New tracks, and how many found no slot of their own, (env,): they took a tentative track's, or none.
 
         Raises:
-            InputError: shapes that do not fit.
+            InputError: shapes that do not fit, a count, an R or an SNR that is none.
         """
         envs, pairs = len(tracks.existence), len(self.transmitters) * len(self.receivers)
-        z, count = np.array(shaped("z", z, 2), order="C"), np.array(count, np.int64)
+        z, count = np.array(shaped("z", z, 2), order="C"), np.array(count)
         if z.shape[:2] != (envs, pairs) or z.ndim != 4 or count.shape != (envs, pairs):
             raise InputError(
                 f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, 2) and "
                 f"({envs}, {pairs})"
             )
-        if (count > z.shape[2]).any():
-            raise InputError(f"count is {int(count.max())}, expected at most {z.shape[2]}, what z holds")
-        after, refused = Tracks(*(np.array(leaf, order="C") for leaf in tracks)), np.zeros(envs, np.int64)
-        street_scan_kernels.scan(*after, self.street, *self._waves(R, snr, envs), z, count, refused, *self._sizes)
+        wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
+        if wrong.any():
+            raise InputError(f"count is {count[wrong][0]}, expected an integer from 0 to {z.shape[2]}, what z holds")
+        after, refused = self._copied(tracks), np.zeros(envs, np.int64)
+        street_scan_kernels.scan(
+            *after, self.street, *self._waves(R, snr, envs), z, count.astype(np.int64), refused, *self._sizes
+        )
         return after, refused
 
     def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
@@ -186,9 +191,17 @@ class StreetTracker:
 
         Arguments as for ``scan``; the mean is the predicted one.
         """
-        after = Tracks(*(np.array(leaf, order="C") for leaf in tracks))
+        after = self._copied(tracks)
         street_scan_kernels.expect(*after, self.street, *self._waves(R, snr, len(after.existence)), *self._sizes)
         return after
+
+    def _copied(self, tracks: Tracks) -> Tracks:
+        """To be written over; InputError for those of another tracker."""
+        wanted = self.empty(len(tracks.existence))
+        for name, leaf, own in zip(Tracks._fields, tracks, wanted, strict=True):
+            if np.shape(leaf) != own.shape:
+                raise InputError(f"tracks.{name} has shape {np.shape(leaf)}, expected {own.shape}: this tracker's")
+        return Tracks(*(np.array(leaf, own.dtype, order="C") for leaf, own in zip(tracks, wanted, strict=True)))
 
     def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
         """R and SNR of each environment's pairs."""
@@ -200,6 +213,10 @@ class StreetTracker:
             raise InputError(
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
+        every(positive, "snr", ratio)
+        variance, other = covariance[..., 0, 0], covariance[..., 1, 1]
+        if not ((variance > 0.0) & (variance * other > covariance[..., 0, 1] * covariance[..., 1, 0])).all():
+            raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
         return np.ascontiguousarray(covariance), np.ascontiguousarray(ratio)
 
     @property

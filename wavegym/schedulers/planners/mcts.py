@@ -137,10 +137,11 @@ class MonteCarloTree(Planner):
     def _descend(self, here: Any, options: Array, nodes: list[_Node | None], picked: dict[int, int]) -> None:
         """From each node to the child of what was chosen and seen; a new child ends the way down."""
         mask = allowed(self.system, here) if picked else None
+        seen = [here.covariance] if hasattr(here, "covariance") else [leaf for leaf in here if leaf is not None]
         for e, option in picked.items():
             node = nodes[e]
             assert node is not None
-            key = (option, here.covariance[e].tobytes())
+            key = (option, *(leaf[e].tobytes() for leaf in seen))
             if key in node.children:
                 nodes[e] = node.children[key]
                 continue

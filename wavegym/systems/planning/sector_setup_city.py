@@ -65,6 +65,7 @@ class SectorSetupCity(SectorSetup):
         super().__post_init__()
         if not self.map.roads:
             raise InputError(f"city is {self.city!r}, expected one with roads, on which targets start")
+        self.map.check_roads()
         _ = self._sites
 
     @cached_property
