@@ -197,11 +197,13 @@ class StreetTracker:
 
     def _copied(self, tracks: Tracks) -> Tracks:
         """To be written over; InputError for those of another tracker."""
-        wanted = self.empty(len(tracks.existence))
-        for name, leaf, own in zip(Tracks._fields, tracks, wanted, strict=True):
-            if np.shape(leaf) != own.shape:
-                raise InputError(f"tracks.{name} has shape {np.shape(leaf)}, expected {own.shape}: this tracker's")
-        return Tracks(*(np.array(leaf, own.dtype, order="C") for leaf, own in zip(tracks, wanted, strict=True)))
+        models, envs = len(self.motion), len(tracks.existence)
+        cores: list[tuple[int, ...]] = [(models, 6), (models, 6, 6), (models,), (), (), ()]
+        for name, leaf, core in zip(Tracks._fields, tracks, cores, strict=True):
+            if leaf.shape != (envs, self.slots, *core):
+                wanted = (envs, self.slots, *core)
+                raise InputError(f"tracks.{name} has shape {leaf.shape}, expected {wanted}: this tracker's")
+        return Tracks(*(np.array(leaf, order="C") for leaf in tracks))
 
     def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
         """R and SNR of each environment's pairs."""
