@@ -86,7 +86,7 @@ def test_a_box_policy_stays_in_the_box(tmp_path: Path) -> None:
     actions = policy.act(None, 10.0 * observations(), None)
     assert actions.shape == (40, 2)
     assert (np.abs(actions) <= 1.0).all()
-    with pytest.raises(InputError, match=r"among actions 2 \(box, .*offers 56 \(library"):
+    with pytest.raises(InputError, match=r"2 \(box, .*offers 56 \(library.*nearest: the setting.* action=box of"):
         load_policy(tmp_path / "run", ID, SYSTEM)
 
 
