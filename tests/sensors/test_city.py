@@ -85,6 +85,7 @@ BOW = ((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0))
         (Building, {"corners": SQUARE, "reflectivity": np.nan}, "reflectivity is nan"),
         (Road, {"centre": ((0.0, 0.0), (np.inf, 0.0)), "width": 3.0}, "centre.1.0 is inf: Input should be a finite"),
         (City, {"discretes": ((np.nan, 1.0),)}, "discretes.0.0 is nan: Input should be a finite number"),
+        (City, {"roads": ({"centre": SQUARE[:2], "widht": 3.0},)}, "setting 'roads.0.width' is missing"),
         (City, {"building": ()}, "setting 'building' is unknown to City; did you mean 'buildings'"),
     ],
 )

@@ -292,6 +292,8 @@ def test_a_second_transmitter_elsewhere_helps():
         ({"charged": 9}, "charged is 9, expected 1 to 8 slots"),
         ({"horizon": 0}, "horizon is 0"),
         ({"tracker": "imm"}, "tracker is 'imm'"),
+        ({"slots": 0}, "slots is 0, expected an integer >= 1"),
+        ({"arrivals": (float("nan"),)}, "arrivals.0 is nan: Input should be a finite number"),
         ({"weights": (1.0, -1.0, 1.0)}, r"weight is -1\.0"),
         ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
         ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),

@@ -30,7 +30,7 @@ Array = NDArray[Any]
 EFFECTIVE = 7.4338  # durations in which the chirp sweeps its bandwidth
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 class Urban(System):
     """A multistatic radar in a street follows an unknown number of targets, and chooses its pulses scan by scan.
 
@@ -107,7 +107,8 @@ class Urban(System):
 
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
-        whole("horizon", self.horizon, 1)
+        for name in ("horizon", "slots"):
+            whole(name, getattr(self, name), 1)
         for name in ("dt", "bandwidth", "carrier", "reference_snr"):
             positive(name, getattr(self, name))
         if not self.arrivals:

@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 from wavegym.systems.urban import Urban
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
 class UrbanSignal(Urban):
     """The urban loop down to the signals: pulse trains at array elements, matched filters, peaks.
 
