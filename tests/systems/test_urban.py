@@ -11,6 +11,7 @@ from wavegym.envs import check_vector_env
 from wavegym.errors import InputError
 from wavegym.parameter_sets import make_checked
 from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.rollout import rollout
 from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban import Urban
 from wavegym.systems.urban_state import MOST, Public
@@ -312,3 +313,13 @@ def test_mistakes(change, message):
 
 def test_public_is_a_named_tuple_of_tracks():
     assert Public._fields[1:] == Tracks._fields
+
+
+def test_a_tree_of_futures_can_be_searched():
+    """Its belief has no single covariance; what is seen tells nodes apart by all of it."""
+    system = Urban(horizon=40)
+    worlds = oracles.worlds(system, 2)
+    played = rollout(system, make_policy("mcts:6", system, worlds), worlds)
+    longest = rollout(system, make_policy("fixed:0", system, None), worlds)
+    np.testing.assert_array_equal(played.steps, 40)
+    assert (played.mean_cost <= 1.05 * longest.mean_cost).all()

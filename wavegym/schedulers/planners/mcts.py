@@ -141,7 +141,7 @@ class MonteCarloTree(Planner):
         for e, option in picked.items():
             node = nodes[e]
             assert node is not None
-            key = (option, *(leaf[e].tobytes() for leaf in seen))
+            key = (option, b"".join(leaf[e].tobytes() for leaf in seen))
             if key in node.children:
                 nodes[e] = node.children[key]
                 continue
