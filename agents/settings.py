@@ -63,7 +63,8 @@ class Settings:
         lesson_every: steps from one question to the teacher to the next, on average, after as many first steps; where
             it plays itself, it stays with its answer in between. More than 1 only where it needs no memory.
         lesson_epochs: passes over all lessons so far, after each round.
-        warm_up: rollouts after the lessons (of DQN: steps of the batch) in which only the critic learns.
+        warm_up: rollouts after the lessons (of DQN: steps of the batch) in which only the critic learns; where they are
+            all the steps there are, the actor stays as it was taught.
         environment: parameters of the environment other than its defaults.
     """
 
