@@ -63,9 +63,10 @@ def _in_one_line(error: ValidationError, title: str, source: str) -> InputError:
     if isinstance(own, InputError):  # raised by the class itself, and complete
         return own
     name = ".".join(map(str, where)) or title
-    if first["type"] == "missing" and not isinstance(where[-1], int):
-        return InputError(f"setting {name!r} is missing, expected it{source or f' for {title}'}")
-    if first["type"] == "missing" and isinstance(where[-1], int):  # of a tuple; each element that lacks is a complaint
+    if first["type"] == "missing":
+        if not isinstance(where[-1], int):
+            return InputError(f"setting {name!r} is missing, expected it{source or f' for {title}'}")
+        # of a tuple; each element that lacks is a complaint
         name = ".".join(map(str, where[:-1]))
         lacking = sum(each["type"] == "missing" and each["loc"][:-1] == where[:-1] for each in complaints)
         return InputError(f"{name} is {given!r}, expected {where[-1] + lacking} elements, not {where[-1]}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,9 +36,14 @@ def shaped(name: str, values: ArrayLike, *core: int) -> Array:
 def exactly(name: str, values: ArrayLike, *shape: int) -> Array:
     """``values`` as a fresh array of this shape, no axis more; otherwise InputError."""
     array = np.array(values, dtype=np.float64)
+    require_shape(name, array, shape)
+    return array
+
+
+def require_shape(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
+    """InputError for any other."""
     if array.shape != shape:
         raise InputError(f"{name} has shape {array.shape}, expected {shape}")
-    return array
 
 
 def alike(**arrays: ArrayLike) -> tuple[Array, ...]:

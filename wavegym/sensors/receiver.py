@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError, non_negative, positive, whole, within
 from wavegym.sensors import receiver_kernels as kernels
-from wavegym.sensors.checks import Array, every
+from wavegym.sensors.checks import Array, every, require_shape
 from wavegym.waveforms import PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -120,7 +120,7 @@ class ArrayReceiver:
 
         samples: (pulse, element, sample), of ``shape``; InputError for any other.
         """
-        _require("samples", samples, self.shape)
+        require_shape("samples", samples, self.shape)
         spectra = scipy.fft.fft(samples) * np.conj(self._template)
         finer, length = DELAY_CELLS * self.shape[2], (self.shape[2] + 1) // 2
         padded = np.zeros((*self.shape[:2], finer), np.complex128)
@@ -139,7 +139,7 @@ class ArrayReceiver:
         Raises:
             InputError: another image's shape, a threshold that is not > 0.
         """
-        _require("image", image, (self.elements, self._delays, self._dopplers))
+        require_shape("image", image, (self.elements, self._delays, self._dopplers))
         positive("threshold", threshold)
         power = np.empty(image.shape[1:])
         kernels.brightest(image, self._steering, power)
@@ -230,11 +230,6 @@ class ArrayReceiver:
         """Beams, (beam, element)."""
         beams = BEAMS_PER_ELEMENT * self.elements
         return np.exp(2j * np.pi * np.outer(np.arange(beams) / beams, np.arange(self.elements)))
-
-
-def _require(name: str, values: ComplexArray, shape: tuple[int, ...]) -> None:
-    if np.shape(values) != shape:
-        raise InputError(f"{name} has shape {np.shape(values)}, expected {shape}")
 
 
 def _between_cells(decay: float) -> float:

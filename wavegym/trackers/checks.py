@@ -32,6 +32,13 @@ def association_terms(pd: ArrayLike, clutter_density: ArrayLike, gate_probabilit
     return Pd, rho, float(gate_probability)
 
 
+def require_distribution(name: str, values: Array, row: str = "") -> None:
+    """InputError unless rows of ``values`` (..., n), of which ``row`` tells, are probabilities that sum to 1."""
+    require_each(name, values, (values >= 0.0) & (values <= 1.0), "probabilities")
+    total = values.sum(axis=-1)
+    require_each(f"the sum of {row}{name}", total, abs(total - 1.0) < 1e-9, "1")
+
+
 def require_each(name: str, values: Array, valid: NDArray[np.bool_], wanted: str) -> None:
     """InputError with the first of ``values`` that is not ``valid``."""
     if not valid.all():

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.errors import InputError
 from wavegym.trackers import integrated_kernels as kernels
-from wavegym.trackers.checks import association_terms, flat, require_each
+from wavegym.trackers.checks import association_terms, flat, require_distribution, require_each
 
 Array = NDArray[np.float64]
 
@@ -70,9 +70,7 @@ def lmipda(
         raise InputError(_shapes(p, mu, psi, Pd, np.asarray(clutter_density))) from None
     require_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
     require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
-    require_each("models", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
-    total = mu.sum(axis=-1)
-    require_each("the sum of models", total, abs(total - 1.0) < 1e-9, "1")
+    require_distribution("models", mu)
     association_terms(Pd, rho, gate_probability)
     mu, psi, seen = flat(mu, lead, T, r), flat(psi, lead, T), flat(Pd * gate_probability, lead, T)
     beta = np.empty((len(mu), T * r, 1 + M))

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.errors import InputError
 from wavegym.sensors.checks import exactly, shaped
 from wavegym.trackers import interacting_kernels as kernels
-from wavegym.trackers.checks import flat, require_each
+from wavegym.trackers.checks import flat, require_distribution, require_each
 from wavegym.trackers.kalman import require_positive_definite
 
 Array = NDArray[np.float64]
@@ -128,15 +128,11 @@ def imm_ukf_scan(
     chances = np.array(shaped("transition", _stochastic("transition", transition), M, M), order="C").reshape(1, M, M)
     x = shaped("mean", mean, M, n)
     lead = x.shape[:-2]
+    P, mu = shaped("covariance", covariance, M, n, n), shaped("probability", probability, M)
+    z, errors, noise = shaped("measurement", measurement, 2), shaped("R", R, 2, 2), exactly("Q", Q, M, n, n)
     try:
-        x, P = flat(x, lead, M, n), flat(shaped("covariance", covariance, M, n, n), lead, M, n, n)
-        mu, z = (
-            flat(shaped("probability", probability, M), lead, M),
-            flat(shaped("measurement", measurement, 2), lead, 2),
-        )
-        errors, noise = flat(shaped("R", R, 2, 2), lead, 2, 2), exactly("Q", Q, M, n, n)
-    except InputError:
-        raise
+        x, P, mu = flat(x, lead, M, n), flat(P, lead, M, n, n), flat(mu, lead, M)
+        z, errors = flat(z, lead, 2), flat(errors, lead, 2, 2)
     except ValueError:
         raise InputError(
             f"covariance, probability, measurement and R have shapes {np.shape(covariance)}, {np.shape(probability)}, "
@@ -185,7 +181,5 @@ def _stochastic(name: str, transition: ArrayLike) -> Array:
     chances = np.asarray(transition, np.float64)
     if chances.ndim < 2 or chances.shape[-1] != chances.shape[-2]:
         raise InputError(f"{name} has shape {chances.shape}, expected (..., models, models)")
-    require_each(name, chances, (chances >= 0.0) & (chances <= 1.0), "probabilities")
-    total = chances.sum(axis=-1)
-    require_each(f"the sum of a row of {name}", total, abs(total - 1.0) < 1e-9, "1")
+    require_distribution(name, chances, "a row of ")
     return chances

@@ -216,6 +216,7 @@ class StreetTracker:
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
         every(positive, "snr", ratio)
+        # by hand: eigenvalues take as long as the scan
         variance, other = covariance[..., 0, 0], covariance[..., 1, 1]
         if not ((variance > 0.0) & (variance * other > covariance[..., 0, 1] * covariance[..., 1, 0])).all():
             raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
