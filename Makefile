@@ -48,11 +48,11 @@ docs: $(READY)
 
 # Train what is missing and rebuild every table under results/; STUDIES="SectorSetup" for one of them.
 results: $(READY)
-	$(BIN)/python -m agents.study $(STUDIES)
+	$(BIN)/python -m agents.experiment $(STUDIES)
 
 # Play the saved agents on the worlds of `make headroom`, and renew the tables in which both meet.
 league: $(READY)
-	$(BIN)/python -m agents.league
+	$(BIN)/python -m agents.leaderboard
 
 # Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: as the docs have them, and renew their pages.
 reproduce: $(READY)

@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from agents.league import PAGE, ROOT, WORLDS, Account, read_accounts, shown
-from agents.policies.runs import load_policy
-from agents.study import Study, load_studies, run_folder, train_missing
-from wavegym.errors import InputError, choice
+from agents.experiment import Study, load_studies, run_folder, train_missing
+from agents.leaderboard import PAGE, ROOT, WORLDS, Account, read_accounts, shown
+from wavegym.cli.command import Parser, guarded
+from wavegym.core.errors import InputError, choice
 from wavegym.evaluation import blocks, compare
-from wavegym.evaluation.command import Parser, guarded
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import tabulated
-from wavegym.schedulers.settled import SIMPLE
+from wavegym.policies.runs import load_policy
+from wavegym.schedulers.tuned_constants import SIMPLE
 
 FOLDER = ROOT / "results" / "ablation"
 SUFFIX, FULL = "-ablation", "full"

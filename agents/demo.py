@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 
-from wavegym.evaluation.command import Parser, guarded
+from wavegym.cli.command import Parser, guarded
 
 ENV = "wavegym/KershawEvansPosition-v0"
 SCHEDULERS = "best-fixed,myopic,lookahead:2,lookahead:3,random"
@@ -25,7 +25,7 @@ def parser() -> Parser:
     options = Parser(prog="python -m agents.demo", description=__doc__.partition("\n")[0])
     options.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default: %(default)s")
     options.add_argument("--worlds", type=int, default=200, metavar="N", help="to compare on (default: %(default)s)")
-    options.add_argument("--steps", type=int, metavar="N", help="of training (default: agents/settings.toml)")
+    options.add_argument("--steps", type=int, metavar="N", help="of training (default: wavegym/learning/settings.toml)")
     return options
 
 
@@ -38,10 +38,10 @@ def unused(folder: Path) -> Path:
 def demo(arguments: Sequence[str] | None) -> None:
     """Train, compare, print."""
     options = parser().read(arguments)
-    from agents.compare import evaluate
-    from agents.settings import load_settings
-    from agents.training.learn import train
-    from agents.training.plan import Plan
+    from wavegym.cli.evaluate import evaluate
+    from wavegym.learning.settings import load_settings
+    from wavegym.learning.training.run_spec import Plan
+    from wavegym.learning.training.train import train
 
     out = unused(options.out.absolute())
     settings = load_settings(ENV, "ppo", {} if options.steps is None else {"steps": options.steps})

@@ -8,18 +8,16 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.core.trees import first
 from wavegym.envs.observer import Observer
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.names import make_policy
-from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
-from wavegym.schedulers.settled import PLANNER
-from wavegym.systems.contract import System
-from wavegym.systems.trees import first
-
-Array = NDArray[Any]
+from wavegym.schedulers.tuned_constants import PLANNER
 
 BATCH = 50  # environments for which the planner decides at once, as in ``make headroom``
 STEPS = 6  # of the episodes that it plays

@@ -7,7 +7,7 @@ from filterpy.kalman import KalmanFilter
 
 from benchmarks.timing import Ratio, compare
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.systems.kershaw_evans import KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.trackers import predict, update
 
 BATCH = 256

@@ -12,7 +12,7 @@ import numpy as np
 from filterpy.monte_carlo import systematic_resample
 
 from benchmarks.timing import Ratio, compare
-from wavegym.trackers import particle_kernels as kernels
+from wavegym.trackers import rbpf_kernels as kernels
 
 PARTICLES, PD, DENSITY, GATE, PG = 1000, 0.9, 1e-4, 4.0, 0.9997
 SENSORS = np.array([[3000.0, -16000.0], [3000.0, 20400.0]])

@@ -8,15 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.timing import cpu_us
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.schedulers import Fixed, Lookahead, Myopic, Policy
+from wavegym.schedulers import Fixed, Lookahead, Myopic
+from wavegym.schedulers.heuristics.price_policies import Priced
 from wavegym.schedulers.planners import RolloutPlanner
-from wavegym.schedulers.rules.price import Priced
-from wavegym.systems.contract import System
-from wavegym.systems.kershaw_evans import KershawEvansPosition
-from wavegym.systems.planning.camera_slew import CameraSlew
-from wavegym.systems.planning.energy_budget import EnergyBudget
-from wavegym.systems.planning.sector_setup import SectorSetup
+from wavegym.systems.camera_slew.system import CameraSlew
+from wavegym.systems.energy_budget.system import EnergyBudget
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
+from wavegym.systems.sector_setup.system import SectorSetup
 
 
 class Decision(NamedTuple):

@@ -18,7 +18,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
-from numpy.typing import NDArray
 from stonesoup.models.base import GaussianModel
 from stonesoup.models.measurement.base import MeasurementModel
 from stonesoup.models.transition.linear import LinearGaussianTimeInvariantTransitionModel
@@ -31,13 +30,12 @@ from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
 from benchmarks import planners
 from benchmarks.timing import Ratio, compare, cpu_us
+from wavegym.core.arrays import Array
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Lookahead
-from wavegym.systems.rf_eo import RfEo
+from wavegym.systems.rf_eo.system import RfEo
 from wavegym.waveforms import SPEED_OF_LIGHT
-
-Array = NDArray[Any]
 
 BATCH = 256
 SYSTEM = RfEo()

@@ -8,7 +8,7 @@ from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter, unscented_
 from benchmarks.timing import Ratio, compare
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.trackers import predict
 
 BATCH = 256

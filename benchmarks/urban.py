@@ -12,10 +12,10 @@ from filterpy.kalman import IMMEstimator, JulierSigmaPoints, UnscentedKalmanFilt
 from benchmarks.timing import Ratio, compare
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.sensors import multistatic_range_and_rate
-from wavegym.systems.urban import Urban
-from wavegym.systems.urban_signal import UrbanSignal
+from wavegym.systems.urban.signal import UrbanSignal
+from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks, imm_ukf_scan
-from wavegym.trackers.street import TRANSITION
+from wavegym.trackers.urban.tracker import TRANSITION
 
 BATCH, LONG_UP = 256, 0
 SYSTEM = Urban()

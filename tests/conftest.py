@@ -1,7 +1,42 @@
-"""Stands here so that every test can import ``oracles``."""
+"""Fixtures of several folders. It stands here so that every test can import the helpers beside it."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
 from hypothesis import settings
 
 # A property's first example may compile a kernel; how long that takes says nothing about the code.
 settings.register_profile("wavegym", deadline=None)
 settings.load_profile("wavegym")
+
+
+@pytest.fixture(scope="session")
+def own_environments() -> Iterator[None]:
+    """The small systems of ``evaluation_systems`` as registered environments."""
+    from evaluation_systems import Hopeless, Measured, Uneven
+
+    import wavegym
+
+    own = {f"tests/{system.__name__}-v0": system for system in (Uneven, Measured, Hopeless)}
+    for id, system in own.items():
+        wavegym.register(id, system)
+    yield
+    for id in own:
+        gym.registry.pop(id)
+
+
+@pytest.fixture(scope="session")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders of one PPO and one DQN run that nothing has interrupted, trained once for all tests."""
+    from runs_for_tests import EVERY, small_plan
+
+    from wavegym.learning.training.train import train
+
+    folders = {algo: tmp_path_factory.mktemp("unbroken") / algo for algo in ("ppo", "dqn")}
+    for algo, folder in folders.items():
+        train(small_plan(algo), folder, EVERY[algo], progress=False)
+    return folders

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.systems import trees
-from wavegym.systems.choices import Menu
-from wavegym.systems.contract import Element, State, System
-
-Array = NDArray[Any]
+from wavegym.core import trees
+from wavegym.core.action_labels import Menu
+from wavegym.core.arrays import Array
+from wavegym.core.system import Element, State, System
 
 TARGETS = 2
 CANDIDATES = ("A short", "A long", "B short", "B long", "silence")

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import rf_eo as bench
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.systems.rf_eo import RfEo
+from wavegym.systems.rf_eo.system import RfEo
 
 C = 299792458.0
 # PRF 10 kHz, bandwidth sqrt(20) MHz, pixel angle 2 pi / 1000 at carrier 10 GHz and 128 pulses

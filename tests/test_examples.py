@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wavegym
-from wavegym.envs import check_vector_env
+from wavegym.testing import check_vector_env
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_environment"
 IDS = ["own/ShipRadar-v0", "own/ScalarDwell-v0"]

@@ -9,15 +9,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from wavegym.systems.contract import Element, State, System
-from wavegym.waveforms import (
-    SPEED_OF_LIGHT,
-    JointLibrary,
-    Parameter,
-    ParameterBox,
-    PerSensor,
-    gaussian_chirp_library,
-)
+from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.core.system import Element, State, System
+from wavegym.waveforms import SPEED_OF_LIGHT, gaussian_chirp_library
 
 SITES = np.array([0.0, 20e3])  # of the sensors, m
 SENSORS = TARGETS = 2

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.registration import list_envs, register, register_suite
 
 __version__ = "0.1.0"

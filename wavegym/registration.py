@@ -7,19 +7,19 @@ from typing import Any
 import gymnasium as gym
 
 SYSTEMS = {
-    "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans:KershawEvans",
-    "wavegym/KershawEvansPosition-v0": "wavegym.systems.kershaw_evans:KershawEvansPosition",
-    "wavegym/AgileClutter-v0": "wavegym.systems.agile_clutter:AgileClutter",
-    "wavegym/RfEo-v0": "wavegym.systems.rf_eo:RfEo",
-    "wavegym/RfEoFar-v0": "wavegym.systems.rf_eo_far:RfEoFar",
-    "wavegym/Urban-v0": "wavegym.systems.urban:Urban",
-    "wavegym/UrbanSignal-v0": "wavegym.systems.urban_signal:UrbanSignal",
-    "wavegym/CameraSlew-v0": "wavegym.systems.planning.camera_slew:CameraSlew",
-    "wavegym/SectorSetup-v0": "wavegym.systems.planning.sector_setup:SectorSetup",
-    "wavegym/SectorSetupCity-v0": "wavegym.systems.planning.sector_setup_city:SectorSetupCity",
-    "wavegym/BeamAllocation-v0": "wavegym.systems.planning.beam_allocation:BeamAllocation",
-    "wavegym/EnergyBudget-v0": "wavegym.systems.planning.energy_budget:EnergyBudget",
-    "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.planning.energy_budget_known:EnergyBudgetKnown",
+    "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans.system:KershawEvans",
+    "wavegym/KershawEvansPosition-v0": "wavegym.systems.kershaw_evans.system:KershawEvansPosition",
+    "wavegym/AgileClutter-v0": "wavegym.systems.agile_clutter.system:AgileClutter",
+    "wavegym/RfEo-v0": "wavegym.systems.rf_eo.system:RfEo",
+    "wavegym/RfEoFar-v0": "wavegym.systems.rf_eo.far:RfEoFar",
+    "wavegym/Urban-v0": "wavegym.systems.urban.system:Urban",
+    "wavegym/UrbanSignal-v0": "wavegym.systems.urban.signal:UrbanSignal",
+    "wavegym/CameraSlew-v0": "wavegym.systems.camera_slew.system:CameraSlew",
+    "wavegym/SectorSetup-v0": "wavegym.systems.sector_setup.system:SectorSetup",
+    "wavegym/SectorSetupCity-v0": "wavegym.systems.sector_setup.city:SectorSetupCity",
+    "wavegym/BeamAllocation-v0": "wavegym.systems.beam_allocation.system:BeamAllocation",
+    "wavegym/EnergyBudget-v0": "wavegym.systems.energy_budget.system:EnergyBudget",
+    "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
 }
 
 

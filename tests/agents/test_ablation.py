@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from runs_for_tests import ID
 
-from agents import ablation, study
-from agents.league import Account
-from agents.settings import load_settings
-from wavegym.errors import InputError
-from wavegym.evaluation.command import settings
+from agents import ablation
+from agents import experiment as study
+from agents.leaderboard import Account
+from wavegym.cli.command import settings
+from wavegym.core.errors import InputError
+from wavegym.learning.settings import load_settings
 from wavegym.registration import SYSTEMS
 
 ABLATIONS = {name: found for name, found in study.load_studies().items() if name.endswith(ablation.SUFFIX)}

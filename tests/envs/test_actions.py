@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_systems import Burner
 
+from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.actions import action_reader
-from wavegym.envs.bitwise import difference
-from wavegym.errors import InputError
-from wavegym.systems.kershaw_evans import KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
+from wavegym.testing.bitwise import difference
 
 LIBRARY, BOX = KershawEvansPosition(horizon=20), KershawEvansPosition(horizon=20, action="box")
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.errors import InputError
-from wavegym.systems.kershaw_evans import KershawEvans
+from wavegym.systems.kershaw_evans.system import KershawEvans
 
 HORIZON = 4
 

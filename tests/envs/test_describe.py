@@ -12,13 +12,13 @@ import pytest
 from small_systems import has_form
 
 import wavegym
+from wavegym.core.errors import InputError
 from wavegym.envs.describe import describe
 from wavegym.envs.docstrings import meanings, section, summary
 from wavegym.envs.pages import main, pages
-from wavegym.errors import InputError
 from wavegym.registration import SYSTEMS
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
-from wavegym.systems.urban import Urban
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.systems.urban.system import Urban
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "environments"
 IDS = list(SYSTEMS)

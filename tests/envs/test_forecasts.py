@@ -4,9 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wavegym.envs import WaveformVectorEnv, check_vector_env
+from wavegym.core.errors import InputError
+from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.forecasts import FLOOR, LOOKS, Forecasts
-from wavegym.errors import InputError
+from wavegym.testing import check_vector_env
 
 ALL = ["KershawEvansPosition", "CameraSlew", "SectorSetup", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown"]
 

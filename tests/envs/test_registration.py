@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 import wavegym
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 
 ID = "tests/CutOff-v0"
 
 
 @pytest.fixture
 def cut_off():
-    wavegym.register(ID, "wavegym.systems.kershaw_evans:KershawEvansPosition", max_episode_steps=5, horizon=9)
+    wavegym.register(ID, "wavegym.systems.kershaw_evans.system:KershawEvansPosition", max_episode_steps=5, horizon=9)
     yield
     del gym.registry[ID]
 

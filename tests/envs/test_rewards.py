@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from small_systems import Burner
 
+from wavegym.core.errors import InputError
 from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
-from wavegym.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
-from wavegym.schedulers.names import make_policy
-from wavegym.systems.kershaw_evans import KershawEvansPosition
-from wavegym.systems.planning.sector_setup import SectorSetup
+from wavegym.schedulers.registry import make_policy
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
+from wavegym.systems.sector_setup.system import SectorSetup
 
 SYSTEM = KershawEvansPosition(horizon=12)
 NUM_ENVS = 4

@@ -12,9 +12,9 @@ import torch
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnvWrapper, VecMonitor
 
+from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.sb3 import SB3VecEnv
-from wavegym.errors import InputError
 
 ID = "wavegym/KershawEvansPosition-v0"
 COUNT = 3
@@ -197,7 +197,9 @@ def test_monitored_episodes_are_counted() -> None:
 
 def test_a_factory_must_reset_in_the_same_step() -> None:
     def factory(num_envs: int, autoreset_mode: str) -> WaveformVectorEnv:
-        return WaveformVectorEnv("wavegym.systems.kershaw_evans:KershawEvans", num_envs, autoreset_mode="NextStep")
+        return WaveformVectorEnv(
+            "wavegym.systems.kershaw_evans.system:KershawEvans", num_envs, autoreset_mode="NextStep"
+        )
 
     with pytest.raises(InputError, match="autoreset mode"):
         SB3VecEnv(factory, COUNT)

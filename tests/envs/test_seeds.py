@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from gymnasium.vector import SyncVectorEnv
 
+from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.envs.bitwise import difference
 from wavegym.envs.seeds import seed_list
-from wavegym.errors import InputError
-from wavegym.systems.kershaw_evans import KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
+from wavegym.testing.bitwise import difference
 
 ID = "wavegym/KershawEvansPosition-v0"
 SYSTEM = KershawEvansPosition(horizon=5)

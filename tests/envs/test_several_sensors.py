@@ -15,13 +15,14 @@ from matplotlib.figure import Figure
 from two_sensors import Coupled, Quick, Strict, TwoSensors
 
 import wavegym
-from wavegym.envs import WaveformEnv, WaveformVectorEnv, check_vector_env
-from wavegym.envs.bitwise import difference
-from wavegym.envs.conformance import ConformanceError
+from wavegym.core.errors import InputError
+from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.describe import describe
-from wavegym.envs.rendering import headline
-from wavegym.envs.timelines import Timelines, draw_choices, draw_foreseen
-from wavegym.errors import InputError
+from wavegym.envs.film import headline
+from wavegym.rendering.timelines import Timelines, draw_choices, draw_foreseen
+from wavegym.testing import check_vector_env
+from wavegym.testing.bitwise import difference
+from wavegym.testing.check import ConformanceError
 
 SYSTEM = TwoSensors()
 SHORT, LONG, MIDDLE = SYSTEM.library.labels

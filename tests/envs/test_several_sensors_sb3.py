@@ -12,8 +12,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from two_sensors import TwoSensors
 
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.envs.bitwise import difference
 from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.testing.bitwise import difference
 
 COUNT = 3
 SMALL = {"policy_kwargs": {"net_arch": [8]}, "seed": 5, "device": "cpu"}

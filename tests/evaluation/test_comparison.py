@@ -6,7 +6,7 @@ import pytest
 from evaluation_systems import Uneven
 
 import wavegym
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, summarise, world_seeds
 from wavegym.evaluation import comparison as module
 from wavegym.evaluation.play import play

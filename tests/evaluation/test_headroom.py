@@ -9,12 +9,12 @@ import pytest
 from delay_systems import DelaySystem
 
 import wavegym
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, headroom, headroom_page
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.play import Played
+from wavegym.schedulers.heuristics.index_policies import AwareGreedy
 from wavegym.schedulers.planners import MonteCarloTree, Replan, RolloutPlanner
-from wavegym.schedulers.rules.index import AwareGreedy
 
 DELAY = "tests/Delay-v0"
 

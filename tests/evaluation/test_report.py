@@ -10,7 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, summarise, write_report
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import play

@@ -11,13 +11,13 @@ import pytest
 from two_sensors import TwoSensors
 
 import wavegym
+from wavegym.core import trees
 from wavegym.evaluation import compare, summarise, world_seeds
 from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.table import markdown
 from wavegym.evaluation.task import Task
 from wavegym.schedulers import Fixed, Myopic, RoundRobin
-from wavegym.systems import trees
 
 ID = "tests/TwoSensors-v0"
 SEEDS = world_seeds(0, "test", 12)

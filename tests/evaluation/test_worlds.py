@@ -7,7 +7,7 @@ from evaluation_systems import Uneven
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation import draw_worlds, make_task, training_seeds, world_seeds
 
 roots = st.integers(0, 2**40)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.reproduce import agile_clutter
 from wavegym.reproduce.agile_clutter import (
@@ -33,7 +33,7 @@ from wavegym.reproduce.agile_clutter_table import markdown
 from wavegym.reproduce.estimates import share_estimate
 from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
 from wavegym.schedulers.tuning import best_fixed
-from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.agile_clutter.system import AgileClutter
 
 RUNS, SEED = 8, 3
 

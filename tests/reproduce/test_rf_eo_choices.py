@@ -12,8 +12,8 @@ from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.reproduce import rf_eo
 from wavegym.reproduce.rf_eo import ADAPTIVE, PUBLISHED, SCENES, Case, Runs, system
 from wavegym.reproduce.rf_eo_choices import adaptation, jumps
-from wavegym.schedulers.names import make_policy
-from wavegym.systems.rf_eo import RfEo
+from wavegym.schedulers.registry import make_policy
+from wavegym.systems.rf_eo.system import RfEo
 
 C = 299_792_458.0
 

@@ -9,7 +9,7 @@ import pytest
 from rf_eo_runs import RUNS, SEED, STEPS
 from scipy.stats import binomtest, chi2
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation import make_task
 from wavegym.evaluation import play as shell
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
@@ -31,8 +31,8 @@ from wavegym.reproduce.rf_eo import (
     system,
 )
 from wavegym.reproduce.rf_eo_numbers import curve, shown
-from wavegym.schedulers.names import make_policy
-from wavegym.systems.rf_eo import PROPOSED as SETTINGS
+from wavegym.schedulers.registry import make_policy
+from wavegym.systems.rf_eo.system import PROPOSED as SETTINGS
 
 C = 299_792_458.0
 

@@ -10,13 +10,13 @@ from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.reproduce import urban_false
 from wavegym.reproduce.urban import CLOSED, LOOSE, OPEN, Case, system
 from wavegym.reproduce.urban_false import MIRROR, ORIGINS, OTHER, STRAYED, WALLS, false_tracks
-from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import Antenna, Multistatic
-from wavegym.sensors.city import Building, City
-from wavegym.systems.urban_state import make_scene
+from wavegym.sensors.urban_map import Building, City
+from wavegym.systems.urban.state import make_scene
 from wavegym.targets import ScriptedPath
 from wavegym.trackers import Tracks
-from wavegym.trackers.street import CONFIRMED
+from wavegym.trackers.urban.tracker import CONFIRMED
 
 ANTENNAS = (0.0, 0.0), ((10.0, 0.0), (-10.0, 0.0))  # in one line: what lies above it has its mirror image below
 SCANS, WALL = 10, 60.0

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binomtest
 from urban_runs import SEED, STREETS
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation import statistics
 from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.reproduce import urban
@@ -36,9 +36,9 @@ from wavegym.reproduce.urban import (
 from wavegym.reproduce.urban_models import models, phases, probability
 from wavegym.reproduce.urban_numbers import confirmed_curve, rmse_curve
 from wavegym.reproduce.urban_pictures import no_target
-from wavegym.schedulers.names import make_policy
+from wavegym.schedulers.registry import make_policy
 from wavegym.trackers import Tracks
-from wavegym.trackers.street import CONFIRMED, EMPTY
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
 
 SCANS = 140
 THERE = 140 + 101  # scans of the first target and of the second, which comes at the fortieth

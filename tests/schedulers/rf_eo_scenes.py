@@ -6,8 +6,8 @@ import numpy as np
 import oracles
 
 from wavegym.schedulers import Myopic
-from wavegym.systems.rf_eo import RfEo
-from wavegym.systems.rf_eo_far import RfEoFar
+from wavegym.systems.rf_eo.far import RfEoFar
+from wavegym.systems.rf_eo.system import RfEo
 
 NEAR = (
     ((-1e3, -1e3), (1e3, -1e3), (0.0, 3e3)),

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.systems.contract import State, System
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+from wavegym.core.system import State, System
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 SMALL = {"durations": (10e-6, 50e-6, 300e-6), "sweeps": (0.0, 1e6, -1e6)}
 CA = {"model": "ca", "weights": (1.0, 0.5, 0.1), "prior_variance": (1e4, 1e3, 10.0)}

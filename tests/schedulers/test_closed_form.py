@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scheduler_systems import CA, Ladder
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, MyopicClosedForm, rollout
 from wavegym.schedulers.myopic import OBJECTIVES
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 SYSTEMS = {
     "position": KershawEvansPosition(action="box"),

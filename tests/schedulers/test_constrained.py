@@ -11,11 +11,11 @@ import pytest
 from rf_eo_scenes import beliefs, scene
 from scheduler_systems import Level
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
+from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.schedulers import Continuous, InfeasibleThreshold, Myopic, MyopicClosedForm, MyopicInformation, rollout
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
-from wavegym.systems.rf_eo import RfEo
-from wavegym.waveforms import Parameter, ParameterBox
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.systems.rf_eo.system import RfEo
 
 
 def act(policy, system, public, seed=0):

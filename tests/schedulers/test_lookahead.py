@@ -10,10 +10,10 @@ import pytest
 from rf_eo_scenes import beliefs, scene
 from scheduler_systems import Ladder, Start, small, small_ca
 
-from wavegym.errors import InputError
+from wavegym.core import trees
+from wavegym.core.errors import InputError
 from wavegym.schedulers import Lookahead, Myopic, lookahead, rollout
-from wavegym.systems import trees
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 
 def sequences(system, mean, P, depth):

@@ -10,9 +10,9 @@ import pytest
 from rf_eo_scenes import beliefs, scene
 from scheduler_systems import CA, Ladder, Start
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, rollout
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 
 def objectives(system, mean, P):

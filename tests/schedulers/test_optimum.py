@@ -9,9 +9,9 @@ import oracles
 import pytest
 from scheduler_systems import Ladder, small, small_ca
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, Optimum, RandomChoice, best_schedule, rollout
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 
 def all_schedules(system, worlds):

@@ -8,11 +8,11 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, Progressive
-from wavegym.schedulers.names import is_scheduler, make_policy
-from wavegym.systems.agile_clutter import AgileClutter
-from wavegym.systems.kershaw_evans import KershawEvans
+from wavegym.schedulers.registry import is_scheduler, make_policy
+from wavegym.systems.agile_clutter.system import AgileClutter
+from wavegym.systems.kershaw_evans.system import KershawEvans
 
 BOX, LIBRARY = AgileClutter(action="box"), AgileClutter()
 STEPS = (0, 3, 7, 12, 24)

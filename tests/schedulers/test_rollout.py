@@ -6,9 +6,9 @@ import numpy as np
 import oracles
 from scheduler_systems import Ladder, Start, small
 
+from wavegym.core.system import System
 from wavegym.schedulers import Fixed, Myopic, RandomChoice, rollout
 from wavegym.schedulers.rollout import allowed
-from wavegym.systems.contract import System
 
 
 def test_costs_and_actions_are_those_of_the_loop():

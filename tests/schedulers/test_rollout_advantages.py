@@ -7,8 +7,8 @@ from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Myopic
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.rollout import allowed
-from wavegym.systems.kershaw_evans import KershawEvansPosition
-from wavegym.systems.planning.energy_budget import EnergyBudget
+from wavegym.systems.energy_budget.system import EnergyBudget
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 
 def test_without_chance_it_is_the_exact_saving():

@@ -10,11 +10,11 @@ import pytest
 from scipy.stats import chi2
 from two_sensors import DRIFT, Coupled, Quick, TwoSensors, variances
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, lookahead, rollout
 from wavegym.schedulers.simple import FEW
 from wavegym.schedulers.tuning import best_fixed
-from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.agile_clutter.system import AgileClutter
 
 SYSTEM, JOINT, BOX = (TwoSensors(action=form) for form in ("library", "joint", "box"))
 ALL = [[i, j] for i in range(3) for j in range(3)]

@@ -10,10 +10,11 @@ import pytest
 from scheduler_systems import Ladder
 from scipy.stats import chi2
 
-from wavegym.errors import InputError
-from wavegym.schedulers import Fixed, Policy, RandomChoice, RoundRobin
-from wavegym.systems.contract import System
-from wavegym.systems.kershaw_evans import KershawEvansPosition
+from wavegym.core.errors import InputError
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.schedulers import Fixed, RandomChoice, RoundRobin
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 SYSTEM, BOX = KershawEvansPosition(), KershawEvansPosition(action="box")
 

@@ -12,14 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scheduler_systems import Ladder, Level, Menu, small
 
-from wavegym.errors import InputError
+from wavegym.core import trees
+from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.errors import InputError
+from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.core.system import State, System
 from wavegym.schedulers import Cycle, Fixed, rollout
 from wavegym.schedulers import cycle as searching
 from wavegym.schedulers.cycle import best_cycle
 from wavegym.schedulers.tuning import TOLERANCE, best_constant, best_fixed
-from wavegym.systems import trees
-from wavegym.systems.contract import State, System
-from wavegym.waveforms import JointLibrary, Parameter, ParameterBox, PerSensor
 
 HORIZON, CAP, BEST = 12, 3, 0.8
 

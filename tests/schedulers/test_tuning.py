@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from wavegym.core import trees
+from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.core.system import State, System
 from wavegym.schedulers import Cycle, rollout
 from wavegym.schedulers.tuning import POLISHING, TOLERANCE, best_constant, best_fixed, polished, tuning_costs
-from wavegym.systems import trees
-from wavegym.systems.contract import State, System
-from wavegym.systems.kershaw_evans import KershawEvans, KershawEvansPosition
-from wavegym.waveforms import Parameter, ParameterBox
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 
 def worlds(system, count):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.sensors import gate_volume, union_clutter
 from wavegym.sensors.clutter_kernels import add_clutter
 

@@ -7,7 +7,7 @@ import oracles
 import pytest
 from scipy import stats
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.sensors import gate_probability, gate_volume, inside_gate
 
 

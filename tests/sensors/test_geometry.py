@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian
 
 STEP = 1e-30

@@ -7,9 +7,9 @@ import pytest
 import shapely
 from scipy.optimize import minimize
 
-from wavegym.errors import InputError
-from wavegym.sensors.city import Building, City
+from wavegym.core.errors import InputError
 from wavegym.sensors.multipath import Antenna, mirrored
+from wavegym.sensors.urban_map import Building, City
 
 CROSSING = City.load("intersection")
 SLANTED = City(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavegym.errors import InputError
-from wavegym.sensors.city import Building, City
+from wavegym.core.errors import InputError
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic, multistatic_range_and_rate
+from wavegym.sensors.urban_map import Building, City
 
 CROSSING = City.load("intersection")
 PAIR = Multistatic(Antenna(CROSSING, (2085.0, 1470.5)), Antenna(CROSSING, (2078.0, 1467.0)))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import expit
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.sensors import fov_penalty, platform_view
 
 KINDS = ("logistic", "hard", "deadzone", "log-barrier")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.sensors import platform_jacobian, platform_measurement, range_and_rate, range_and_rate_jacobian
 
 ORDER = [0, 2, 1, 3]  # (x, xdot, y, ydot) as (x, y, xdot, ydot), and back

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.sensors import Antenna, ArrayReceiver, City, Multistatic
 from wavegym.waveforms import SPEED_OF_LIGHT, GaussianChirp, PulseTrain
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 

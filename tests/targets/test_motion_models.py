@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.targets import MotionModel, constant_acceleration, constant_velocity, random_path
 
 

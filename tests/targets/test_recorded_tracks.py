@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.targets import RecordedTrack, range_paths, windows
 from wavegym.targets.reports import fill_heights, flyable, fresh, last_of_each_time
 

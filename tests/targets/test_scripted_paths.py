@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.targets import ScriptedPath, Segment
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.targets import read_tracks, windows
 
 HEADER = "time_s,id,lat_deg,lon_deg,alt_m"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.oracles import random_covariance, update
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.trackers import jpda_update
 
 H = np.array([[1.0, 0, 0.3, 0], [0, 0.5, 0, 1.0]])

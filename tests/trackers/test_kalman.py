@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.trackers import (
     ekf_predict,
     ekf_update,

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavegym.errors import InputError
-from wavegym.trackers import particle_kernels as kernels
+from wavegym.core.errors import InputError
+from wavegym.trackers import rbpf_kernels as kernels
 from wavegym.trackers import systematic_resample
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from waveform_cases import FREQUENCY_LAWS, KinkedChirp, chirps, trains
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import GaussianChirp, PulseTrain, ambiguity, zero_delay_cut, zero_doppler_cut
 from wavegym.waveforms.numeric import correlate
 

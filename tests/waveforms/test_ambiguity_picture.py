@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import GaussianChirp, ambiguity, plot_ambiguity
 
 CHIRP = GaussianChirp(duration=100e-6, chirp_rate=1e8)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from waveform_cases import FREQUENCY_LAWS as OTHER_LAWS
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import chirp_law, parse_law
 from wavegym.waveforms.chirp_laws import FREQUENCY_LAWS
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waveform_cases import chirps
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import (
     SPEED_OF_LIGHT,
     GaussianChirp,

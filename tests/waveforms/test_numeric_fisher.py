@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from waveform_cases import KinkedChirp, chirps, trains
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import GaussianChirp, PulseTrain, Waveform, ambiguity, numeric_fisher_information
 from wavegym.waveforms.numeric import numeric_fisher_factors
 

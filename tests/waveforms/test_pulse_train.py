@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from waveform_cases import KinkedChirp, trains
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import GaussianChirp, PulseTrain, ambiguity
 
 PULSE = GaussianChirp(duration=1e-6, chirp_rate=2e12, direction="down")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from test_numeric_fisher import minus_hessian_of_magnitude, normalised
 from waveform_cases import KinkedChirp, directions, durations
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import (
     PulseTrain,
     TrapezoidChirp,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavegym.waveforms
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.waveforms import GaussianChirp, Library, PulseTrain, gaussian_chirp_library
 
 DURATIONS = np.geomspace(10e-6, 300e-6, 8)

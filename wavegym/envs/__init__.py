@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from wavegym.envs.conformance import check_vector_env
 from wavegym.envs.rewards import Cost, LogCost, Relative, Reward, Transition, TrueError
 from wavegym.envs.single import WaveformEnv
 from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.testing.check import check_vector_env
 
 __all__ = [
     "Cost",

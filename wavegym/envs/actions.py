@@ -6,14 +6,13 @@ from typing import Any, Protocol
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.action_sets import PerSensor
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
 from wavegym.schedulers.rollout import allowed
-from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox, PerSensor
-
-Array = NDArray[Any]
 
 
 class ActionReader(Protocol):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from wavegym.errors import InputError
-from wavegym.parameter_sets import make_checked
-from wavegym.systems.contract import System
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
+from wavegym.core.system import System
 
 SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps", "forecasts")
 

@@ -14,14 +14,15 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.errors import choice
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
 from wavegym.envs.build import SETTINGS
 from wavegym.envs.docstrings import SECTIONS, meanings, mention, section, summary
 from wavegym.envs.observations import LIMIT
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.errors import choice
 from wavegym.registration import list_envs
-from wavegym.systems.contract import System
-from wavegym.waveforms import JointLibrary, ParameterBox, PerSensor
 
 INFO = {
     "cost": "trace(Lambda P) of the belief after the step",

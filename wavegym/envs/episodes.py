@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
-from numpy.typing import NDArray
 
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.system import State, System
 from wavegym.envs.observer import Observer
 from wavegym.envs.rewards import Reward, Transition
-from wavegym.errors import InputError
-from wavegym.systems import trees
-from wavegym.systems.contract import State, System
 
-Array = NDArray[Any]
 Facts = dict[str, Array]
 
 

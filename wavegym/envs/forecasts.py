@@ -9,15 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.action_sets import PerSensor
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import Element, System
 from wavegym.envs.observations import ObservationScaler
-from wavegym.errors import InputError
-from wavegym.schedulers.rules.base import delays
-from wavegym.systems.contract import Element, System
-from wavegym.waveforms import ParameterBox, PerSensor
-
-Array = NDArray[Any]
+from wavegym.schedulers.heuristics.base import delays
 
 MOST = 256  # candidates that are worth foreseeing at every step
 LOOKS = ((0, 4), (0, 8), (0, 16), (0, 40), (3, 16), (6, 16), (10, 16), (15, 16))  # steps waited, and steps summed over

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from wavegym.core.arrays import Array
 
 
 def add_facts(info: dict[str, Any], facts: dict[str, Array], rows: Array | None) -> None:

@@ -3,7 +3,7 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
-from wavegym.kernels import kernel
+from wavegym.core.kernels import kernel
 
 
 @kernel

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
+from wavegym.core.system import Element
 from wavegym.envs import observation_kernels
-from wavegym.systems.contract import Element
-
-Array = NDArray[Any]
 
 LIMIT = 10.0  # scaled elements end here; by their scales, an ordinary value lies within 3
 

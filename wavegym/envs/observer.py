@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.system import Element, System
 from wavegym.envs.forecasts import Forecasts
 from wavegym.envs.observations import LIMIT, ObservationScaler
-from wavegym.errors import InputError
-from wavegym.systems.contract import Element, System
-
-Array = NDArray[Any]
 
 
 class Observer:

@@ -9,15 +9,14 @@ from __future__ import annotations
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, choice
-from wavegym.schedulers import Myopic, Policy, rollout
-from wavegym.schedulers.rules.families import FAMILIES
-from wavegym.schedulers.settled import SIMPLE, recorded, rule
-from wavegym.systems.contract import State, System
-
-Array = NDArray[Any]
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, choice
+from wavegym.core.policy import Policy
+from wavegym.core.system import State, System
+from wavegym.schedulers import Myopic, rollout
+from wavegym.schedulers.heuristics.registry import FAMILIES
+from wavegym.schedulers.tuned_constants import SIMPLE, recorded, rule
 
 
 class Transition(NamedTuple):

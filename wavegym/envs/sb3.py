@@ -18,13 +18,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from wavegym.errors import InputError
-from wavegym.systems import trees
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
 
-Array = NDArray[Any]
 Indices = None | int | Iterable[int]
 
 NESTED = ("final_obs", "final_info")

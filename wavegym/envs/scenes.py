@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavegym.envs.line_of_sight_scene import LineOfSightScene
-from wavegym.envs.moment import Moment, Scene
-from wavegym.envs.panels import caption, few_ticks, wipe
-from wavegym.envs.platform_scene import PlatformScene
-from wavegym.envs.street_scene import StreetScene
-from wavegym.envs.target_scene import TargetScene
-from wavegym.systems.agile_clutter import AgileClutter
-from wavegym.systems.contract import System
-from wavegym.systems.kershaw_evans import KershawEvans
-from wavegym.systems.rf_eo import RfEo
-from wavegym.systems.urban import Urban
+from wavegym.core.system import System
+from wavegym.rendering.moment import Moment, Scene
+from wavegym.rendering.panels import caption, few_ticks, wipe
+from wavegym.systems.agile_clutter.scene import TargetScene
+from wavegym.systems.agile_clutter.system import AgileClutter
+from wavegym.systems.kershaw_evans.scene import LineOfSightScene
+from wavegym.systems.kershaw_evans.system import KershawEvans
+from wavegym.systems.rf_eo.scene import PlatformScene
+from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.urban.scene import StreetScene
+from wavegym.systems.urban.system import Urban
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 
 Seed = int | Sequence[int | None] | NDArray[np.integer] | None
 

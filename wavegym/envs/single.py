@@ -6,14 +6,12 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.system import System
 from wavegym.envs.rewards import Reward
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.errors import InputError
-from wavegym.systems.contract import System
-
-Array = NDArray[Any]
 
 
 class WaveformEnv(gym.Env):

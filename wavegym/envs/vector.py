@@ -7,19 +7,18 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
 
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, choice, whole
+from wavegym.core.system import System
 from wavegym.envs.actions import action_reader
 from wavegym.envs.build import build_system
 from wavegym.envs.episodes import Episodes, Facts
 from wavegym.envs.info import add_facts, final_facts
 from wavegym.envs.rewards import Reward, make_reward
 from wavegym.envs.seeds import Seed, seed_list
-from wavegym.errors import InputError, choice, whole
-from wavegym.systems import trees
-from wavegym.systems.contract import System
 
-Array = NDArray[Any]
 Stepped = tuple[Array, Array, Array, Array, dict[str, Any]]
 
 
@@ -72,7 +71,7 @@ class WaveformVectorEnv(VectorEnv):
         self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
         self._film = None
         if self.render_mode is not None:
-            from wavegym.envs.rendering import Film
+            from wavegym.envs.film import Film
 
             self._film = Film(self.system, self.num_envs)
 

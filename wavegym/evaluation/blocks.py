@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 from wavegym.evaluation.files import write_whole
 
 

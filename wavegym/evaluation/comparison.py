@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from tqdm import tqdm
 
-from wavegym.errors import InputError, whole
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, whole
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
 from wavegym.evaluation.play import Played, merged, play
 from wavegym.evaluation.task import Task, make_task
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.names import make_policy
-from wavegym.schedulers.policy import Policy
-from wavegym.systems.contract import System
+from wavegym.schedulers.registry import make_policy
 
-Array = NDArray[Any]
 Factory = Callable[[System], Policy | Sequence[Policy]]  # several are the training runs of one learner
 
 BASELINE = "myopic"

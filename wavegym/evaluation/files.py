@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from wavegym.errors import InputError
+from wavegym.core.errors import InputError
 
 
 def write_whole(folder: Path, contents: Mapping[str, bytes]) -> None:

@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.errors import InputError
+from wavegym.cli.command import Parser, guarded
+from wavegym.core.errors import InputError
+from wavegym.core.system import System
 from wavegym.evaluation import statistics
-from wavegym.evaluation.command import Parser, guarded
 from wavegym.evaluation.comparison import Comparison, compare, tuning_worlds
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
@@ -27,9 +28,8 @@ from wavegym.evaluation.summary import us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.registration import SYSTEMS
-from wavegym.schedulers.names import make_policy
-from wavegym.schedulers.settled import SIMPLE, recorded, records
-from wavegym.systems.contract import System
+from wavegym.schedulers.registry import make_policy
+from wavegym.schedulers.tuned_constants import SIMPLE, recorded, records
 
 LADDER = (
     "random",

@@ -8,13 +8,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from wavegym.errors import InputError
+from wavegym.cli.command import guarded
+from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks
-from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.table import interval, number, signed, tabulated
 from wavegym.registration import SYSTEMS
-from wavegym.schedulers.settled import PLANNER, SIMPLE
+from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
 
 START, END = "<!-- made by `make headroom`: -->", "<!-- to here -->"
 STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")  # of the overview

@@ -8,15 +8,13 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.action_labels import waveform_labels
+from wavegym.core.arrays import Array
+from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.picture import percent_off
 from wavegym.evaluation.play import Played, merged
-from wavegym.systems.choices import waveform_labels
-from wavegym.waveforms import ParameterBox
-
-Array = NDArray[Any]
 
 TEMPLATE = "page.html"
 DATA, TITLE = "__DATA__", "__TITLE__"

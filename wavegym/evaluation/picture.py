@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.table import signed
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-Array = NDArray[Any]
 Colours = dict[str, Any]
 
 SPREAD = (5, 25, 50, 75, 95)  # percentiles of the worlds: line, box, median

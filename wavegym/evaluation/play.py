@@ -7,18 +7,16 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.action_labels import by_sensor, sensor_count, waveform_labels
+from wavegym.core.arrays import Array
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.task import Task
 from wavegym.evaluation.worlds import word
-from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.rollout import allowed
-from wavegym.systems.choices import by_sensor, sensor_count, waveform_labels
-from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox
-
-Array = NDArray[Any]
 
 
 class Played(NamedTuple):

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core.action_labels import waveform_labels
+from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.page import page
@@ -17,8 +19,6 @@ from wavegym.evaluation.picture import draw
 from wavegym.evaluation.play import Played
 from wavegym.evaluation.summary import summarise
 from wavegym.evaluation.table import markdown
-from wavegym.systems.choices import waveform_labels
-from wavegym.waveforms import ParameterBox
 
 COLUMNS = ("policy", "member", "world", "seed", "steps", "cost", "rmse", "nees", "lost")
 FAVOURITE = ("favourite", "favourite_share")

@@ -23,9 +23,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from wavegym.core.arrays import Array
+
 Interval = tuple[float, float]
 Statistic = Callable[[Array, Array], Array]  # (member indices (..., m), world indices (..., n)) -> (...)
 

@@ -8,16 +8,15 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import wavegym
+from wavegym.core.action_labels import waveform_labels
+from wavegym.core.arrays import Array
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.worlds import word
-from wavegym.systems.choices import waveform_labels
 
-Array = NDArray[Any]
 PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
 
 

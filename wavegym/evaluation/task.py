@@ -9,10 +9,10 @@ from typing import Any
 
 import gymnasium as gym
 
+from wavegym.core.errors import InputError, choice
+from wavegym.core.system import System
 from wavegym.envs.build import build_system
-from wavegym.errors import InputError, choice
 from wavegym.registration import list_envs
-from wavegym.systems.contract import System
 
 SHELL = (
     "reward",

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
-from wavegym.errors import choice, whole
-from wavegym.systems import trees
-from wavegym.systems.contract import System
+from wavegym.core import trees
+from wavegym.core.errors import choice, whole
+from wavegym.core.system import System
 
 SPLITS = ("train", "tune", "test")
 WORDS = 4  # of 32 bits in a seed: two of 128 bits never meet by chance

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from wavegym.errors import InputError, choice
-from wavegym.evaluation.command import Parser, guarded
+from wavegym.cli.command import Parser, guarded
+from wavegym.core.errors import InputError, choice
 
 RUNS = {"agile_clutter": 200, "rf_eo": 20, "urban": 50}
 TRACKERS = ("jpda", "particle", "both")

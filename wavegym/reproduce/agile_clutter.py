@@ -11,21 +11,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import delayed
-from numpy.typing import NDArray
 
-from wavegym.errors import choice, whole
+from wavegym.core.arrays import Array
+from wavegym.core.errors import choice, whole
+from wavegym.core.policy import Policy
 from wavegym.evaluation.comparison import CHUNK
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.reproduce.work import check_jobs, each
 from wavegym.schedulers.myopic import Myopic
-from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Fixed
-from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import chirp_law, parse_law
-
-Array = NDArray[Any]
 
 LAWS = AgileClutter.laws  # each phase function in one shape
 SHAPES = (  # in several; the paper does not list those that it tried

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.evaluation import statistics
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.summary import versions
 from wavegym.reproduce.agile_clutter import BEST_FREE, CLUTTER, FREE, FULL, Runs, Study, names, scene
 from wavegym.reproduce.estimates import mean_estimate, plain, ratio_estimates, share_estimate
-from wavegym.systems.agile_clutter import AgileClutter
-
-Array = NDArray[Any]
+from wavegym.systems.agile_clutter.system import AgileClutter
 
 JUMP = AgileClutter.births[1] + 1  # steps at which the second target is first measured,
 DROP = AgileClutter.births[0] + AgileClutter.lifetime + 1  # and the first one no longer

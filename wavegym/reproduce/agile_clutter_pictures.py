@@ -9,8 +9,8 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.evaluation.statistics import Estimate
 from wavegym.reproduce.agile_clutter import FREE, FULL, POLICIES, Case, Study, names, scene
 from wavegym.reproduce.agile_clutter_numbers import DROP, JUMP, kind, shares, typical
@@ -19,7 +19,6 @@ from wavegym.reproduce.contents import new_figure, png_bytes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[Any]
 
 INK: dict[str, Any] = {"size": "small", "color": "0.35"}
 SENSORS = string.ascii_uppercase  # as the paper names them

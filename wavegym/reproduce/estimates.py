@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.evaluation import statistics
 from wavegym.evaluation.statistics import LEVEL, Estimate
 from wavegym.evaluation.worlds import word
-
-Array = NDArray[Any]
 
 
 def mean_estimate(values: Array, root: int) -> Estimate:

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from wavegym.errors import InputError
+from wavegym.cli.command import guarded
+from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks
-from wavegym.evaluation.command import guarded
 from wavegym.evaluation.files import write_whole
 from wavegym.reproduce import (
     agile_clutter_findings,

@@ -10,21 +10,19 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from joblib import Memory, delayed
-from numpy.typing import NDArray
 
-from wavegym.errors import whole
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.core.policy import Policy
+from wavegym.core.system import State
 from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.reproduce.work import check_jobs, each
-from wavegym.schedulers.names import make_policy
-from wavegym.schedulers.policy import Policy
+from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.simple import Cycle
 from wavegym.sensors import platform_measurement
 from wavegym.sensors.penalties import Penalty
-from wavegym.systems.contract import State
-from wavegym.systems.rf_eo import RfEo
-from wavegym.systems.rf_eo_far import RfEoFar
-
-Array = NDArray[Any]
+from wavegym.systems.rf_eo.far import RfEoFar
+from wavegym.systems.rf_eo.system import RfEo
 
 PUBLISHED, FAR = "published", "far"
 SCENES: dict[str, type[RfEo]] = {PUBLISHED: RfEo, FAR: RfEoFar}

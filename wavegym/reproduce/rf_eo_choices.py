@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.reproduce.estimates import plain, ratio_estimates, share_estimate
 from wavegym.reproduce.rf_eo import Runs
-from wavegym.systems.rf_eo import RfEo
-
-Array = NDArray[Any]
+from wavegym.systems.rf_eo.system import RfEo
 
 PRF, ANGLE = 0, 2
 QUANTILES = (0.1, 0.5, 0.9)

@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.summary import versions
 from wavegym.reproduce.estimates import mean_estimate, plain, ratio_estimates, share_estimate
@@ -25,8 +25,6 @@ from wavegym.reproduce.rf_eo import (
     system,
 )
 from wavegym.reproduce.rf_eo_choices import adaptation, agreement, jumps
-
-Array = NDArray[Any]
 
 PARTS = (0.0, 0.01, 0.1, 0.5, 1.0)  # of a run: the edges of its windows; the last one is "late"
 SETTLED = 10  # steps after which the transient is over

@@ -8,20 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import delayed
-from numpy.typing import NDArray
 
-from wavegym.errors import whole
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.core.system import State
 from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.reproduce.urban_false import false_tracks
 from wavegym.reproduce.work import check_jobs, each
-from wavegym.schedulers.names import make_policy
-from wavegym.systems.contract import State
-from wavegym.systems.urban import Urban
-from wavegym.systems.urban_state import HELD_WITHIN
+from wavegym.schedulers.registry import make_policy
+from wavegym.systems.urban.state import HELD_WITHIN
+from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
-from wavegym.trackers.street import CONFIRMED, EMPTY
-
-Array = NDArray[Any]
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
 
 LOOSE, STRICT = "loose", "strict"
 SETTINGS = {LOOSE: 12.0, STRICT: 5.0}  # m: standard deviation of a new track's place at most

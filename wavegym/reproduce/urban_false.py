@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.sensors import multistatic_range_and_rate
-from wavegym.sensors.city import Point
-from wavegym.systems.urban_state import HELD_WITHIN, Scene
-
-Array = NDArray[Any]
+from wavegym.sensors.urban_map import Point
+from wavegym.systems.urban.state import HELD_WITHIN, Scene
 
 STRAYED, MIRROR, WALLS, OTHER = "strayed", "mirror", "walls", "other"
 ORIGINS = (STRAYED, MIRROR, WALLS, OTHER)

@@ -23,7 +23,7 @@ from wavegym.reproduce.urban_pictures import (
     draw_scene,
     no_target,
 )
-from wavegym.trackers.street import MODELS
+from wavegym.trackers.urban.tracker import MODELS
 
 FIGURE3 = ("of", "number", "k", "x", "y", "xdot", "ydot", "no_target")
 FIGURE4 = ("setting", "filter", "policy", "k", "confirmed", "low", "high")

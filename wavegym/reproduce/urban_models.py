@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.evaluation.statistics import Estimate
 from wavegym.reproduce.estimates import mean_estimate, plain
-from wavegym.systems.urban import Urban
-from wavegym.trackers.street import MODELS
-
-Array = NDArray[Any]
+from wavegym.systems.urban.system import Urban
+from wavegym.trackers.urban.tracker import MODELS
 
 LIMIT = 0.8  # a model of a greater probability is taken for known
 GRACE = 5  # scans that it may take after a change

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wavegym.core.arrays import Array
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.summary import versions
 from wavegym.reproduce.estimates import mean_estimate, plain, ratio_estimates, rms_estimate, rms_ratio, share_estimate
 from wavegym.reproduce.urban import CASES, CLOSED, GHOSTS, OPEN, SETTINGS, STARTS, Case, Runs, Study, system
 from wavegym.reproduce.urban_false import ORIGINS
 from wavegym.reproduce.urban_models import models
-
-Array = NDArray[Any]
 
 
 def summarise(study: Study) -> dict[str, Any]:

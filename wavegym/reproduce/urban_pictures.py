@@ -11,9 +11,9 @@ from wavegym.evaluation.statistics import Estimate
 from wavegym.reproduce.contents import new_figure, png_bytes
 from wavegym.reproduce.urban import CLOSED, LOOSE, NCV1, OPEN, SETTINGS, TURNS, VSIMM, Case, Study, system
 from wavegym.reproduce.urban_models import EXPECTED, LIMIT, phases
-from wavegym.systems.urban import Urban
-from wavegym.systems.urban_state import HELD_WITHIN
-from wavegym.trackers.street import MODELS
+from wavegym.systems.urban.state import HELD_WITHIN
+from wavegym.systems.urban.system import Urban
+from wavegym.trackers.urban.tracker import MODELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from typing import Any
 from joblib import Parallel
 from tqdm import tqdm
 
-from wavegym.errors import whole
+from wavegym.core.errors import whole
 
 PACKAGE = Path(__file__).parents[1]
 PREFIX = ".played-"

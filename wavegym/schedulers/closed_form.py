@@ -30,13 +30,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, choice
-from wavegym.systems.contract import System
-from wavegym.waveforms import SPEED_OF_LIGHT, ParameterBox
-
-Array = NDArray[Any]
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, choice
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
+from wavegym.waveforms import SPEED_OF_LIGHT
 
 GRID = 65  # durations tried first,
 FINER, ROUNDS = 17, 5  # then between the best one's neighbours, and how often

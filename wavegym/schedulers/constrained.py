@@ -13,16 +13,14 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from wavegym.errors import InputError, choice, whole
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, choice, whole
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
 from wavegym.schedulers.myopic import Myopic, impossible
-from wavegym.systems import trees
-from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox
-
-Array = NDArray[Any]
 
 STEP = 1e-6  # of an action in [-1, 1], to either side, for a gradient
 SLACK = 1e-6  # relative: SLSQP aims so far above the threshold, because it stops a rounding short of what it aims at

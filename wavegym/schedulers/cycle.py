@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
+from wavegym.core import trees
+from wavegym.core.action_sets import JointLibrary
+from wavegym.core.arrays import Array
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
 from wavegym.schedulers.simple import Cycle
 from wavegym.schedulers.tuning import POLISHING, best_constant, polished, tuning_costs
-from wavegym.systems import trees
-from wavegym.systems.contract import System
-from wavegym.waveforms import JointLibrary, ParameterBox
 
-Array = NDArray[Any]
 Descent = Generator[list[Array], list[float], Array]  # yields cycles, is sent their costs, returns where it ends
 
 PERIODS = (2, 3)  # slots

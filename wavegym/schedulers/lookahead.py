@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError
-from wavegym.systems import trees
-from wavegym.systems.contract import System
-from wavegym.waveforms import PerSensor
-
-Array = NDArray[Any]
+from wavegym.core import trees
+from wavegym.core.action_sets import PerSensor
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.system import System
 
 NODES = 200_000  # beliefs held at a time, about 20 MB for two states
 SEQUENCES = 1_000_000  # tried for one decision: enough for 88 candidates three steps ahead

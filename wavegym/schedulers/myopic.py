@@ -8,12 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, choice, non_negative
-from wavegym.systems.contract import System
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, choice, non_negative
+from wavegym.core.system import System
 
-Array = NDArray[Any]
 Objective = Callable[[Any, Any, Array], Array]  # (system, public, candidates (1, c)) -> (env, c)
 
 

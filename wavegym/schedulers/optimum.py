@@ -28,13 +28,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, non_negative, positive
-from wavegym.systems.contract import System
-from wavegym.systems.recursion import Recursion
-
-Array = NDArray[Any]
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, non_negative, positive
+from wavegym.core.recursion import Recursion
+from wavegym.core.system import System
 
 BEAM, BEAM_SLACK = 20, 0.03  # of the first schedule's search: nodes kept, and how alike two may be
 

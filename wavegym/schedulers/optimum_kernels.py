@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.kernels import kernel
+from wavegym.core.kernels import kernel
 from wavegym.trackers.kernels import factor_innovation_one, predict_covariance_one, update_covariance_one
 
 DEPTH, SLACK = 3, 0.03  # of the bound on the cost to come: steps from zero covariance, and how alike two nodes may be

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, whole
-from wavegym.systems.chirp_menu import ChirpMenu
-from wavegym.systems.contract import System
-
-Array = NDArray[Any]
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, whole
+from wavegym.core.system import System
+from wavegym.systems.agile_clutter.actions import ChirpMenu
 
 
 @runtime_checkable

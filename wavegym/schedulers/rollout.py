@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.schedulers.policy import Policy
-from wavegym.systems.contract import System
-
-Array = NDArray[Any]
+from wavegym.core.arrays import Array
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
 
 
 class Rollout(NamedTuple):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from wavegym.errors import InputError, nearest
-from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox, PerSensor
-
-Array = NDArray[Any]
+from wavegym.core.action_sets import PerSensor
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, nearest
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
 
 FEW = 1024  # candidates: up to here a random choice draws one number for each, which masks without rejection
 

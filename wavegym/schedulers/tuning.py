@@ -6,17 +6,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from tqdm import tqdm
 
-from wavegym.schedulers.policy import Policy
+from wavegym.core.arrays import Array
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
 from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Cycle, Fixed
-from wavegym.systems.contract import System
-from wavegym.waveforms import ParameterBox
-
-Array = NDArray[Any]
 
 POLISHING = 200  # rollouts that one polish may take
 TOLERANCE = 1e-3  # of an action in [-1, 1]: a simplex this small ends a polish

@@ -20,7 +20,6 @@ False returns fall into the tracker's validation gate, here of four standard dev
 True
 """
 
-from wavegym.sensors.city import Building, City, Road
 from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
 from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
@@ -32,6 +31,7 @@ from wavegym.sensors.platform import platform_jacobian, platform_measurement
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
 from wavegym.sensors.resolution import View, platform_view
 from wavegym.sensors.snr import range_law_snr
+from wavegym.sensors.urban_map import Building, City, Road
 
 __all__ = [
     "Antenna",

@@ -1,4 +1,4 @@
-"""Checks of array arguments: whole arrays through the one-value checks of ``wavegym.errors``, and shapes."""
+"""Checks of array arguments: whole arrays through the one-value checks of ``wavegym.core.errors``, and shapes."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
 
-Array = NDArray[np.float64]
 
-
-def every(check: Callable[[str, float], object], name: str, values: ArrayLike) -> Array:
+def every(check: Callable[[str, float], object], name: str, values: ArrayLike) -> FloatArray:
     """``values`` as an array whose elements all pass ``check(name, value)``, a check for an interval.
 
     Only the extremes are looked at: where they lie in an interval all do, and one NaN makes both of them NaN.
@@ -25,7 +24,7 @@ def every(check: Callable[[str, float], object], name: str, values: ArrayLike) -
     return array
 
 
-def shaped(name: str, values: ArrayLike, *core: int) -> Array:
+def shaped(name: str, values: ArrayLike, *core: int) -> FloatArray:
     """``values`` as an array (..., *core); otherwise InputError."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim < len(core) or array.shape[array.ndim - len(core) :] != core:
@@ -33,7 +32,7 @@ def shaped(name: str, values: ArrayLike, *core: int) -> Array:
     return array
 
 
-def exactly(name: str, values: ArrayLike, *shape: int) -> Array:
+def exactly(name: str, values: ArrayLike, *shape: int) -> FloatArray:
     """``values`` as a fresh array of this shape, no axis more; otherwise InputError."""
     array = np.array(values, dtype=np.float64)
     require_shape(name, array, shape)
@@ -46,7 +45,7 @@ def require_shape(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> Non
         raise InputError(f"{name} has shape {array.shape}, expected {shape}")
 
 
-def alike(**arrays: ArrayLike) -> tuple[Array, ...]:
+def alike(**arrays: ArrayLike) -> tuple[FloatArray, ...]:
     """The arrays broadcast to one shape; otherwise InputError."""
     try:
         return tuple(np.broadcast_arrays(*arrays.values()))

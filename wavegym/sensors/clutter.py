@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.errors import InputError, non_negative, positive, within
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, non_negative, positive, within
 from wavegym.sensors import clutter_kernels as kernels
-from wavegym.sensors.checks import Array, shaped
+from wavegym.sensors.checks import shaped
 from wavegym.sensors.gates import cholesky, gate_volume
 
 MOST_POINTS = 1e7

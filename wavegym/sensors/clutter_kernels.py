@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.counter_kernels import exponential, stream, uniform
-from wavegym.kernels import kernel
+from wavegym.core.counter_rng_kernels import exponential, stream, uniform
+from wavegym.core.kernels import kernel
 from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
 
 

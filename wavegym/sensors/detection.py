@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.errors import open_unit, positive
+from wavegym.core.arrays import Array
+from wavegym.core.errors import open_unit, positive
 from wavegym.sensors import detection_kernels as kernels
-from wavegym.sensors.checks import Array, every
+from wavegym.sensors.checks import every
 
 
 def detection_probability(snr: ArrayLike, false_alarm: ArrayLike) -> Array:

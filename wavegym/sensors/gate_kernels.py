@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import batched, kernel
+from wavegym.core.kernels import batched, kernel
 
 
 @kernel

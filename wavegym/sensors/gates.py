@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, positive
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, positive
 from wavegym.sensors import gate_kernels as kernels
-from wavegym.sensors.checks import Array, every, shaped
+from wavegym.sensors.checks import every, shaped
 
 
 def gate_probability(gate: ArrayLike) -> Array:

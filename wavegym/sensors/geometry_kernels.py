@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import batched, inlined, kernel
+from wavegym.core.kernels import batched, inlined, kernel
 
 NEAREST = 1e-9
 """r is held at this many metres below it, so that at the sensor itself rdot is 0 instead of 0 / 0; |rdot| <= speed."""

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
 from wavegym.sensors import multipath_kernels as kernels
-from wavegym.sensors.checks import Array, shaped
-from wavegym.sensors.city import City, Point
+from wavegym.sensors.checks import shaped
+from wavegym.sensors.urban_map import City, Point
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import inlined, kernel
+from wavegym.core.kernels import inlined, kernel
 
 NONE = -1  # in place of a wall
 MOST_WALLS = 2  # in a way; with the target's own these are the paper's three reflections

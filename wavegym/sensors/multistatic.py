@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, within
-from wavegym.sensors.checks import Array, every, shaped
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, within
+from wavegym.sensors.checks import every, shaped
 from wavegym.sensors.geometry import range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multipath_kernels import MOST_WALLS

@@ -7,9 +7,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.errors import InputError, choice, non_negative, positive
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, choice, non_negative, positive
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import Array, alike, every
+from wavegym.sensors.checks import alike, every
 
 Penalty = Literal["logistic", "hard", "deadzone", "log-barrier"]
 PENALTIES: tuple[str, ...] = get_args(Penalty)

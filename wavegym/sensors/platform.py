@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from wavegym.core.arrays import Array
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import Array, shaped
+from wavegym.sensors.checks import shaped
 
 
 def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool = False) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import batched, inlined, kernel
+from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 

@@ -17,9 +17,10 @@ import scipy.fft
 import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, non_negative, positive, whole, within
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, non_negative, positive, whole, within
 from wavegym.sensors import receiver_kernels as kernels
-from wavegym.sensors.checks import Array, every, require_shape
+from wavegym.sensors.checks import every, require_shape
 from wavegym.waveforms import PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.counter_kernels import normal
-from wavegym.kernels import kernel
+from wavegym.core.counter_rng_kernels import normal
+from wavegym.core.kernels import kernel
 
 STEERINGS = 32  # directions among which a peak's own is sought
 

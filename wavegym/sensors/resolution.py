@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.errors import positive, whole
+from wavegym.core.arrays import Array
+from wavegym.core.errors import positive, whole
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import Array, alike, every
+from wavegym.sensors.checks import alike, every
 
 
 class View(NamedTuple):

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
 from wavegym.targets.recorded import Piece, RecordedTrack
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +29,7 @@ class Windows:
         pieces: where the samples come from, in their order.
     """
 
-    samples: Array
+    samples: FloatArray
     starts: NDArray[np.int64]
     steps: int
     names: tuple[str, ...]
@@ -39,9 +38,9 @@ class Windows:
     def __len__(self) -> int:
         return len(self.starts)
 
-    def __getitem__(self, index: int | NDArray[np.int64]) -> Array:
+    def __getitem__(self, index: int | NDArray[np.int64]) -> FloatArray:
         offsets = np.arange(self.steps + 1)
-        window: Array = self.samples[self.starts[index][..., None] + offsets]
+        window: FloatArray = self.samples[self.starts[index][..., None] + offsets]
         return window
 
     def locate(self, index: int) -> tuple[Piece, int]:

@@ -7,15 +7,16 @@ target far from the origin has a low or negative "up" because the earth curves a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from wavegym.core.arrays import FloatArray
+
 SEMI_MAJOR = 6378137.0  # m, WGS-84 (NIMA TR8350.2, table 3.1)
 FLATTENING = 1 / 298.257223563
 ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
 
 
-def geodetic_to_ecef(latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike) -> Array:
+def geodetic_to_ecef(latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike) -> FloatArray:
     """Earth-centred, earth-fixed points [m], (..., 3), of latitude, longitude [deg] and ellipsoidal height [m]."""
     phi, lam = np.radians(latitude), np.radians(longitude)
     h = np.asarray(altitude, np.float64)
@@ -24,7 +25,7 @@ def geodetic_to_ecef(latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayL
     return np.stack([rho * np.cos(lam), rho * np.sin(lam), (normal * (1 - ECCENTRICITY_2) + h) * np.sin(phi)], axis=-1)
 
 
-def ecef_to_enu(ecef: ArrayLike, latitude: float, longitude: float, altitude: float = 0.0) -> Array:
+def ecef_to_enu(ecef: ArrayLike, latitude: float, longitude: float, altitude: float = 0.0) -> FloatArray:
     """East, north and up [m], (..., 3), of earth-centred points [m] about an origin in degrees and metres."""
     phi, lam = np.radians(latitude), np.radians(longitude)
     east = np.array([-np.sin(lam), np.cos(lam), 0.0])

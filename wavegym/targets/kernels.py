@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.kernels import kernel
+from wavegym.core.arrays import FloatArray
+from wavegym.core.kernels import kernel
 
-Array = NDArray[np.float64]
 Sizes = tuple[int, ...]
 
 
 @kernel
-def scan(step: Array, start: Array, noise: Array, nn: Sizes) -> Array:
+def scan(step: FloatArray, start: FloatArray, noise: FloatArray, nn: Sizes) -> FloatArray:
     """One path x_{k+1} = F x_k + L w_k.
 
     Args:
@@ -30,7 +29,7 @@ def scan(step: Array, start: Array, noise: Array, nn: Sizes) -> Array:
 
 
 @kernel
-def scan_batch(step: Array, start: Array, noise: Array, nn: Sizes) -> Array:
+def scan_batch(step: FloatArray, start: FloatArray, noise: FloatArray, nn: Sizes) -> FloatArray:
     """As ``scan`` for a flat batch: start (path, n), noise (path, steps, n), result (path, steps + 1, n)."""
     paths, steps, n = noise.shape
     x = np.empty((paths, steps + 1, n))
@@ -40,7 +39,7 @@ def scan_batch(step: Array, start: Array, noise: Array, nn: Sizes) -> Array:
 
 
 @kernel
-def _fill(p: int, step: Array, start: Array, noise: Array, x: Array, nn: Sizes) -> None:
+def _fill(p: int, step: FloatArray, start: FloatArray, noise: FloatArray, x: FloatArray, nn: Sizes) -> None:
     n = len(nn)
     for i in range(n):
         x[p, 0, i] = start[p, i]

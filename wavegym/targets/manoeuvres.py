@@ -11,12 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, non_negative, positive
+from wavegym.core.errors import InputError, non_negative, positive
 from wavegym.targets.motion import MotionModel
 
-Array = NDArray[np.float64]
 NAMES = ("x", "y", "xdot", "ydot", "xddot", "yddot")
 
 

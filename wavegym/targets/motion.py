@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from wavegym.errors import InputError, choice, non_negative, positive
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, choice, non_negative, positive
 from wavegym.targets.kernels import scan, scan_batch
 
-Array = NDArray[np.float64]
 SUFFIXES = ("", "dot", "ddot")
 
 
@@ -29,8 +29,8 @@ class MotionModel:
         InputError: shapes that disagree, entries that are not finite, repeated names, or a Q that is no covariance.
     """
 
-    F: Array
-    Q: Array
+    F: FloatArray
+    Q: FloatArray
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -46,12 +46,12 @@ class MotionModel:
         _ = self.noise_factor  # a Q that is no covariance is reported here, not at the first draw
 
     @cached_property
-    def noise_factor(self) -> Array:
+    def noise_factor(self) -> FloatArray:
         """Lower triangular L with L Lᵀ = Q, (n, n); columns of zeros where Q is singular."""
         return _semidefinite_cholesky(self.Q)
 
     @cached_property
-    def _step(self) -> Array:
+    def _step(self) -> FloatArray:
         """[F L], (n, 2 n), as the kernels take it."""
         return np.hstack([self.F, self.noise_factor])
 
@@ -92,7 +92,9 @@ def constant_acceleration(dt: float, q: float, axes: Sequence[str] = ("r",), ord
     return _white_noise_model(3, dt, q, axes, order)
 
 
-def random_path(model: MotionModel, start: ArrayLike, noise: ArrayLike | np.random.Generator, steps: int = 0) -> Array:
+def random_path(
+    model: MotionModel, start: ArrayLike, noise: ArrayLike | np.random.Generator, steps: int = 0
+) -> FloatArray:
     """Draw true paths x_{k+1} = F x_k + L w_k, with L Lᵀ = Q.
 
     Args:
@@ -116,7 +118,7 @@ def random_path(model: MotionModel, start: ArrayLike, noise: ArrayLike | np.rand
     else:
         w = np.asarray(noise, np.float64, "C")
     if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without the cost of broadcasting
-        single: Array = scan(model._step, x0, w, (0,) * n)
+        single: FloatArray = scan(model._step, x0, w, (0,) * n)
         return single
     if w.ndim < 2 or not x0.shape[-1:] == w.shape[-1:] == (n,):
         raise InputError(
@@ -129,11 +131,11 @@ def random_path(model: MotionModel, start: ArrayLike, noise: ArrayLike | np.rand
     tail = w.shape[-2:]
     starts = _spread(x0, (*lead, n)).reshape(-1, n)
     draws = _spread(w, lead + tail).reshape(len(starts), *tail)
-    paths: Array = scan_batch(model._step, starts, draws, (0,) * n).reshape(*lead, tail[0] + 1, n)
+    paths: FloatArray = scan_batch(model._step, starts, draws, (0,) * n).reshape(*lead, tail[0] + 1, n)
     return paths
 
 
-def _spread(array: Array, shape: tuple[int, ...]) -> Array:
+def _spread(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """``array`` broadcast to ``shape``; copied only where it has to be (a read-only one would be compiled for anew)."""
     return array if array.shape == shape and array.flags.writeable else np.array(np.broadcast_to(array, shape))
 
@@ -155,7 +157,7 @@ def _white_noise_model(dim: int, dt: float, q: float, axes: Sequence[str], order
     return MotionModel(F, Q, names)
 
 
-def _semidefinite_cholesky(Q: Array) -> Array:
+def _semidefinite_cholesky(Q: FloatArray) -> FloatArray:
     """L Lᵀ = Q for positive semidefinite Q; numpy's Cholesky stops at a singular one, such as q = 0."""
     L = np.zeros_like(Q)
     # A pivot is what remains of its own diagonal entry, so rounding is judged against that, whatever the units.

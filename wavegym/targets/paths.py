@@ -11,18 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, positive
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, positive
 
-Array = NDArray[np.float64]
 STANDSTILL = 1e-9  # a speed below this part of the one before is rounding: the target has stopped
 
 
 class Kinematics(NamedTuple):
     """Position [m], velocity [m/s] and acceleration [m/s²] at the same times, each (..., d)."""
 
-    positions: Array
-    velocities: Array
-    accelerations: Array
+    positions: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Segment:
     """
 
     duration: float
-    acceleration: float | Sequence[float] | Array = 0.0
+    acceleration: float | Sequence[float] | FloatArray = 0.0
     turn_rate: float = 0.0
 
     def __post_init__(self) -> None:
@@ -72,8 +72,8 @@ class ScriptedPath:
             the motion of a target that has never moved, braking beyond standstill.
     """
 
-    start: Sequence[float] | Array
-    velocity: Sequence[float] | Array
+    start: Sequence[float] | FloatArray
+    velocity: Sequence[float] | FloatArray
     segments: Sequence[Segment] = ()
 
     def __post_init__(self) -> None:
@@ -140,14 +140,14 @@ class _Leg:
     """
 
     begin: float
-    position: Array  # (d,)
+    position: FloatArray  # (d,)
     speed: float
-    heading: Array | None  # (d,), unit vector of the last motion; None: has never moved
+    heading: FloatArray | None  # (d,), unit vector of the last motion; None: has never moved
     tangential: float = 0.0
     turn_rate: float = 0.0
-    vector: Array | float = 0.0  # (d,), b
+    vector: FloatArray | float = 0.0  # (d,), b
 
-    def at(self, t: Array) -> Kinematics:
+    def at(self, t: FloatArray) -> Kinematics:
         """Kinematics ``t`` (time,) seconds into the leg, each (time, d)."""
         t = t[:, None]
         zero = np.zeros((len(t), len(self.position)))
@@ -169,7 +169,7 @@ class _Leg:
             _plane((self.tangential + 1j * self.turn_rate * speed) * turned),
         )
 
-    def end(self, duration: float) -> tuple[Array, float, Array | None]:
+    def end(self, duration: float) -> tuple[FloatArray, float, FloatArray | None]:
         """Position, speed and heading where the leg ends; a target at a standstill keeps its heading."""
         last = self.at(np.array([duration]))
         velocity = last.velocities[0]
@@ -181,7 +181,7 @@ class _Leg:
 
 
 def _leg(
-    begin: float, position: Array, speed: float, heading: Array | None, segment: Segment | None, number: int
+    begin: float, position: FloatArray, speed: float, heading: FloatArray | None, segment: Segment | None, number: int
 ) -> _Leg:
     if segment is None:
         return _Leg(begin, position, speed, heading)
@@ -203,12 +203,12 @@ def _leg(
     return _Leg(begin, position, speed, heading, tangential, segment.turn_rate)
 
 
-def _plane(z: NDArray[np.complex128]) -> Array:
+def _plane(z: NDArray[np.complex128]) -> FloatArray:
     """Complex (time, 1) as x and y, (time, 2)."""
     return np.concatenate([z.real, z.imag], axis=-1)
 
 
-def _moment(power: int, angle: Array) -> NDArray[np.complex128]:
+def _moment(power: int, angle: FloatArray) -> NDArray[np.complex128]:
     """∫₀¹ xᵐ exp(j φ x) dx for m = 0 or 1; a series where the closed form would cancel."""
     z = 1j * np.asarray(angle)
     small = np.abs(z) < 1.0

@@ -13,12 +13,12 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.errors import InputError, nearest, within
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, nearest, within
 from wavegym.targets.geodesy import ecef_to_enu, geodetic_to_ecef, mean_direction
 from wavegym.targets.recorded import RecordedTrack
 from wavegym.targets.reports import fill_heights, flyable, fresh, last_of_each_time
 
-Array = NDArray[np.float64]
 AIRCRAFT_ACCELERATION = 8.0  # m/s²: airliners stay below 6 (bank of 30°), late reports every 10 s look like 9 to 16
 
 TIME = ("time_s", "time", "t")
@@ -32,8 +32,8 @@ BOUNDS = ((-90.0, 90.0), (-180.0, 360.0))
 class _Table:
     """Rows of a file: times (row,), columns (row, 3) as recorded with NaN for an unknown height, ids per row."""
 
-    times: Array
-    columns: Array
+    times: FloatArray
+    columns: FloatArray
     ids: list[str]
     geodetic: bool
 
@@ -87,7 +87,7 @@ def read_tracks(
     return [_placed(replace(track, source=str(file)), place) for _, track in cleaned.values()]
 
 
-def _clean(table: _Table, rows: NDArray[np.int64], limit: float) -> tuple[Array, RecordedTrack]:
+def _clean(table: _Table, rows: NDArray[np.int64], limit: float) -> tuple[FloatArray, RecordedTrack]:
     """The usable reports of one target: as recorded, (report, 3), and as a track (earth-centred where geodetic)."""
     rows = rows[np.argsort(table.times[rows], kind="stable")]
     latest = rows[last_of_each_time(table.times[rows])]

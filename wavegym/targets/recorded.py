@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_smoothing_spline
 
-from wavegym.errors import InputError, non_negative, positive
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, non_negative, positive
 
-Array = NDArray[np.float64]
 MOST_SAMPLES = 10_000_000
 
 
@@ -30,10 +29,10 @@ class Piece:
 
     id: str
     dt: float
-    times: Array
-    positions: Array
-    velocities: Array
-    accelerations: Array
+    times: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +50,8 @@ class RecordedTrack:
     """
 
     id: str
-    times: Array
-    positions: Array
+    times: FloatArray
+    positions: FloatArray
     height_known: bool = True
     dropped: Mapping[str, int] = field(default_factory=dict)
     source: str = ""

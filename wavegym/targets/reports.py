@@ -5,19 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from wavegym.core.arrays import FloatArray
+
 Mask = NDArray[np.bool_]
 POSITION_TOLERANCE = (
     25.0  # m: quantisation and noise of position reports, which closely spaced ones turn into "accelerations"
 )
 
 
-def last_of_each_time(times: Array) -> Mask:
+def last_of_each_time(times: FloatArray) -> Mask:
     """Mask (report,) of the last among reports that carry the same time; times ascend."""
     return np.append(times[1:] != times[:-1], True)
 
 
-def fresh(horizontal: Array, height: Array) -> Mask:
+def fresh(horizontal: FloatArray, height: FloatArray) -> Mask:
     """Mask (report,) of the reports that do not merely repeat the position before them.
 
     A recorder that hears nothing new repeats the last position under a new time. Believed, the target would stop and
@@ -27,7 +28,7 @@ def fresh(horizontal: Array, height: Array) -> Mask:
     return np.append(True, ~((horizontal[1:] == horizontal[:-1]).all(axis=1) & same_height))
 
 
-def fill_heights(times: Array, height: Array) -> tuple[Array, bool]:
+def fill_heights(times: FloatArray, height: FloatArray) -> tuple[FloatArray, bool]:
     """Heights (report,) with missing ones (NaN) interpolated in time, held at the ends; and whether any was known."""
     known = ~np.isnan(height)
     if not known.any():
@@ -35,7 +36,7 @@ def fill_heights(times: Array, height: Array) -> tuple[Array, bool]:
     return np.interp(times, times[known], height[known]), True
 
 
-def flyable(times: Array, positions: Array, max_acceleration: float) -> Mask:
+def flyable(times: FloatArray, positions: FloatArray, max_acceleration: float) -> Mask:
     """Mask (report,) without the reports that could only be reached by more than ``max_acceleration`` [m/s²].
 
     A position stamped s seconds late lies s times the speed behind the path: the target seems to brake, then to race.
@@ -65,7 +66,7 @@ def flyable(times: Array, positions: Array, max_acceleration: float) -> Mask:
     return mask
 
 
-def _suspicion(times: Array, positions: Array, max_acceleration: float) -> Array:
+def _suspicion(times: FloatArray, positions: FloatArray, max_acceleration: float) -> FloatArray:
     """Distance of each inner report to its neighbours' chord over what is allowed, (report - 2,)."""
     if len(times) < 3:
         return np.zeros(0)

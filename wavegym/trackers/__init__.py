@@ -9,17 +9,10 @@
 (3, 2, 2)
 """
 
-from wavegym.trackers.association import Association, joint_association
-from wavegym.trackers.initiation import multilaterate
-from wavegym.trackers.integrated import Integrated, lmipda
-from wavegym.trackers.interacting import (
-    imm_combine,
-    imm_mix,
-    imm_reweigh,
-    imm_ukf_scan,
-    ukf_update,
-    variable_structure,
-)
+from wavegym.trackers.gospa import Gospa, gospa
+from wavegym.trackers.imm import imm_combine, imm_mix, imm_reweigh, imm_ukf_scan, ukf_update, variable_structure
+from wavegym.trackers.information_reduction import fitted_information_reduction, information_reduction
+from wavegym.trackers.joint_association import Association, joint_association
 from wavegym.trackers.jpda import jpda_update
 from wavegym.trackers.kalman import (
     ekf_predict,
@@ -32,10 +25,10 @@ from wavegym.trackers.kalman import (
     update,
     update_covariance,
 )
-from wavegym.trackers.particle import Particles, ParticleUpdate, particle_update, systematic_resample
-from wavegym.trackers.reduction import fitted_information_reduction, information_reduction
-from wavegym.trackers.set_distance import Gospa, gospa
-from wavegym.trackers.street import StreetTracker, Tracks
+from wavegym.trackers.lmipda import Integrated, lmipda
+from wavegym.trackers.multilateration import multilaterate
+from wavegym.trackers.rbpf import Particles, ParticleUpdate, particle_update, systematic_resample
+from wavegym.trackers.urban.tracker import StreetTracker, Tracks
 
 __all__ = [
     "Association",

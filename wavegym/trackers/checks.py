@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
-
-Array = NDArray[np.float64]
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
 
 
 def flat(array: ArrayLike, lead: tuple[int, ...], *core: int) -> NDArray[Any]:
@@ -18,7 +17,9 @@ def flat(array: ArrayLike, lead: tuple[int, ...], *core: int) -> NDArray[Any]:
     return np.array(np.broadcast_to(np.asarray(array), (*lead, *core)), order="C").reshape(math.prod(lead), *core)
 
 
-def association_terms(pd: ArrayLike, clutter_density: ArrayLike, gate_probability: float) -> tuple[Array, Array, float]:
+def association_terms(
+    pd: ArrayLike, clutter_density: ArrayLike, gate_probability: float
+) -> tuple[FloatArray, FloatArray, float]:
     """The three as arrays and a float.
 
     Raises:
@@ -32,14 +33,14 @@ def association_terms(pd: ArrayLike, clutter_density: ArrayLike, gate_probabilit
     return Pd, rho, float(gate_probability)
 
 
-def require_distribution(name: str, values: Array, row: str = "") -> None:
+def require_distribution(name: str, values: FloatArray, row: str = "") -> None:
     """InputError unless rows of ``values`` (..., n), of which ``row`` tells, are probabilities that sum to 1."""
     require_each(name, values, (values >= 0.0) & (values <= 1.0), "probabilities")
     total = values.sum(axis=-1)
     require_each(f"the sum of {row}{name}", total, abs(total - 1.0) < 1e-9, "1")
 
 
-def require_each(name: str, values: Array, valid: NDArray[np.bool_], wanted: str) -> None:
+def require_each(name: str, values: FloatArray, valid: NDArray[np.bool_], wanted: str) -> None:
     """InputError with the first of ``values`` that is not ``valid``."""
     if not valid.all():
         index = tuple(int(i) for i in np.argwhere(~valid)[0])

@@ -8,16 +8,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wavegym import sensors
-from wavegym.errors import InputError, positive
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, positive
 from wavegym.trackers import jpda_kernels
-from wavegym.trackers.association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.checks import association_terms
+from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.kalman import require_positive_definite
-
-Array = NDArray[np.float64]
 
 
 def jpda_update(
@@ -31,7 +30,7 @@ def jpda_update(
     clutter_density: ArrayLike,
     gate: float = 4.0,
     gate_probability: float | None = None,
-) -> tuple[Array, Array]:
+) -> tuple[FloatArray, FloatArray]:
     """Update all targets with one scan of two-dimensional measurements of unknown origin.
 
     The filter decides what the predicted measurement is made of: an EKF has h(x), H P H' + R and P H', an unscented
@@ -71,7 +70,7 @@ def jpda_update(
     return x, P
 
 
-def _aligned(*given: ArrayLike) -> list[Array]:
+def _aligned(*given: ArrayLike) -> list[FloatArray]:
     """The arguments of ``jpda_update`` as fresh arrays whose leading axes are broadcast."""
     arrays = [np.asarray(a, np.float64) for a in given]
     T, n = arrays[0].shape[-2:] if arrays[0].ndim > 1 else (0, 0)
@@ -91,7 +90,7 @@ def _aligned(*given: ArrayLike) -> list[Array]:
     return [_copy(a, lead + core) for a, core in zip(arrays, cores, strict=True)]
 
 
-def _copy(array: Array, shape: tuple[int, ...]) -> Array:
+def _copy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """A fresh array that ``array`` is broadcast to."""
     fresh = np.empty(shape)
     fresh[...] = array

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import inlined, kernel
+from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.gate_kernels import squared_distance
-from wavegym.trackers.association_kernels import associate_one
+from wavegym.trackers.joint_association_kernels import associate_one
 
 
 @kernel

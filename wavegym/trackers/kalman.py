@@ -14,17 +14,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from wavegym.errors import InputError
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
 from wavegym.trackers import kernels
 from wavegym.trackers.rank_one_kernels import rank_one_update
 
-Array = NDArray[np.float64]
-Function = Callable[[Array], Array]
+Function = Callable[[FloatArray], FloatArray]
 
 
-def predict(mean: ArrayLike, covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> tuple[Array, Array]:
+def predict(mean: ArrayLike, covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Time update of a linear model: F x and F P F' + Q.
 
     Args:
@@ -39,14 +39,14 @@ def predict(mean: ArrayLike, covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) 
     return kernels.predict(mean, covariance, F, Q)
 
 
-def predict_covariance(covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> Array:
+def predict_covariance(covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> FloatArray:
     """F P F' + Q, (..., n, n): the covariance recursion alone, as planners need it."""
     return kernels.predict_covariance(covariance, F, Q)
 
 
 def update(
     mean: ArrayLike, covariance: ArrayLike, innovation: ArrayLike, H: ArrayLike, R: ArrayLike
-) -> tuple[Array, Array]:
+) -> tuple[FloatArray, FloatArray]:
     """Measurement update: x + K y and P - K S K' with S = H P H' + R, K = P H' S^-1.
 
     Args:
@@ -67,7 +67,7 @@ def update(
     return x, P
 
 
-def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> Array:
+def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> FloatArray:
     """P - K S K', (..., n, n): the covariance recursion alone. Raises as ``update`` does."""
     P = kernels.update_covariance(covariance, H, R)
     _require_definite(P, covariance, H, R)
@@ -76,7 +76,7 @@ def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> Arra
 
 def scalar_updates(
     mean: ArrayLike, covariance: ArrayLike, innovation: ArrayLike, H: ArrayLike, variance: ArrayLike
-) -> tuple[Array, Array]:
+) -> tuple[FloatArray, FloatArray]:
     """``update`` for independent errors, one scalar after another: P' = [P^-1 + H' R^-1 H]^-1, x' = x + P' H' R^-1 y.
 
     A rank-one update for each row of H, exact whatever their order, with no matrix to invert: the information form
@@ -105,20 +105,20 @@ def scalar_updates(
 
 
 def ekf_predict(
-    mean: Array, covariance: ArrayLike, f: Function, jacobian: Function, Q: ArrayLike
-) -> tuple[Array, Array]:
+    mean: FloatArray, covariance: ArrayLike, f: Function, jacobian: Function, Q: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
     """Time update of a nonlinear model: f(x) and F P F' + Q with F = jacobian(x), (..., n, n)."""
     return f(mean), predict_covariance(covariance, jacobian(mean), Q)
 
 
 def ekf_update(
-    mean: Array, covariance: ArrayLike, measurement: Array, h: Function, jacobian: Function, R: ArrayLike
-) -> tuple[Array, Array]:
+    mean: FloatArray, covariance: ArrayLike, measurement: FloatArray, h: Function, jacobian: Function, R: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
     """Measurement update linearised at the predicted mean: innovation z - h(x), H = jacobian(x), (..., m, n)."""
     return update(mean, covariance, measurement - h(mean), jacobian(mean), R)
 
 
-def nees(error: ArrayLike, covariance: ArrayLike) -> Array:
+def nees(error: ArrayLike, covariance: ArrayLike) -> FloatArray:
     """Normalised estimation error squared e' P^-1 e, (...): chi-square with n degrees of freedom for a right filter.
 
     Raises:
@@ -130,7 +130,7 @@ def nees(error: ArrayLike, covariance: ArrayLike) -> Array:
     return values
 
 
-def require_positive_definite(name: str, matrix: ArrayLike) -> Array:
+def require_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
     """Return ``matrix`` (..., n, n) if symmetric positive definite; otherwise InputError with its least eigenvalue."""
     array = np.asarray(matrix, dtype=np.float64)
     if not np.allclose(array, np.swapaxes(array, -1, -2), rtol=1e-9, atol=0.0):
@@ -141,7 +141,7 @@ def require_positive_definite(name: str, matrix: ArrayLike) -> Array:
     return array
 
 
-def _require_definite(updated: Array, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
+def _require_definite(updated: FloatArray, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
     """InputError for the first track that came out with a variance that is negative or NaN (S has no factorisation).
 
     That is how a P or R that is no covariance shows, at a twentieth of the price of looking at its eigenvalues.

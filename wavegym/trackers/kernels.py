@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import batched, inlined, kernel
+from wavegym.core.kernels import batched, inlined, kernel
 
 
 @inlined

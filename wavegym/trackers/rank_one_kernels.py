@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.kernels import batched, inlined
+from wavegym.core.kernels import batched, inlined
 
 
 @inlined

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from wavegym.kernels import kernel
+from wavegym.core.kernels import kernel
 
 CLUSTER_LIMIT = 10  # targets that share measurements, directly or through others: 2^10 sets of them
 IMPOSSIBLE = -40_000  # stands for the exponent of 0: no product of CLUSTER_LIMIT doubles is that small

@@ -57,9 +57,10 @@ All that a law contributes is four moments, so one call takes any mixture of law
 ``Waveform`` with a label, a support, an envelope and a phase; all of the above then works by quadrature.
 """
 
+from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut
 from wavegym.waveforms.chirp_laws import parse_law
-from wavegym.waveforms.contract import Waveform
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT, FisherFactors
 from wavegym.waveforms.gaussian import (
     GaussianChirp,
@@ -70,8 +71,6 @@ from wavegym.waveforms.gaussian import (
 )
 from wavegym.waveforms.library import Library, gaussian_chirp_library, trapezoid_chirp_library
 from wavegym.waveforms.numeric import numeric_fisher_information
-from wavegym.waveforms.parameters import Parameter, ParameterBox
-from wavegym.waveforms.per_sensor import JointLibrary, PerSensor
 from wavegym.waveforms.picture import plot_ambiguity
 from wavegym.waveforms.pulse_train import PulseTrain
 from wavegym.waveforms.trapezoid import (
@@ -81,6 +80,7 @@ from wavegym.waveforms.trapezoid import (
     chirp_measurement_covariance,
     trapezoid_fisher_factors,
 )
+from wavegym.waveforms.waveform import Waveform
 
 __all__ = [
     "SPEED_OF_LIGHT",

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
-from wavegym.waveforms.contract import Waveform
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
+from wavegym.waveforms.waveform import Waveform
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
@@ -47,7 +47,7 @@ def zero_doppler_cut(waveform: Waveform, delays: ArrayLike) -> ComplexArray:
     return ambiguity(waveform, delays, 0.0)[:, 0]
 
 
-def _grid_axis(name: str, values: ArrayLike) -> Array:
+def _grid_axis(name: str, values: ArrayLike) -> FloatArray:
     axis = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if axis.ndim != 1:
         raise InputError(f"{name} has shape {axis.shape}, expected one axis")

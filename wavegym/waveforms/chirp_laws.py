@@ -6,11 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, choice
-
-Array = NDArray[np.float64]
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, choice
 
 
 @dataclass(frozen=True)
@@ -26,8 +24,8 @@ class FrequencyLaw:
         outside: why no others are.
     """
 
-    frequency: Callable[[Array, float], Array]
-    phase: Callable[[Array, float], Array]
+    frequency: Callable[[FloatArray, float], FloatArray]
+    phase: Callable[[FloatArray, float], FloatArray]
     shape: str = ""
     default: float = 0.0
     low: float = 0.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from wavegym.core.arrays import FloatArray
 
 SPEED_OF_LIGHT = 299792458.0
 """Speed of light in vacuum, m/s."""
@@ -35,13 +35,13 @@ class FisherFactors:
     slope: ArrayLike
     spread: ArrayLike
 
-    def information(self) -> Array:
+    def information(self) -> FloatArray:
         """Fisher information of (delay in s, Doppler in Hz) at SNR 1, shape (..., 2, 2)."""
         r, b, v = np.asarray(self.residual), np.asarray(self.slope), np.asarray(self.spread)
         coupling = b * v
         return _symmetric(r + b * coupling, -_TWO_PI * coupling, _TWO_PI * _TWO_PI * v)
 
-    def measurement_covariance(self, carrier_hz: ArrayLike) -> Array:
+    def measurement_covariance(self, carrier_hz: ArrayLike) -> FloatArray:
         """Cramer-Rao covariance R = Gamma J^-1 Gamma^T of (range in m, range-rate in m/s) at SNR 1, shape (..., 2, 2).
 
         Gamma = diag(c/2, -c/(2 fc)): range-rate is positive when receding, so Doppler is its negative.
@@ -53,7 +53,7 @@ class FisherFactors:
         return _symmetric(metres * delay, -rate * (delay * b), rate * rate * (1.0 / v + b * b / r))
 
 
-def _symmetric(first: Array, off: Array, second: Array) -> Array:
+def _symmetric(first: FloatArray, off: FloatArray, second: FloatArray) -> FloatArray:
     matrix = np.empty((*np.broadcast_shapes(first.shape, off.shape, second.shape), 2, 2))
     matrix[..., 0, 0] = first
     matrix[..., 0, 1] = off

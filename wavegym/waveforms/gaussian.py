@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from wavegym.errors import choice, non_negative, positive
-from wavegym.waveforms.contract import Waveform, quantity
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import choice, non_negative, positive
+from wavegym.core.units import quantity
 from wavegym.waveforms.fisher import FisherFactors
-
-Array = NDArray[np.float64]
+from wavegym.waveforms.waveform import Waveform
 
 DIRECTIONS = ("up", "down")
 _HALF_SUPPORT = 7.5  # durations; the amplitude there is 6e-13 of the peak
@@ -74,12 +74,12 @@ class GaussianChirp(Waveform):
         half = _HALF_SUPPORT * self.duration
         return (-half, half)
 
-    def envelope(self, t: ArrayLike) -> Array:
+    def envelope(self, t: ArrayLike) -> FloatArray:
         """Real amplitude a(t), s^-1/2; t in s, any shape."""
         x = np.asarray(t, dtype=np.float64) / self.duration
         return np.exp(-0.5 * (x * x)) / np.sqrt(np.sqrt(np.pi) * self.duration)
 
-    def phase(self, t: ArrayLike) -> Array:
+    def phase(self, t: ArrayLike) -> FloatArray:
         """Phase d g t^2, rad; t in s, any shape."""
         t = np.asarray(t, dtype=np.float64)
         return self.signed_chirp_rate * (t * t)
@@ -99,7 +99,9 @@ def gaussian_fisher_factors(duration: ArrayLike, signed_chirp_rate: ArrayLike) -
     return FisherFactors(0.5 / square, 2.0 * np.asarray(signed_chirp_rate, dtype=np.float64), 0.5 * square)
 
 
-def gaussian_measurement_covariance(duration: ArrayLike, signed_chirp_rate: ArrayLike, carrier_hz: ArrayLike) -> Array:
+def gaussian_measurement_covariance(
+    duration: ArrayLike, signed_chirp_rate: ArrayLike, carrier_hz: ArrayLike
+) -> FloatArray:
     """Measurement covariance of Gaussian chirps at SNR 1 for whole grids at once; inputs are not checked.
 
     R = [[c^2 k^2/2, -d c^2 g k^2/wc], [., (c/wc)^2 (1/(2 k^2) + 2 g^2 k^2)]], wc = 2 pi fc (Kershaw and Evans 1994).
@@ -115,11 +117,11 @@ def gaussian_measurement_covariance(duration: ArrayLike, signed_chirp_rate: Arra
     return gaussian_fisher_factors(duration, signed_chirp_rate).measurement_covariance(carrier_hz)
 
 
-def chirp_rate_for_sweep(sweep_hz: ArrayLike, duration: ArrayLike) -> Array:
+def chirp_rate_for_sweep(sweep_hz: ArrayLike, duration: ArrayLike) -> FloatArray:
     """Chirp rate g = pi sweep/(2 k), rad/s^2, that sweeps ``sweep_hz`` (Hz) in two durations k (s); they broadcast."""
     return np.pi * np.asarray(sweep_hz, dtype=np.float64) / (2.0 * np.asarray(duration, dtype=np.float64))
 
 
-def sweep_for_chirp_rate(chirp_rate: ArrayLike, duration: ArrayLike) -> Array:
+def sweep_for_chirp_rate(chirp_rate: ArrayLike, duration: ArrayLike) -> FloatArray:
     """Sweep 2 k g/pi, Hz, of a chirp rate g (rad/s^2) at duration k (s): the inverse of ``chirp_rate_for_sweep``."""
     return 2.0 * np.asarray(duration, dtype=np.float64) * np.asarray(chirp_rate, dtype=np.float64) / np.pi

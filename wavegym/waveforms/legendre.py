@@ -14,9 +14,9 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 NODES = 32
@@ -48,17 +48,17 @@ class Expansion:
         values: the function at the nodes, (component, interval, panel, node).
     """
 
-    centres: Array
-    half: Array
+    centres: FloatArray
+    half: FloatArray
     values: NDArray
 
     @property
-    def times(self) -> Array:
+    def times(self) -> FloatArray:
         """Node positions, (interval, panel, node)."""
         return _nodes(self.centres, self.half)
 
     @property
-    def weights(self) -> Array:
+    def weights(self) -> FloatArray:
         """Quadrature weight of each node, (interval, 1, node); sums over the panels by broadcasting."""
         return self.half[:, None, None] * _W
 
@@ -66,7 +66,7 @@ class Expansion:
         """The function's time derivative at the nodes, (component, interval, panel, node)."""
         return (self.values @ _DERIVATIVE) / self.half[:, None, None]
 
-    def fourier(self, omega: Array) -> ComplexArray:
+    def fourier(self, omega: FloatArray) -> ComplexArray:
         """Integral of f(t) exp(-j omega t) over all intervals, (component, omega); omega in rad per unit of t.
 
         Filon's rule: each panel's Legendre expansion is integrated against the exponential exactly, so the number of
@@ -77,7 +77,9 @@ class Expansion:
         return (per_panel * np.exp(-1j * self.centres[..., None] * omega)).sum(axis=(1, 2))
 
 
-def resolve(function: Callable[[Array], NDArray], low: Array, high: Array, floor: Array, name: str) -> Expansion:
+def resolve(
+    function: Callable[[FloatArray], NDArray], low: FloatArray, high: FloatArray, floor: FloatArray, name: str
+) -> Expansion:
     """Sample ``function`` on the intervals [low, high], halving the panels until the samples determine it to rounding.
 
     Args:
@@ -108,7 +110,7 @@ def resolve(function: Callable[[Array], NDArray], low: Array, high: Array, floor
         panels, previous = 2 * panels, tail
 
 
-def legendre_moments(z: Array) -> ComplexArray:
+def legendre_moments(z: FloatArray) -> ComplexArray:
     """Integral over [-1, 1] of P_n(x) exp(-j z x) = 2 (-j)^n j_n(z) for n < 32; z (interval, k) -> (interval, n, k)."""
     flat = np.abs(z).ravel()
     bessel = np.empty((NODES, flat.size))  # 2 j_n(|z|)
@@ -130,5 +132,5 @@ def legendre_moments(z: Array) -> ComplexArray:
     return moments.reshape(NODES, *z.shape).swapaxes(0, 1)
 
 
-def _nodes(centres: Array, half: Array) -> Array:
+def _nodes(centres: FloatArray, half: FloatArray) -> FloatArray:
     return centres[..., None] + half[:, None, None] * _X

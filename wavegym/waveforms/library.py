@@ -8,15 +8,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, positive
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, positive
 from wavegym.waveforms.chirp_laws import parse_law
-from wavegym.waveforms.contract import Waveform
 from wavegym.waveforms.gaussian import DIRECTIONS, GaussianChirp, chirp_rate_for_sweep
 from wavegym.waveforms.trapezoid import TrapezoidChirp
-
-Array = NDArray[np.float64]
+from wavegym.waveforms.waveform import Waveform
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class Library:
         """The waveforms' labels, in order."""
         return tuple(waveform.label for waveform in self.waveforms)
 
-    def measurement_covariances(self, carrier_hz: float) -> Array:
+    def measurement_covariances(self, carrier_hz: float) -> FloatArray:
         """Covariances of (range in m, range-rate in m/s) at SNR 1, (waveform, 2, 2); divide by eta.
 
         Raises:

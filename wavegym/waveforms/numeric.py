@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.legendre import Expansion, resolve
 
 if TYPE_CHECKING:
-    from wavegym.waveforms.contract import Waveform
+    from wavegym.waveforms.waveform import Waveform
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _ENERGY_TOLERANCE = 1e-9
@@ -23,7 +23,7 @@ _JUMP = 1e-5  # of the peak: far above what a taper reaches within the inset, fa
 _CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements made at a time: some 30 MB
 
 
-def numeric_fisher_information(waveform: Waveform) -> Array:
+def numeric_fisher_information(waveform: Waveform) -> FloatArray:
     """Fisher information of (delay in s, Doppler in Hz) at SNR 1 by quadrature, whatever closed form exists; (2, 2).
 
     Raises:
@@ -86,7 +86,7 @@ def sample(waveform: Waveform) -> Expansion:
     """
     low, high = np.array(waveform.pieces, dtype=np.float64).T
 
-    def both(t: Array) -> Array:
+    def both(t: FloatArray) -> FloatArray:
         return np.stack([waveform.envelope(t), waveform.phase(t)])
 
     return resolve(
@@ -94,7 +94,7 @@ def sample(waveform: Waveform) -> Expansion:
     )
 
 
-def correlate(waveform: Waveform, delay: float, dopplers: Array) -> ComplexArray:
+def correlate(waveform: Waveform, delay: float, dopplers: FloatArray) -> ComplexArray:
     """chi(delay, nu) = int s(t) s*(t - delay) exp(-j 2 pi nu t) dt by quadrature, (doppler,).
 
     The product of the two copies turns at their beat frequency, which for an FM pulse is far below its bandwidth; its
@@ -112,7 +112,7 @@ def correlate(waveform: Waveform, delay: float, dopplers: Array) -> ComplexArray
     begins, ends = _beat(waveform, delay, low), _beat(waveform, delay, high)
     beat = float((ends - begins).sum() / (high - low).sum())  # rad/s
 
-    def product(t: Array) -> ComplexArray:
+    def product(t: FloatArray) -> ComplexArray:
         amplitude = waveform.envelope(t) * waveform.envelope(t - delay)
         return (amplitude * np.exp(1j * (_beat(waveform, delay, t) - beat * (t - origin))))[None]
 
@@ -125,11 +125,11 @@ def correlate(waveform: Waveform, delay: float, dopplers: Array) -> ComplexArray
     return np.concatenate([np.zeros(0, dtype=np.complex128), *parts]) * np.exp(-1j * beat * origin)
 
 
-def _beat(waveform: Waveform, delay: float, t: Array) -> Array:
+def _beat(waveform: Waveform, delay: float, t: FloatArray) -> FloatArray:
     return waveform.phase(t) - waveform.phase(t - delay)
 
 
-def _overlap(pieces: tuple[tuple[float, float], ...], delay: float) -> tuple[Array, Array]:
+def _overlap(pieces: tuple[tuple[float, float], ...], delay: float) -> tuple[FloatArray, FloatArray]:
     """Intervals in which a pulse and its copy, later by ``delay``, are both on and both smooth."""
     begins, ends = np.array(pieces, dtype=np.float64).T
     edges = np.unique(np.concatenate([begins, ends, begins + delay, ends + delay]))
@@ -139,6 +139,6 @@ def _overlap(pieces: tuple[tuple[float, float], ...], delay: float) -> tuple[Arr
     return low[shared], high[shared]
 
 
-def _inside(t: Array, begins: Array, ends: Array) -> NDArray[np.bool_]:
+def _inside(t: FloatArray, begins: FloatArray, ends: FloatArray) -> NDArray[np.bool_]:
     piece = np.searchsorted(begins, t, side="right") - 1
     return (piece >= 0) & (t < ends[piece])

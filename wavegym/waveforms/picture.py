@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
 from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut
-from wavegym.waveforms.contract import Waveform
+from wavegym.waveforms.waveform import Waveform
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-Array = NDArray[np.float64]
 
 _POINTS = 241
 _REACH = 5.0  # half the window, in resolution cells of the cuts
@@ -57,7 +57,7 @@ def plot_ambiguity(
     return _plane_and_cuts(waveform, taus, nus, floor_db)
 
 
-def _plane_and_cuts(waveform: Waveform, taus: Array, nus: Array, floor_db: float | None) -> Figure:
+def _plane_and_cuts(waveform: Waveform, taus: FloatArray, nus: FloatArray, floor_db: float | None) -> Figure:
     """A figure of the plane with its colour bar, the zero-Doppler cut above it and the zero-delay cut beside it."""
     from matplotlib.figure import Figure
 
@@ -86,7 +86,7 @@ def _plane_and_cuts(waveform: Waveform, taus: Array, nus: Array, floor_db: float
     return figure
 
 
-def _window(waveform: Waveform, delays: ArrayLike | None, dopplers: ArrayLike | None) -> tuple[Array, Array]:
+def _window(waveform: Waveform, delays: ArrayLike | None, dopplers: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
     """Given axes, or the main peak: widths of the cuts, so that even a thin long ridge stays a visible band."""
     information = waveform.fisher_information()
     unit = np.linspace(-_REACH, _REACH, _POINTS)
@@ -95,7 +95,7 @@ def _window(waveform: Waveform, delays: ArrayLike | None, dopplers: ArrayLike | 
     return taus, nus
 
 
-def _even_axis(name: str, values: ArrayLike) -> Array:
+def _even_axis(name: str, values: ArrayLike) -> FloatArray:
     axis = np.asarray(values, dtype=np.float64)
     steps = np.diff(axis) if axis.ndim == 1 else np.zeros(0)
     if not (steps.size and steps.min() > 0 and np.ptp(steps) <= 1e-6 * steps.max()):
@@ -103,7 +103,7 @@ def _even_axis(name: str, values: ArrayLike) -> Array:
     return axis
 
 
-def _draw_plane(axes: Axes, waveform: Waveform, taus: Array, nus: Array, floor_db: float | None) -> AxesImage:
+def _draw_plane(axes: Axes, waveform: Waveform, taus: FloatArray, nus: FloatArray, floor_db: float | None) -> AxesImage:
     magnitude = np.abs(ambiguity(waveform, taus, nus)).T  # (doppler, delay)
     x, y = taus * _MICRO, nus * _KILO
     image = axes.imshow(
@@ -125,14 +125,14 @@ def _draw_plane(axes: Axes, waveform: Waveform, taus: Array, nus: Array, floor_d
     return image
 
 
-def _scaled(chi: NDArray, floor_db: float | None) -> Array:
+def _scaled(chi: NDArray, floor_db: float | None) -> FloatArray:
     magnitude = np.abs(chi)
     if floor_db is None:
         return magnitude
     return 20 * np.log10(np.maximum(magnitude, 10 ** (floor_db / 20)))
 
 
-def _outer_edges(x: Array) -> tuple[float, float]:
+def _outer_edges(x: FloatArray) -> tuple[float, float]:
     """Ends of an image whose pixel centres are ``x``."""
     half = 0.5 * (x[-1] - x[0]) / max(1, len(x) - 1)
     return (float(x[0] - half), float(x[-1] + half))

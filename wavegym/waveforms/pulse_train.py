@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.errors import InputError, positive
-from wavegym.waveforms.contract import Waveform, quantity
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, positive
+from wavegym.core.units import quantity
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.numeric import sample
-
-Array = NDArray[np.float64]
+from wavegym.waveforms.waveform import Waveform
 
 _NEGLIGIBLE = 1e-5  # amplitude relative to the peak, -100 dB
 
@@ -70,11 +70,11 @@ class PulseTrain(Waveform):
         high = np.minimum(self._centres[:, None] + high, ends[:, None]).ravel()
         return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True) if a < b)
 
-    def envelope(self, t: ArrayLike) -> Array:
+    def envelope(self, t: ArrayLike) -> FloatArray:
         """Real amplitude a(t), s^-1/2; t in s, any shape."""
         return self.pulse.envelope(self._pulse_time(t)) / math.sqrt(self.count)
 
-    def phase(self, t: ArrayLike) -> Array:
+    def phase(self, t: ArrayLike) -> FloatArray:
         """Phase, rad, starting afresh with each pulse; t in s, any shape."""
         return self.pulse.phase(self._pulse_time(t))
 
@@ -90,7 +90,7 @@ class PulseTrain(Waveform):
             spread=spread,
         )
 
-    def ambiguity_row(self, delay: float, dopplers: Array) -> NDArray[np.complex128]:
+    def ambiguity_row(self, delay: float, dopplers: FloatArray) -> NDArray[np.complex128]:
         """chi(delay, nu) as the sum over pulse pairs m apart of the pulse's own, weighted by their Dirichlet kernel."""
         low, high = self.pulse.support
         first = max(1 - self.count, int(np.ceil((delay - (high - low)) / self.interval)))
@@ -103,10 +103,10 @@ class PulseTrain(Waveform):
         return row / self.count
 
     @property
-    def _centres(self) -> Array:
+    def _centres(self) -> FloatArray:
         return (np.arange(self.count, dtype=np.float64) - 0.5 * (self.count - 1)) * self.interval
 
-    def _pulse_time(self, t: ArrayLike) -> Array:
+    def _pulse_time(self, t: ArrayLike) -> FloatArray:
         """Time within the nearest pulse."""
         t = np.asarray(t, dtype=np.float64)
         middle = 0.5 * (self.count - 1)
@@ -137,7 +137,7 @@ def _check_disjoint(pulse: Waveform, interval: float) -> None:
     )
 
 
-def _dirichlet(turns: Array, count: int) -> Array:
+def _dirichlet(turns: FloatArray, count: int) -> FloatArray:
     """sin(pi n x)/sin(pi x), exact at and near whole x."""
     whole = np.rint(turns)
     rest = turns - whole

@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from wavegym.errors import InputError, choice, positive
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, choice, positive
+from wavegym.core.units import quantity
 from wavegym.waveforms.chirp_laws import FREQUENCY_LAWS, resolve_shape
-from wavegym.waveforms.contract import Waveform, quantity
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.gaussian import DIRECTIONS
 from wavegym.waveforms.legendre import resolve
-
-Array = NDArray[np.float64]
+from wavegym.waveforms.waveform import Waveform
 
 _TWO_PI = 2.0 * np.pi
 _RISE = 0.05  # of the duration
@@ -48,7 +48,7 @@ class ChirpLaw:
     bandwidth: float
 
     @property
-    def moments(self) -> Array:
+    def moments(self) -> FloatArray:
         """(spread, slope, residual, bandwidth), as ``trapezoid_fisher_factors`` takes them; (4,)."""
         return np.array([self.spread, self.slope, self.residual, self.bandwidth])
 
@@ -85,7 +85,7 @@ def _law(kind: str, shape: float, rise: float) -> ChirpLaw:
     kinks = np.sqrt(np.sqrt(edges))
     frequency = FREQUENCY_LAWS[kind].frequency
 
-    def bend(x: Array) -> Array:  # what a linear law lacks: exactly 0 for LFM
+    def bend(x: FloatArray) -> FloatArray:  # what a linear law lacks: exactly 0 for LFM
         u = _fourth_power(x)
         return (frequency(u, shape) - u)[None]
 
@@ -112,7 +112,7 @@ def _law(kind: str, shape: float, rise: float) -> ChirpLaw:
     )
 
 
-def _fourth_power(x: Array) -> Array:
+def _fourth_power(x: FloatArray) -> FloatArray:
     square = x * x
     return square * square
 
@@ -140,7 +140,7 @@ def trapezoid_fisher_factors(moments: ArrayLike, duration: ArrayLike, signed_swe
 
 def chirp_measurement_covariance(
     moments: ArrayLike, duration: ArrayLike, signed_sweep: ArrayLike, carrier_hz: ArrayLike
-) -> Array:
+) -> FloatArray:
     """Measurement covariance of trapezoid chirps of any laws at SNR 1 for whole grids at once; inputs are not checked.
 
     Args:
@@ -230,13 +230,13 @@ class TrapezoidChirp(Waveform):
         edges = ((-outer, -inner), (-inner, inner), (inner, outer))
         return edges if inner > 0 else edges[::2]
 
-    def envelope(self, t: ArrayLike) -> Array:
+    def envelope(self, t: ArrayLike) -> FloatArray:
         """Real amplitude a(t), s^-1/2; t in s, any shape."""
         rise = self.law.rise_fraction * self.duration
         ramp = (0.5 * self.duration - np.abs(np.asarray(t, dtype=np.float64))) / rise
         return np.clip(ramp, 0.0, 1.0) / np.sqrt(self.duration - 4.0 * rise / 3.0)
 
-    def phase(self, t: ArrayLike) -> Array:
+    def phase(self, t: ArrayLike) -> FloatArray:
         """Phase, rad, constant outside the pulse; t in s, any shape."""
         u = np.clip(np.asarray(t, dtype=np.float64) / self.duration + 0.5, 0.0, 1.0)
         turns = FREQUENCY_LAWS[self.kind].phase(u, self.law.shape) - 0.5 * u
@@ -246,7 +246,7 @@ class TrapezoidChirp(Waveform):
         """From the moments of the law (see ``trapezoid_fisher_factors``)."""
         return trapezoid_fisher_factors(self.law.moments, self.duration, self.signed_sweep)
 
-    def measurement_covariance(self, carrier_hz: float, snr: float) -> Array:
+    def measurement_covariance(self, carrier_hz: float, snr: float) -> FloatArray:
         """Cramer-Rao covariance of (range in m, range-rate in m/s), (2, 2).
 
         Args:

@@ -4,7 +4,7 @@ import wavegym
 
 wavegym.register(
     "own/ShipRadar-v0",
-    "wavegym.systems.kershaw_evans:KershawEvans",
+    "wavegym.systems.kershaw_evans.system:KershawEvans",
     carrier_hz=3e9,  # S band
     q=0.01,  # ships do not manoeuvre much
     dt=2.0,

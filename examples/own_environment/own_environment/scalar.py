@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.systems import Element, State, System
+from wavegym.core.system import Element, State, System
 
 
 class World(NamedTuple):

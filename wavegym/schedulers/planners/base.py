@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import non_negative
-from wavegym.schedulers.planners.futures import Futures, significant
-from wavegym.schedulers.policy import Policy
-from wavegym.systems import trees
-from wavegym.systems.contract import System
-
-Array = NDArray[Any]
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import non_negative
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.schedulers.planners.sampled_futures import Futures, significant
 
 FUTURES = 32
 ERRORS = 1.0

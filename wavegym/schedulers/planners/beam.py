@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import whole
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.core.policy import Policy
 from wavegym.schedulers.planners.base import Planner
-from wavegym.schedulers.policy import Policy
-
-Array = NDArray[Any]
 
 
 class BeamSearch(Planner):

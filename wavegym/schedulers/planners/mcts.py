@@ -6,17 +6,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import whole
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
 from wavegym.schedulers.myopic import impossible
 from wavegym.schedulers.planners.base import Planner
-from wavegym.schedulers.policy import Policy
 from wavegym.schedulers.rollout import allowed
-from wavegym.systems import trees
-from wavegym.systems.contract import System
-
-Array = NDArray[Any]
 
 EXPLORATION = 2.0  # spreads of the returns seen at the root: less settles on one choice before others were followed up
 LINE = 4  # choices of the principal variation

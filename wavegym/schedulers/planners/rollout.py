@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wavegym.errors import InputError, whole
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, whole
+from wavegym.core.policy import Policy
 from wavegym.schedulers.planners.base import Planner
-from wavegym.schedulers.policy import Policy
-
-Array = NDArray[Any]
 
 FINALISTS = 4  # first actions that are followed through all futures
 

@@ -1,0 +1,63 @@
+"""Policies in worlds that they were not made for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents import distribution_shift as shift
+from wavegym.core.errors import InputError
+from wavegym.evaluation import make_task
+from wavegym.registration import SYSTEMS
+
+CASES = [(env, name, given) for env, shifts in shift.load_shifts().items() for name, given in shifts.items()]
+
+
+@pytest.mark.parametrize(("env", "name", "given"), CASES, ids=[f"{env}: {name}" for env, name, _ in CASES])
+def test_every_shift_is_another_world_that_shows_the_same_elements(env: str, name: str, given: dict) -> None:
+    env_id = f"wavegym/{env}-v0"
+    assert env_id in SYSTEMS
+    here, there = make_task(env_id, {}).system, make_task(env_id, given).system
+    assert here != there
+    assert here.elements == there.elements  # or no agent could be played there
+
+
+FACTORS = {
+    ("SNR -3 dB", "reference_snr"): 10**-0.3,
+    ("SNR -3 dB", "reference_range"): 10 ** (-3 / 40),  # eta falls with its fourth power
+    ("process noise x4", "q"): 4.0,
+    ("clutter x4", "clutter_density"): 4.0,
+}
+
+
+@pytest.mark.parametrize(("env", "name", "given"), CASES, ids=[f"{env}: {name}" for env, name, _ in CASES])
+def test_a_shift_changes_as_much_as_its_name_says(env: str, name: str, given: dict) -> None:
+    made_for = make_task(f"wavegym/{env}-v0", {}).system
+    known = [(key, FACTORS[name, key]) for key in given if (name, key) in FACTORS]
+    if hasattr(made_for, "waveforms"):  # errors at the reference SNR, which scales with it: that moves Pd alone
+        assert "reference_snr" not in given
+    assert known or name not in {shift for shift, _ in FACTORS}
+    for key, factor in known:
+        np.testing.assert_allclose(given[key], factor * np.array(getattr(made_for, key)), rtol=5e-3)  # half is -3.01 dB
+
+
+def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(shift, "WORLDS", 4)
+    monkeypatch.setattr(shift, "SAVED", tmp_path)
+    found = shift.play("SectorSetup", {"harder": {"reference_snr": 10.0}, "none": {}}, jobs=1)
+    assert found["none"]["best-simple"]["percent"] == found["harder"]["best-simple"]["percent"] == 0.0
+    assert set(found["harder"]) == {"myopic", "best-simple"}
+    assert found["harder"]["myopic"]["percent"] > 0.0
+    assert np.isfinite(found["harder"]["myopic"]["nees"])
+    text = shift.table({"SectorSetup": found})
+    assert text.count("\n") == 3
+    assert "| SectorSetup | harder" in text
+
+
+def test_a_broken_file_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "shifts.toml"
+    file.write_text("[A]\nx = ")
+    with pytest.raises(InputError, match=r"shifts\.toml cannot be read"):
+        shift.load_shifts(file)

@@ -1,0 +1,135 @@
+"""Learned agents and schedulers in one table: the accounts are what was played, the figures follow from them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from runs_for_tests import ID
+
+from agents import leaderboard as league
+from agents import timing
+from wavegym.cli import evaluate as command
+from wavegym.core.errors import InputError
+from wavegym.evaluation import compare, make_task
+from wavegym.evaluation.play import play
+from wavegym.evaluation.report import episodes
+from wavegym.evaluation.worlds import world_seeds
+from wavegym.registration import SYSTEMS
+
+
+def entry(**costs: list[float]) -> league.Entry:
+    accounts = {
+        name.replace("_", "-"): league.Account(np.array([cost]), np.full((1, len(cost)), 2.0))
+        for name, cost in costs.items()
+    }
+    return league.Entry(ID, accounts, {})
+
+
+@pytest.fixture
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str, Path]) -> Path:
+    """Small runs in the places of the saved ones, and a ladder of four worlds."""
+    for algo in ("ppo", "dqn"):
+        shutil.copytree(unbroken[algo], tmp_path / "runs" / "KershawEvansPosition" / algo / "seed1")
+    for module in (league, command):
+        monkeypatch.setattr(module, "SAVED", tmp_path / "runs")
+    for name, folder in {"HEADROOM": "headroom", "LEAGUE": "league"}.items():
+        (tmp_path / folder).mkdir()
+        monkeypatch.setattr(league, name, tmp_path / folder)
+    monkeypatch.setattr(league, "WORLDS", 4)
+    monkeypatch.setattr(timing, "SINGLES", 3)
+    monkeypatch.setattr(league, "environment_of", lambda folder: {"horizon": 7})
+    for name in ("PAGE", "README"):
+        (tmp_path / name).write_text(f"before\n{league.START}\n{league.END}\nafter\n")
+        monkeypatch.setattr(league, name, tmp_path / name)
+    policies = {"best-simple": None, "best-planner": None}
+    ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
+    (tmp_path / "headroom" / "KershawEvansPosition-v0.csv").write_text(episodes(ladder))
+    return tmp_path
+
+
+def test_accounts_are_what_was_played(folders: Path) -> None:
+    league.play(ID, jobs=1)
+    league.time_decisions(ID)
+    found = league.entry(ID)
+    rivals = {"myopic for ppo", "myopic for dqn"}
+    assert set(found.accounts) == {"myopic", "best-simple", "best-planner", "ppo", "dqn", *rivals}
+    for name in rivals:  # the same actions here
+        np.testing.assert_allclose(found.accounts[name].cost, found.accounts["myopic"].cost, rtol=1e-12)
+    assert all(account.cost.shape == account.nees.shape == (1, 4) for account in found.accounts.values())
+    again = compare(ID, {"best-simple": None}, worlds=4, jobs=1, progress=False, horizon=7)
+    np.testing.assert_allclose(found.accounts["best-simple"].cost, again.cost("best-simple"), rtol=1e-12)
+    assert set(found.us) == {"best-planner", timing.ALONE, "ppo", "dqn"}
+    assert min(found.us.values()) > 0.0
+    assert found.against("myopic", "best-simple").value == pytest.approx(0.0)
+
+
+def test_the_tables_go_between_the_marks(folders: Path) -> None:
+    league.play(ID, jobs=1)
+    league.renew([ID])
+    page, front = ((folders / name).read_text() for name in ("PAGE", "README"))
+    assert page.startswith("before")
+    assert page.endswith("after\n")
+    assert page.count("| KershawEvansPosition-v0") == 2
+    confined = [line.split("|")[2:5] for line in page.splitlines() if line.startswith("| KershawEvansPosition ")]
+    assert [[cell.strip() for cell in row] for row in confined] == [[a, "horizon=7", "0"] for a in ("PPO", "DQN")]
+    assert front.count("| KershawEvansPosition-v0") == 1
+    lines = [line for line in front.splitlines() if line.startswith("| KershawEvansPosition-v0")]
+    assert lines[0].split("|")[2].strip() == "myopic"
+
+
+@pytest.mark.parametrize(("flag", "timed"), [("--times", True), ("--tables", False)])
+def test_tables_and_times_can_be_had_without_playing(
+    folders: Path, monkeypatch: pytest.MonkeyPatch, flag: str, timed: bool
+) -> None:
+    league.play(ID, jobs=1)
+    monkeypatch.setattr(league, "play", None)
+    monkeypatch.setattr("sys.argv", ["league", flag, ID])
+    league.main()
+    assert (folders / "league" / "KershawEvansPosition.json").exists() == timed
+    assert "KershawEvansPosition-v0" in (folders / "README").read_text()
+
+
+def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> None:
+    played = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 16.0, 4.0], ppo=[9.0, 18.0, 4.5])
+    assert played.recovered("ppo") == pytest.approx(np.log(0.9) / np.log(0.8))
+    assert played.against("ppo", "best-simple").value == pytest.approx(-10.0)
+    nothing = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 30.0, 5.0], ppo=[9.0, 18.0, 4.5])
+    assert nothing.recovered("ppo") is None
+
+
+def test_decisions_for_a_single_environment_are_compared() -> None:
+    played = entry(best_simple=[10.0, 20.0], best_planner=[8.0, 16.0], ppo=[9.0, 18.0])
+    line = league.details(
+        [played._replace(us={timing.ALONE: 3000.0, "best-planner": 200.0, "ppo": 30.0})]
+    ).splitlines()[-1]
+    assert [cell.strip() for cell in line.split("|")[-5:-1]] == ["3000", "200", "30", "100"]
+
+
+def test_a_missing_ladder_is_named(folders: Path) -> None:
+    (folders / "headroom" / "KershawEvansPosition-v0.csv").unlink()
+    with pytest.raises(InputError, match=r"KershawEvansPosition-v0\.csv is missing, expected it from `make headroom`"):
+        league.entry(ID)
+
+
+@pytest.mark.parametrize("env_id", SYSTEMS)
+def test_every_saved_agent_can_be_played(env_id: str) -> None:
+    folders = [command.SAVED / command.stem(env_id) / algo for algo in command.LEARNERS]
+    for folder in filter(Path.is_dir, folders):
+        task = make_task(env_id, league.environment_of(folder))
+        for policy in command.load_trained(folder, env_id, task.system):
+            assert np.isfinite(play(task, policy, world_seeds(0, "tune", 1)).episode_cost()).all()
+
+
+def test_an_agent_that_is_not_there_is_named_with_the_way_to_have_it() -> None:
+    with pytest.raises(InputError, match=r"none is saved for wavegym/None-v0, .*train\.py None-v0 --algo ppo"):
+        command.saved("ppo", "wavegym/None-v0")
+
+
+def test_saved_agents_are_played_by_name(folders: Path) -> None:
+    named = command.policies("ppo, dqn,myopic", ID)
+    assert list(named) == ["ppo", "dqn", "myopic"]
+    (policy,) = named["ppo"](make_task(ID, {"horizon": 7}).system)
+    assert policy.network.kind == "mlp"

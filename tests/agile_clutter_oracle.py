@@ -1,0 +1,193 @@
+"""One step of the agile-clutter loop in plain NumPy, from the paper's equations; only clutter's draws are shared."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from tests.oracles import C as LIGHT
+from wavegym.core.counter_rng_kernels import stream
+from wavegym.sensors.clutter_kernels import add_clutter
+from wavegym.trackers import information_reduction
+
+LAWS = {  # frequency over the share u of the pulse gone by, per sweep (Table 1, mended)
+    "lfm": lambda u, _: u,
+    "pfm": lambda u, kappa: u ** (kappa - 1),
+    "hfm": lambda u, g: -g * (g + 1) / (g + u),
+    "efm": lambda u, g: -np.exp(-u / g) / (1 - np.exp(-1 / g)),
+}
+
+
+def unit_covariance(kind, shape, duration, signed_sweep, fc=10.4e9, rise=0.05):
+    """Gamma J^-1 Gamma' at unit SNR, J from the centred moments of time and frequency by quadrature (in durations)."""
+    node, weight = np.polynomial.legendre.leggauss(80)
+    edges = [0.0, rise, 1 - rise, 1.0]
+    u = np.concatenate([a + (b - a) * (node + 1) / 2 for a, b in pairwise(edges)])
+    share = np.concatenate([(b - a) / 2 * weight for a, b in pairwise(edges)])
+    energy = share * np.minimum(np.minimum(u, 1 - u) / rise, 1.0) ** 2
+    alpha2 = 1 / energy.sum()
+    energy *= alpha2
+    w = 2 * np.pi * signed_sweep * duration * LAWS[kind](u, shape)
+    t, w = u - energy @ u, w - energy @ w
+    J = np.array([[2 * alpha2 / rise + energy @ (w * w), -(energy @ (t * w))], [0.0, energy @ (t * t)]])
+    J[1, 0] = J[0, 1]
+    gamma = np.diag([LIGHT / 2 * duration, -LIGHT / (2 * fc) / (2 * np.pi * duration)])
+    return gamma @ np.linalg.inv(J) @ gamma.T
+
+
+def measure(x, site):
+    """h(x) = (r, rdot), receding positive."""
+    d = x[:2] - site
+    r = np.hypot(*d)
+    return np.array([r, x[2:] @ d / r])
+
+
+def unscented(x, P, site):
+    """Mean, covariance and cross-covariance of h over 2 n points x +- sqrt(n) A_i of equal weight (kappa = 0)."""
+    n = len(x)
+    A = np.sqrt(n) * np.linalg.cholesky(P).T
+    points = np.concatenate([x + A, x - A])
+    images = np.array([measure(p, site) for p in points])
+    z = images.mean(axis=0)
+    return z, (images - z).T @ (images - z) / (2 * n), (points - x).T @ (images - z) / (2 * n)
+
+
+def strength(system, r):
+    """(eta, Pd) at range r: the range law, and Pd as the paper prints it."""
+    eta = (system.reference_range / max(r, system.nearest_range)) ** 4
+    return eta, system.false_alarm ** (1 / (1 + eta))
+
+
+def marginals(W):
+    """(T, M+1) by summing over every association: a T-dimensional table with the infeasible ones struck out."""
+    T, columns = W.shape
+    table = np.ones((1,) * T)
+    index = np.indices((columns,) * T, sparse=True)
+    for t in range(T):
+        table = table * W[t].reshape([-1 if s == t else 1 for s in range(T)])
+        for s in range(t):
+            table = np.where((index[s] == index[t]) & (index[t] > 0), 0.0, table)
+    beta = [table.sum(axis=tuple(s for s in range(T) if s != t)) for t in range(T)]
+    return np.array(beta) / table.sum()
+
+
+class Step(NamedTuple):
+    """After one step of one environment."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    outside: np.ndarray
+    detections: int
+    clutter: int
+
+
+def transition(system):
+    """F and Q of eq. (2)."""
+    d = system.dt
+    F = np.eye(4) + d * np.eye(4, k=2)
+    block = np.array([[d**3 / 3, d**2 / 2], [d**2 / 2, d]])
+    return F, system.q * np.kron(block, np.eye(2))
+
+
+def present(system, k):
+    """Which slots hold a target at step k."""
+    return [birth < k <= birth + system.lifetime for birth in system.births]
+
+
+def predicted(system, k, mean, covariance):
+    """F x, F P F' + Q of the targets present at step k."""
+    F, Q = transition(system)
+    x, P = mean.copy(), covariance.copy()
+    for t in np.flatnonzero(present(system, k)):
+        x[t], P[t] = F @ x[t], F @ P[t] @ F.T + Q
+    return x, P
+
+
+def expected_scan(system, site, C, x, P, here):
+    """Per target: predicted measurement, S = Pzz + C / eta and Pd at the predicted range, cross-covariance."""
+    z, S, G, pd = np.zeros((len(x), 2)), np.tile(np.eye(2), (len(x), 1, 1)), np.zeros((len(x), 4, 2)), np.zeros(len(x))
+    for t in np.flatnonzero(here):
+        z[t], S[t], G[t] = unscented(x[t], P[t], site)
+        eta, pd[t] = strength(system, z[t, 0])
+        S[t] = S[t] + C / eta
+    return z, S, G, pd
+
+
+def distances(points, centre, S):
+    """Squared Mahalanobis distances."""
+    v = points - centre
+    return np.einsum("ij,ij->i", v, np.linalg.solve(S, v.T).T)
+
+
+def jpda(system, scan, x, P, z, S, G, pd, here):
+    """The JPDA update with the scan (m, 2) of the targets that are there."""
+    slots = np.flatnonzero(here)
+    share = 1 - np.exp(-(system.gate**2) / 2)
+    W = np.empty((len(slots), len(scan) + 1))
+    for row, t in enumerate(slots):
+        squared = distances(scan, z[t], S[t])
+        peak = pd[t] / (2 * np.pi * np.sqrt(np.linalg.det(S[t])) * system.clutter_density)
+        W[row] = [1 - pd[t] * share, *np.where(squared <= system.gate**2, peak * np.exp(-squared / 2), 0.0)]
+    for t, beta in zip(slots, marginals(W), strict=True):
+        K, v = np.linalg.solve(S[t], G[t].T).T, scan - z[t]
+        mean = beta[1:] @ v
+        spread = (beta[1:, None] * v).T @ v - np.outer(mean, mean)
+        x[t] = x[t] + K @ mean
+        P[t] = P[t] - (1 - beta[0]) * K @ S[t] @ K.T + K @ spread @ K.T
+
+
+def received(system, world, e, k, i, site, C, truth, z, S, here):
+    """The targets' returns inside a gate, how many were detected, which fell outside their own target's gate."""
+    scan, outside, detections = [], np.zeros(len(truth), int), 0
+    for t in np.flatnonzero(here):
+        h = measure(truth[t], site)
+        eta, pd = strength(system, h[0])
+        if world.detection[e, k - 1, i, t] < pd:
+            detections += 1
+            point = h + np.linalg.cholesky(C / eta) @ world.error[e, k - 1, i, t]
+            inside = [here[s] and distances(point[None], z[s], S[s])[0] <= system.gate**2 for s in range(len(truth))]
+            outside[t] += not inside[t]
+            if any(inside):
+                scan.append(point)
+    return scan, detections, outside
+
+
+def step(system, world, e, public, path, C):
+    """Environment e one step on: ``public`` (mean, covariance, step), true paths (target, age, 4), C (sensor, 2, 2)."""
+    k = int(public.step[e]) + 1
+    here = np.array(present(system, k))
+    x, P = predicted(system, k, public.mean[e], public.covariance[e])
+    truth = np.array([path[t, k - birth if here[t] else 0] for t, birth in enumerate(system.births)])
+    outside, detections, clutter = np.zeros(len(x), int), 0, 0
+    for i, site in enumerate(np.array(system.sensors)):
+        z, S, G, pd = expected_scan(system, site, C[i], x, P, here)
+        scan, seen, missed = received(system, world, e, k, i, site, C[i], truth, z, S, here)
+        L = np.linalg.cholesky(S)
+        key = np.uint64(stream(np.uint64(stream(world.key[e], k)), i))
+        false, count = add_clutter(key, z, L, here, system.gate, system.clutter_density, np.empty((64, 2)), 0)
+        jpda(system, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, here)
+        outside, detections, clutter = outside + missed, detections + seen, clutter + count
+    for t, birth in enumerate(system.births):
+        if k == birth:
+            x[t] = system.starts[t] + np.sqrt(system.prior_variance) * world.start[e, t]
+    return Step(x, P, outside, detections, clutter)
+
+
+def foreseen(system, step, mean, covariance, C, outcome=None):
+    """Eqs. (13) and (14), mended: P - q2 Pxz (Pzz + N)^-1 Pxz', sensor after sensor; outcome (sensor, target) bool.
+
+    Averaged over a detection with probability Pd, a given outcome leaves q2: a miss takes nothing away, a detection
+    q2 / Pd.
+    """
+    here = np.array(present(system, step + 1))
+    x, P = predicted(system, step + 1, mean, covariance)
+    for i, site in enumerate(np.array(system.sensors)):
+        _, S, G, pd = expected_scan(system, site, C[i], x, P, here)
+        for t in np.flatnonzero(here):
+            q2 = information_reduction(pd[t], system.clutter_density * 16 * np.pi * np.sqrt(np.linalg.det(S[t])))
+            if outcome is not None:
+                q2 = q2 / pd[t] if outcome[i, t] else 0.0
+            P[t] = P[t] - q2 * G[t] @ np.linalg.solve(S[t], G[t].T)
+    return x, P

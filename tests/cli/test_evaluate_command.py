@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import mistakes
+import numpy as np
+import pytest
+
+import evaluate
+from wavegym.schedulers import Fixed
+from wavegym.schedulers.registry import FORMS
+
+ROOT = Path(evaluate.__file__).parent
+QUICK = ["--worlds", "3", "--jobs", "1", "--set", "horizon=4"]
+
+
+def run(out, *arguments):
+    return evaluate.main([arguments[0], "--out", str(out), *QUICK, *arguments[1:]])
+
+
+def policies(out):
+    return json.loads((out / "summary.json").read_text())["policies"]
+
+
+def test_help_names_every_policy(capsys):
+    with pytest.raises(SystemExit):
+        evaluate.main(["--help"])
+    listed = set(re.split(r"[\s,;()]+", " ".join(capsys.readouterr().out.split()).replace("- ", "-")))
+    assert set(FORMS) <= listed
+
+
+@pytest.mark.parametrize("env_id", ["KershawEvansPosition-v0", "wavegym/KershawEvansPosition-v0"])
+def test_a_comparison_is_written_and_its_table_printed(tmp_path, capsys, env_id):
+    assert run(tmp_path, env_id, "--policies", "random, fixed:3,lookahead:2", "--seed", "9") == 0
+    assert list(policies(tmp_path)) == ["myopic", "random", "fixed:3", "lookahead:2"]
+    assert (tmp_path / "table.md").read_text() in capsys.readouterr().out
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["env"], summary["seed"]) == ("wavegym/KershawEvansPosition-v0", 9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["KershawEvansPosition-v1"], "did you mean 'wavegym/KershawEvansPosition-v0'"),
+        (["KershawEvans-v0", "--policies", "myopik"], "did you mean 'myopic'"),
+        (["KershawEvans-v0", "--policies", "fixed:two"], "nearest: 'fixed:2'"),
+        (["KershawEvans-v0", "--policies", ","], "expected at least one name"),
+        (["KershawEvans-v0", "--policies", "no/such/run"], "no/such/run"),
+        (["KershawEvans-v0", "--polices", "random"], "unexpected argument '--polices'; did you mean '--policies'"),
+        (["KershawEvans-v0", "--worlds", "many"], "invalid int value: 'many'"),
+        (["KershawEvans-v0", "--worlds", "0"], "worlds is 0"),
+        (["KershawEvans-v0", "--jobs", "-3"], "jobs is -3"),
+        (["KershawEvans-v0", "--set", "horizont=5"], "did you mean 'horizon'"),
+        (["KershawEvans-v0", "--set", "horizon"], "expected key=value"),
+        (["KershawEvans-v0", "--set", "q=-1"], "q is -1"),
+        (["KershawEvans-v0", "--set", "weights=1e400,1"], "weights"),
+        (["tests/Hopeless-v0", "--set", "price=1e400"], "not finite in 3 of 3 worlds"),
+        (["KershawEvans-v0", "--set", "worlds=3"], "expected --worlds N"),
+        (["KershawEvans-v0", "--set", "reward=trace"], "setting 'reward' is unknown"),
+        (["KershawEvans-v0", "--radar", "51.0"], "--radar has 1 numbers, expected LAT LON"),
+        (["KershawEvans-v0", "--tracks", "no_such_file.csv"], "no_such_file.csv"),
+        (["Urban-v0", "--tracks", "f.csv"], "--tracks f.csv: wavegym/Urban-v0 takes no recorded targets, as Kershaw"),
+    ],
+)
+def test_mistakes_cost_one_line_and_no_earlier_result(tmp_path, capsys, arguments, words):
+    mistakes.costs_one_line_and_no_earlier_result(lambda: run(tmp_path, *arguments), tmp_path, capsys, words)
+
+
+def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert run(tmp_path / "file" / "out", "KershawEvans-v0") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_as_a_program_it_exits_with_2_and_no_traceback():
+    command = [sys.executable, "evaluate.py", "KershawEvans-v7", "--out", "nowhere"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert not (ROOT / "nowhere").exists()
+
+
+def test_recorded_tracks_are_played(tmp_path):
+    times = np.arange(0.0, 60.0, 2.0)
+    lines = [f"{t},a,{20e3 + 150 * t},{5e3 - 20 * t},3000" for t in times]
+    tracks = tmp_path / "tracks.csv"
+    tracks.write_text("\n".join(["time_s,id,x_m,y_m,z_m", *lines]))
+    out = tmp_path / "out"
+    assert run(out, "KershawEvans-v0", "--policies", "random", "--tracks", str(tracks), "--radar", "100", "50") == 0
+    settings = json.loads((out / "summary.json").read_text())["settings"]
+    assert settings == {"horizon": 4, "targets": "recorded", "tracks": str(tracks), "radar": [100.0, 50.0, 0.0]}
+
+
+@pytest.fixture
+def trained(monkeypatch):
+    """Stands in for the loading of trained networks: the folders' names tell the waveforms."""
+    calls = []
+
+    def load_policy(folder, env_id, system):
+        calls.append((folder, env_id, type(system).__name__))
+        return [Fixed(int(number)) for number in folder.name.split("-")[1:]]
+
+    monkeypatch.setitem(sys.modules, "wavegym.policies.runs", types.SimpleNamespace(load_policy=load_policy))
+    return calls
+
+
+def test_folders_are_trained_runs(tmp_path, monkeypatch, trained):
+    (tmp_path / "runs" / "ppo-0-1-2").mkdir(parents=True)
+    (tmp_path / "dqn-3").mkdir()
+    (tmp_path / "random").mkdir()  # a scheduler's name stays a scheduler's
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "out"
+    assert run(out, "KershawEvansPosition-v0", "--policies", "runs/ppo-0-1-2/,dqn-3,random") == 0
+    assert list(policies(out)) == ["myopic", "ppo-0-1-2", "dqn-3", "random"]
+    assert {call[1:] for call in trained} == {("wavegym/KershawEvansPosition-v0", "KershawEvansPosition")}
+    rows = [line.split(",") for line in (out / "episodes.csv").read_text().splitlines()]
+    assert [row[1] for row in rows if row[0] == "ppo-0-1-2"] == ["0"] * 3 + ["1"] * 3 + ["2"] * 3
+
+
+def test_two_runs_of_one_name_are_refused(tmp_path, capsys, trained):
+    assert run(tmp_path, "KershawEvans-v0", "--policies", "a/ppo-1,b/ppo-1") == 2
+    assert "two policies are called 'ppo-1'" in capsys.readouterr().err

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import gymnasium as gym
+import pytest
+
+from wavegym.cli.command import guarded
+from wavegym.core.errors import InputError
+
+
+def failing(error):
+    def main():
+        raise error
+
+    return main
+
+
+@pytest.mark.parametrize(
+    ("error", "line", "status"),
+    [
+        (InputError("q is -1,\nexpected more"), "error: q is -1, expected more", 2),
+        (FileNotFoundError(2, "No such file", "a.csv"), "error: No such file: a.csv", 2),
+        (OSError(), "error: OSError", 2),
+        (OverflowError("math range error"), "error: OverflowError: math range error", 1),
+        (MemoryError(), "error: MemoryError:", 1),
+        (gym.error.Error("two\nlines"), "error: Error: two lines", 1),
+        (KeyboardInterrupt(), "error: interrupted", 130),
+    ],
+)
+def test_every_error_is_one_line_and_a_status(capsys, monkeypatch, error, line, status):
+    monkeypatch.delenv("WAVEGYM_DEBUG", raising=False)
+    assert guarded(failing(error)) == status
+    assert capsys.readouterr().err == f"{line}\n"
+
+
+@pytest.mark.parametrize("error", [InputError("q is -1"), OverflowError("math range error")])
+def test_the_traceback_is_there_for_the_asking(capsys, monkeypatch, error):
+    monkeypatch.setenv("WAVEGYM_DEBUG", "1")
+    assert guarded(failing(error)) != 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("Traceback")
+    assert lines[-1].startswith("error: ")
+
+
+def test_what_goes_well_is_silent(capsys):
+    assert guarded(lambda: None) == 0
+    assert capsys.readouterr() == ("", "")

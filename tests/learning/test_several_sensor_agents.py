@@ -1,0 +1,88 @@
+"""Training and loading of agents that choose for several sensors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from runs_for_tests import SMALL
+from two_sensors import TwoSensors
+
+import train as command
+import wavegym
+from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.errors import InputError
+from wavegym.envs import WaveformVectorEnv
+from wavegym.evaluation import compare
+from wavegym.learning.settings import load_settings
+from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.train import train
+from wavegym.policies.runs import load_policy, signature
+from wavegym.waveforms import Library
+
+ID = "tests/TwoSensors-v0"
+
+
+@pytest.fixture(autouse=True)
+def registered() -> Any:
+    wavegym.register(ID, TwoSensors)
+    yield
+    gym.registry.pop(ID)
+
+
+def trained(folder: Path, algo: str, **environment: Any) -> Path:
+    plan = Plan(ID, algo, 1, load_settings(ID, algo, {**SMALL[algo], "steps": 90}, environment))
+    train(plan, folder, 60, progress=False)
+    return folder
+
+
+@pytest.mark.parametrize(("algo", "form"), [("ppo", "library"), ("ppo", "joint"), ("ppo", "box"), ("dqn", "joint")])
+def test_an_agent_of_each_form_is_trained_loaded_and_compared(algo: str, form: str, tmp_path: Path) -> None:
+    folder = trained(tmp_path / "run", algo, action=form)
+    system = TwoSensors(action=form)
+    (policy,) = load_policy(folder, ID, system)
+    env = WaveformVectorEnv(system, 5)
+    observation, _ = env.reset(seed=0)
+    policy.begin(system, 5, np.random.default_rng(0))
+    env.step(policy.act(env.public, observation, None))
+    comparison = compare(ID, {"agent": lambda system: load_policy(folder, ID, system)}, worlds=4, jobs=1, action=form)
+    assert np.isfinite(comparison.cost("agent")).all()
+
+
+def test_an_agent_of_another_form_or_sub_library_is_refused(tmp_path: Path) -> None:
+    each, joint = (trained(tmp_path / form, "ppo", action=form) for form in ("library", "joint"))
+    with pytest.raises(
+        InputError, match=r"among actions 3 \(library for each of 2 sensors, .*offers 4 \(joint"
+    ) as caught:
+        load_policy(each, ID, TwoSensors(action="joint"))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match=r"among actions 4 \(joint, .*offers 9 \(joint"):
+        load_policy(joint, ID, TwoSensors(action="joint", few=3))
+
+
+def test_signatures_tell_action_sets_apart() -> None:
+    library = TwoSensors().library
+    sets = [library, *(kind(library, n) for kind in (PerSensor, JointLibrary) for n in (1, 2, 3))]
+
+    class Shown(TwoSensors):
+        actions: Any = None
+
+    signatures = []
+    for actions in sets:
+        system = Shown()
+        object.__setattr__(system, "actions", actions)
+        signatures.append(signature(system)["actions"])
+    assert isinstance(sets[0], Library)
+    assert signatures[0]["form"] == "library"
+    for i, one in enumerate(signatures):
+        assert all(one != other for other in signatures[:i])
+
+
+def test_dqn_is_pointed_to_the_joint_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main([ID, "--algo", "dqn", "--out", str(tmp_path / "run"), "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "dqn cannot choose from MultiDiscrete([3 3]), expected a finite library, the joint one" in line
+    assert not (tmp_path / "run").exists()

@@ -1,0 +1,43 @@
+"""The real thing: the command killed with SIGKILL at random moments."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from runs_for_tests import EVERY, arguments, assert_same_run, small_plan
+
+from wavegym.learning.training.train import train
+
+ROOT = Path(__file__).parents[3]
+STEPS = 3000
+KILLS = 2
+
+
+def checkpoints(folder: Path) -> set[str]:
+    return {path.name for path in (folder / "checkpoints").glob("*.ckpt")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algo", ["ppo", "dqn"])
+def test_killed_at_any_moment_it_ends_with_the_same_weights(algo: str, tmp_path: Path) -> None:
+    folder, moment = tmp_path / "killed", random.Random(algo)
+    command = [sys.executable, "train.py", *arguments(algo, folder, "--steps", str(STEPS))]
+    for _ in range(KILLS):
+        before = checkpoints(folder)
+        with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+            while checkpoints(folder) <= before and process.poll() is None:
+                time.sleep(0.01)
+            time.sleep(moment.uniform(0.0, 0.3))
+            assert process.poll() is None, process.stderr.read() if process.stderr else ""
+            process.kill()
+        command = [*command, "--resume"] if "--resume" not in command else command
+    assert not (folder / "run.json").exists()
+    assert subprocess.run(command, cwd=ROOT, check=False).returncode == 0
+    train(small_plan(algo, steps=STEPS), tmp_path / "unbroken", EVERY[algo], progress=False)
+    assert_same_run(folder, tmp_path / "unbroken")
+    assert not list(folder.rglob("*.part"))

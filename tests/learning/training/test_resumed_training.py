@@ -1,0 +1,221 @@
+"""A run that stops anywhere and is taken up again ends as if it had never stopped."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import pickle
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from runs_for_tests import EVERY, arguments, assert_same_run, small_plan
+
+import train as command
+from wavegym.core.errors import InputError
+from wavegym.learning.training import callbacks as keeper
+from wavegym.learning.training import train as learn
+from wavegym.learning.training.checkpoints import load_checkpoint, save_checkpoint
+from wavegym.learning.training.train import train
+
+
+class StoppedError(Exception):
+    """Stands for a kill."""
+
+
+def stop_after(monkeypatch: pytest.MonkeyPatch, calls: int) -> None:
+    """Stop training in the middle of the ``calls``-th step of the batch."""
+    add = keeper.LearningCurve.add
+    left = [calls]
+
+    def counting(self: Any, cost: Any, ended: Any) -> None:
+        left[0] -= 1
+        if left[0] == 0:
+            raise StoppedError
+        add(self, cost, ended)
+
+    monkeypatch.setattr(keeper.LearningCurve, "add", counting)
+
+
+def saved_steps(folder: Path) -> int:
+    saved = load_checkpoint(folder / "checkpoints")
+    assert saved is not None
+    return saved[0]
+
+
+@pytest.mark.parametrize("algo", ["ppo", "dqn"])
+def test_a_run_stopped_again_and_again_ends_with_the_same_weights(
+    algo: str, unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, folder, resume = small_plan(algo), tmp_path / "run", False
+    for calls in (1, 37, 12, 29, 3, 40):
+        before = saved_steps(folder) if resume else 0
+        with monkeypatch.context() as patch:
+            stop_after(patch, calls)
+            with pytest.raises(StoppedError):
+                train(plan, folder, EVERY[algo], resume, progress=False)
+        lost = before + 3 * calls - saved_steps(folder)
+        assert 0 <= lost <= EVERY[algo], "no more than a checkpoint interval"
+        # What the interruption leaves behind must not matter.
+        np.random.seed(0)  # noqa: NPY002
+        resume = True
+    assert not (folder / "run.json").exists()
+    train(plan, folder, EVERY[algo], resume=True, progress=False)
+    assert_same_run(folder, unbroken[algo])
+
+
+def test_how_often_checkpoints_are_made_changes_nothing(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    train(small_plan("dqn"), tmp_path / "run", 1, progress=False)
+    assert_same_run(tmp_path / "run", unbroken["dqn"])
+
+
+@pytest.mark.parametrize("algo", ["ppo", "dqn"])
+def test_another_seed_is_another_run(algo: str, unbroken: dict[str, Path], tmp_path: Path) -> None:
+    train(small_plan(algo, seed=2), tmp_path / "run", EVERY[algo], progress=False)
+    with pytest.raises(AssertionError):
+        assert_same_run(tmp_path / "run", unbroken[algo])
+
+
+def test_a_finished_run_is_left_alone(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+    with pytest.raises(InputError, match=r"already holds a run \(plan.json\)"):
+        train(small_plan("ppo"), folder, EVERY["ppo"], progress=False)
+
+
+def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
+    (folder / "policy.npz").write_bytes(b"torn")
+    with pytest.raises(InputError, match=r"policy\.npz is torn"):
+        train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+
+
+@pytest.mark.parametrize("content", [b"no pickle", pickle.dumps([1, 2]), pickle.dumps({"model": b"no zip", "env": 0})])
+def test_a_whole_checkpoint_that_is_no_snapshot_is_one_line(
+    content: bytes, unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+    save_checkpoint(folder / "checkpoints", 10**6, content)
+    assert command.main(arguments("ppo", folder, "--resume")) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: checkpoint is no snapshot of this training: ")
+
+
+def test_a_run_killed_before_its_first_checkpoint_begins_anew(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    shutil.copy(unbroken["ppo"] / "plan.json", folder)
+    train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+    assert_same_run(folder, unbroken["ppo"])
+
+
+def unfinished(run: Path, folder: Path) -> Path:
+    """A copy of a finished run as a kill in its last rollout would leave it."""
+    shutil.copytree(run, folder)
+    for name in ("run.json", "policy.npz"):
+        (folder / name).unlink()
+    return folder
+
+
+def test_a_torn_checkpoint_costs_one_interval_and_two_are_an_error(
+    unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = unfinished(unbroken["dqn"], tmp_path / "run")
+    earlier, later = sorted((folder / "checkpoints").iterdir())
+    kept = earlier.read_bytes()
+    later.write_bytes(later.read_bytes()[:-1])
+    earlier.write_bytes(b"")
+    names = sorted(path.name for path in folder.rglob("*"))
+    assert command.main(arguments("dqn", folder, "--resume")) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith("error: none of the 2 checkpoints")
+    assert sorted(path.name for path in folder.rglob("*")) == names
+    earlier.write_bytes(kept)
+    assert command.main(arguments("dqn", folder, "--resume")) == 0
+    assert f"{later.name} is torn, passed over" in capsys.readouterr().err
+    assert_same_run(folder, unbroken["dqn"])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"algo": "dqn"}, "algo is 'dqn', but the run in"),
+        ({"seed": 2}, "seed is 2, but the run in"),
+        ({"gamma": 0.5}, "settings.gamma is 0.5, but the run in"),
+        ({"steps": 600}, "settings.steps is 600, but the run in"),
+    ],
+)
+def test_another_plan_is_not_resumed(
+    change: dict[str, Any], message: str, unbroken: dict[str, Path], tmp_path: Path
+) -> None:
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+    plan = small_plan(**{"algo": "ppo", **change})
+    with pytest.raises(InputError, match=message):
+        train(plan, folder, 60, resume=True, progress=False)
+
+
+def test_other_versions_are_not_resumed(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+    plan = json.loads((folder / "plan.json").read_text())
+    plan["versions"]["torch"] = "0.4.1"
+    (folder / "plan.json").write_text(json.dumps(plan))
+    with pytest.raises(InputError, match=r"versions.torch is .* has '0.4.1'"):
+        train(small_plan("ppo"), folder, 60, resume=True, progress=False)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_ends_training_in_one_line_and_costs_one_interval(
+    unbroken: dict[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = tmp_path / "run"
+
+    def save_on_a_disk_full_at_120(checkpoints: Path, steps: int, content: bytes) -> None:
+        if steps == 120:
+            (checkpoints / f".step-000000000120.ckpt.{os.getpid()}.part").symlink_to("/dev/full")
+        save_checkpoint(checkpoints, steps, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(keeper, "save_checkpoint", save_on_a_disk_full_at_120)
+        assert command.main(arguments("ppo", folder)) != 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert os.strerror(errno.ENOSPC) in line
+    assert "step-000000000120.ckpt" in line
+    assert saved_steps(folder) == 60
+    assert command.main(arguments("ppo", folder, "--resume")) == 0
+    assert_same_run(folder, unbroken["ppo"])
+
+
+def test_a_disk_full_at_the_very_end_leaves_no_half_result(
+    unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "policy.npz")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(learn, "write_whole", full)
+        assert command.main(arguments("ppo", folder, "--resume")) != 0
+    assert not (folder / "run.json").exists()
+    assert command.main(arguments("ppo", folder, "--resume")) == 0
+    assert_same_run(folder, unbroken["ppo"])
+
+
+def test_the_run_record_says_what_was_trained(unbroken: dict[str, Path]) -> None:
+    run = json.loads((unbroken["ppo"] / "run.json").read_text())
+    assert run["env"] == "wavegym/KershawEvansPosition-v0"
+    assert (run["algo"], run["seed"], run["steps"]) == ("ppo", 1, 300)
+    assert run["settings"]["environment"] == {"horizon": 7, "max_episode_steps": 6}
+    assert run["observation"][0] == "snr"
+    assert run["actions"]["count"] == 56
+    curve = (unbroken["ppo"] / "curve.csv").read_text().splitlines()
+    assert curve[0] == "steps,episodes,cost"
+    assert [int(line.split(",")[0]) for line in curve[1:]] == list(range(30, 301, 30))
+    assert list((unbroken["ppo"] / "tensorboard").glob("events.*"))

@@ -1,0 +1,117 @@
+"""Trained networks in plain NumPy: the same choices as torch's, outputs equal to 1e-6."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+from runs_for_tests import SMALL
+
+from wavegym.core.errors import InputError
+from wavegym.envs import WaveformVectorEnv
+from wavegym.learning.policies.export import export
+from wavegym.learning.settings import load_settings
+from wavegym.learning.training.models import build_model
+from wavegym.learning.training.run_spec import Plan
+from wavegym.policies.networks import LearnedPolicy, Network
+
+SECTOR, CLUTTER, POSITION = (f"wavegym/{name}-v0" for name in ("SectorSetup", "AgileClutter", "KershawEvansPosition"))
+SCORER = {"policy": "scorer", "network": (16, 16, 8), "forecasts": True}
+CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
+    "ppo": (POSITION, "ppo", {}, {}),
+    "ppo, relu": (POSITION, "ppo", {"activation": "relu", "network": (32, 16, 8)}, {}),
+    "dqn": (POSITION, "dqn", {}, {}),
+    "box": (POSITION, "ppo", {}, {"action": "box"}),
+    "several modes": (POSITION, "ppo", {"modes": 4}, {"action": "box"}),
+    "several sensors": (CLUTTER, "ppo", {}, {"action": "library"}),
+    "masked": (SECTOR, "ppo", {"masks": True, "policy": "mlp"}, {}),
+    "scorer": (SECTOR, "ppo", SCORER, {}),
+    "masked scorer": (SECTOR, "ppo", {**SCORER, "masks": True}, {}),
+    "scorer without rounds": (SECTOR, "ppo", {**SCORER, "network": (16,)}, {}),
+    "scorer without forecasts": (SECTOR, "ppo", {**SCORER, "forecasts": False}, {}),
+    "dueling scorer": (SECTOR, "dqn", SCORER, {}),
+}
+
+
+def untrained(name: str) -> tuple[Any, Any]:
+    """A model with weights drawn anew, so that no layer is nearly 0, and observations for it."""
+    env_id, algo, changes, environment = CASES[name]
+    plan = Plan(env_id, algo, 0, load_settings(env_id, algo, {**SMALL[algo], **changes}, environment))
+    model: Any = build_model(plan)
+    generator = torch.Generator().manual_seed(1)
+    for parameter in model.policy.parameters():
+        if parameter.ndim > 1:
+            parameter.data = torch.randn(parameter.shape, generator=generator) / parameter.shape[-1] ** 0.5
+    envs = gym.make_vec(env_id, num_envs=50, forecasts=plan.settings.forecasts, **environment)
+    return model, envs.reset(seed=0)[0]
+
+
+def torch_outputs(model: Any, shown: np.ndarray) -> np.ndarray:
+    """Q values less a state's mean, logits less each choice's mean, or the last layer's outputs in a box."""
+    policy = model.policy
+    with torch.no_grad():
+        given = torch.as_tensor(shown)
+        if hasattr(policy, "q_net"):
+            return centred(policy.q_net(given).numpy(), (model.action_space.n,))
+        latent = policy.mlp_extractor.forward_actor(given)
+        outputs = policy.action_net(latent).numpy()
+    heads = getattr(model.action_space, "nvec", None)
+    if heads is None and hasattr(model.action_space, "n"):
+        heads = (model.action_space.n,)
+    return outputs if heads is None else centred(outputs, tuple(heads))
+
+
+def centred(outputs: np.ndarray, heads: tuple[int, ...]) -> np.ndarray:
+    parts = np.split(outputs.astype(np.float64), np.cumsum(heads)[:-1], axis=1)
+    return np.concatenate([part - part.mean(axis=1, keepdims=True) for part in parts], axis=1)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_export_equals_the_torch_policy(name: str) -> None:
+    model, shown = untrained(name)
+    network = Network.from_bytes(export(model.policy).to_bytes())
+    outputs = network.outputs(shown)
+    assert outputs.dtype == np.float32
+    is_box = isinstance(model.action_space, spaces.Box)
+    compared = outputs if is_box else centred(outputs, network.heads)
+    expected = torch_outputs(model, shown)
+    assert np.ptp(expected, axis=0).max() > 1e-3  # it depends on what is observed
+    np.testing.assert_allclose(compared, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+    chosen = LearnedPolicy(network).act(None, shown, None)
+    predicted = model.predict(shown, deterministic=True)[0]
+    if is_box:
+        np.testing.assert_allclose(chosen, predicted, atol=1e-6)
+        assert (np.abs(chosen) <= 1.0).all()
+    else:
+        assert (chosen == predicted).all()
+
+
+def test_forecasts_that_the_observation_lacks_are_made_of_the_belief() -> None:
+    model, _ = untrained("scorer")
+    policy = LearnedPolicy(export(model.policy), forecasts=True)
+    env, plain = (WaveformVectorEnv(model.env.get_attr("system")[0], 20, forecasts=f) for f in (True, False))
+    full, bare = env.reset(seed=3)[0], plain.reset(seed=3)[0]
+    policy.begin(env.system, 20, np.random.default_rng(0))
+    assert (policy.act(plain.public, bare, None) == policy.act(env.public, full, None)).all()
+
+
+def test_the_same_network_makes_the_same_file_and_no_pickle_is_read(tmp_path: Any) -> None:
+    model, _ = untrained("scorer")
+    assert export(model.policy).to_bytes() == export(model.policy).to_bytes()
+    np.savez(tmp_path / "evil.npz", _kind=np.array({"code": 1}, dtype=object))
+    with pytest.raises(ValueError, match="pickle"):
+        Network.from_bytes((tmp_path / "evil.npz").read_bytes())
+
+
+def test_a_scorer_wants_one_index_and_a_width() -> None:
+    with pytest.raises(
+        InputError, match=r"network is \(\), expected at least one width for a scorer \(nearest: \(64,\)\)"
+    ):
+        load_settings(SECTOR, "ppo", {"policy": "scorer", "network": ()})
+    settings = load_settings(CLUTTER, "ppo", {**SMALL["ppo"], "policy": "scorer", "network": (8,)})
+    with pytest.raises(InputError, match=r"a scorer cannot choose from MultiDiscrete.*policy=mlp"):
+        build_model(Plan(CLUTTER, "ppo", 0, settings))

@@ -1,0 +1,219 @@
+"""Planners on a small system: they reach what trying everything reaches, and never lose to their base."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from delay_systems import CANDIDATES, DelaySystem, delay_worlds
+
+from wavegym.core import trees
+from wavegym.core.errors import InputError
+from wavegym.schedulers.heuristics.index_policies import AwareGreedy
+from wavegym.schedulers.planners import BeamSearch, MonteCarloTree, PlanOnce, Replan, RolloutPlanner, TreeSearch
+from wavegym.schedulers.planners.receding_horizon import neighbours
+from wavegym.schedulers.planners.sampled_futures import Futures, significant
+from wavegym.schedulers.rollout import rollout
+from wavegym.schedulers.simple import Fixed, RandomChoice
+
+STEPS = 4
+CERTAIN = DelaySystem(horizon=STEPS, setup=1, budget=2.0, pd=1.0)  # every pulse detects what is visible
+
+
+def base():
+    return AwareGreedy(0.4, 3)
+
+
+def exhaustive(system, worlds):
+    """The least mean cost of any sequence that can be afforded, (world,), by the closed loop itself."""
+    sequences = np.array(list(product(range(len(CANDIDATES)), repeat=system.horizon)))
+    count = len(worlds.noise)
+    tiled = trees.take(worlds, np.repeat(np.arange(count), len(sequences)))
+    state, total = system.begin(tiled), 0.0
+    can = np.ones(len(tiled.noise), np.bool_)
+    for t in range(system.horizon):
+        action = np.tile(sequences[:, t], count)
+        can &= system.mask(state.public)[np.arange(len(can)), action]
+        state = system.advance(state, action, tiled)
+        total = total + system.cost(state.public)
+    return np.where(can, total, np.inf).reshape(count, -1).min(axis=1) / system.horizon
+
+
+@pytest.mark.parametrize(
+    "planner",
+    [
+        TreeSearch(base(), STEPS, STEPS),
+        BeamSearch(base(), 150, STEPS, levels=STEPS),
+        Replan(base(), STEPS, rounds=40, first=40),
+        PlanOnce(base(), rounds=80),
+        MonteCarloTree(base(), 400, STEPS),
+    ],
+    ids=["tree", "beam", "replan", "plan-once", "mcts"],
+)
+def test_planners_reach_the_exhaustive_optimum(planner):
+    """Nothing is left to chance here, so the best sequence is the best policy; the base is far from it."""
+    worlds = delay_worlds(CERTAIN, 12)
+    best = exhaustive(CERTAIN, worlds)
+    assert rollout(CERTAIN, base(), worlds).mean_cost.mean() > 1.05 * best.mean()
+    np.testing.assert_allclose(rollout(CERTAIN, planner, worlds).mean_cost, best, rtol=1e-9)
+
+
+def expectimax(system, public, steps):
+    """The least expected cost to come of any policy, (1,), by both outcomes of every pulse."""
+    if steps == 0:
+        return 0.0
+    mask, best = system.mask(public)[0], np.inf
+    for action in np.flatnonzero(mask):
+        chance = system.pd if not is_blind(system, public, action) else 0.0
+        value = 0.0
+        for draw, weight in ((0.0, chance), (1.0, 1.0 - chance)):
+            if weight > 0.0:
+                after = system.imagine(public, np.array([action]), np.array([[draw]]))
+                value += weight * (system.cost(after)[0] + expectimax(system, after, steps - 1))
+        best = min(best, value)
+    return best
+
+
+def is_blind(system, public, action):
+    """Whether neither outcome differs from the other."""
+    hit, miss = (system.imagine(public, np.array([action]), np.array([[draw]])).covariance for draw in (0.0, 1.0))
+    return np.array_equal(hit, miss)
+
+
+def expected_cost(system, policy, public, tries, seed):
+    """Mean and standard error of what ``policy`` costs from ``public`` (1,) on, by sampled outcomes."""
+    rng = np.random.default_rng(seed)
+    here, total = trees.take(public, np.zeros(tries, np.int64)), 0.0
+    policy.begin(system, tries, rng)
+    for _ in range(system.horizon):
+        action = policy.act(here, None, system.mask(here))
+        here = system.imagine(here, action, rng.random((tries, 1)))
+        total = total + system.cost(here)
+    return total.mean(), total.std() / np.sqrt(tries)
+
+
+def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():
+    """Against the exact expectimax over choices and outcomes: no better, and at most a few per cent worse."""
+    system = DelaySystem(horizon=3, setup=1, budget=2.0, pd=0.6)
+    public = system.begin(delay_worlds(system, 1)).public
+    best = expectimax(system, public, 3)
+    for planner in (TreeSearch(base(), 3, 3, futures=32), MonteCarloTree(base(), 60, 3, futures=32)):
+        mean, error = expected_cost(system, planner, public, 100, 0)
+        assert best - 4 * error < mean < 1.04 * best + 4 * error
+
+
+@pytest.mark.parametrize(
+    "planner",
+    [
+        RolloutPlanner(base(), 12),
+        TreeSearch(base(), 2, 12),
+        BeamSearch(base(), 4, 12, levels=3),
+        Replan(base(), 12, rounds=2, first=10),
+        Replan(base(), 12, rounds=2, first=10, asks=False),
+        MonteCarloTree(base(), 30, 12),
+    ],
+    ids=["rollout", "tree", "beam", "replan", "replan-unasked", "mcts"],
+)
+def test_no_planner_is_worse_than_its_base(planner):
+    system = DelaySystem()
+    worlds = delay_worlds(system, 60, seed=5)
+    ratio = np.log(rollout(system, planner, worlds).mean_cost / rollout(system, base(), worlds).mean_cost)
+    assert ratio.mean() + 2 * ratio.std() / np.sqrt(len(ratio)) < 0
+
+
+def test_a_policy_without_settle_can_be_a_base():
+    system = DelaySystem(horizon=5)
+    worlds = delay_worlds(system, 20)
+    fixed = Fixed(1)
+    got = rollout(system, RolloutPlanner(fixed, 5), worlds).mean_cost
+    assert got.mean() < rollout(system, fixed, worlds).mean_cost.mean()
+
+
+def test_costs_are_those_of_following_the_plan_by_hand():
+    system = DelaySystem()
+    public = system.begin(delay_worlds(system, 3)).public
+    futures = Futures(base(), depth=5, count=4)
+    futures.begin(system, 3, np.random.default_rng(0))
+    plans = np.array([[[0, 1], [4, 2]]] * 3)
+    draws = futures.draw(3)
+    got = futures.costs(public, plans, None, draws)
+    assert got.shape == (3, 2, 4)
+    for e, p, f in np.ndindex(*got.shape):
+        here, total, policy = trees.take(public, np.array([e])), 0.0, base()
+        policy.begin(system, 1, np.random.default_rng(0))
+        for t in range(5):
+            mask = system.mask(here)
+            action = policy.act(here, None, mask)
+            if t < 2 and mask[0, plans[e, p, t]]:
+                action = plans[e, p, t : t + 1]
+            here = system.imagine(here, action, draws[t, e, f][None])
+            total += system.cost(here)[0]
+        assert got[e, p, f] == total
+
+
+def test_futures_end_with_the_episode():
+    system = DelaySystem(horizon=3)
+    public = system.begin(delay_worlds(system, 2)).public
+    costs = []
+    for depth in (3, 9):
+        futures = Futures(base(), depth, 1)
+        futures.begin(system, 2, np.random.default_rng(0))
+        costs.append(futures.costs(public, None, None, None))
+    np.testing.assert_array_equal(*costs)
+
+
+def test_a_planner_leaves_its_base_only_for_a_significant_gain():
+    base_costs = np.array([[[4.0, 6.0, 5.0, 5.0]]])
+    a_bit = base_costs - np.array([3.0, -2.5, 0.0, 0.0])  # mean gain .125, standard error 1.1
+    surely = base_costs - np.array([0.1, 0.11, 0.09, 0.1])
+    assert significant(a_bit, base_costs, 1.0) == -1
+    assert significant(a_bit, base_costs, 0.0) == 0
+    assert significant(np.concatenate([a_bit, surely], axis=1), base_costs, 1.0) == 1
+    assert significant(np.full((1, 1, 4), np.inf), base_costs, 1.0) == -1
+
+
+def test_neighbours_differ_by_a_move_or_two_of_what_is_still_to_come():
+    rng = np.random.default_rng(0)
+    plan = np.tile(np.arange(10, 18), (2, 1))
+    options = np.tile(np.arange(5), (2, 1))
+    found = neighbours(plan, options, np.array([8, 3]), 400, rng)
+    assert found.shape == (2, 400, 8)
+    assert len(np.unique(found[0], axis=0)) > 100
+    put = [len(set(moved[moved < 10])) for moved in found[0]]
+    assert max(put) == 2  # one action for each of two moves
+    assert (np.sort(found[0], axis=1) == plan[0]).all(axis=1).any()  # exchanges keep what there is
+    still = np.isin(found[1, :, 3:], np.arange(13, 18)) & (found[1, :, 3:] == plan[1, 3:])
+    assert ((found[1, :, 3:] < 10) | still).all()  # beyond the end, a run may be put, nothing is moved
+
+
+def test_decisions_do_not_depend_on_the_batch_where_nothing_is_drawn():
+    """A future of the expected recursion is the same whoever is beside it."""
+    public = CERTAIN.begin(delay_worlds(CERTAIN, 5)).public
+    futures = Futures(base(), STEPS, 1)
+    futures.begin(CERTAIN, 5, np.random.default_rng(0))
+    plans = np.tile(np.arange(5)[None, :, None], (5, 1, 1))
+    together = futures.costs(public, plans, None, None)
+    for e in range(5):
+        alone = futures.costs(trees.take(public, np.array([e])), plans[:1], None, None)
+        np.testing.assert_array_equal(alone[0], together[e])
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: RolloutPlanner(base(), 0), "depth is 0"),
+        (lambda: RolloutPlanner(base(), 5, futures=0), "futures is 0"),
+        (lambda: RolloutPlanner(base(), 5, errors=-1.0), "errors is -1"),
+        (lambda: BeamSearch(base(), 0), "beam width is 0"),
+        (lambda: MonteCarloTree(base(), 0), "simulations is 0"),
+        (lambda: PlanOnce(base(), -1), "rounds is -1"),
+    ],
+)
+def test_bad_numbers_are_one_line_errors(make, said):
+    with pytest.raises(InputError, match=said):
+        make()
+
+
+def test_random_is_worse_than_every_base_here():
+    system = DelaySystem()
+    worlds = delay_worlds(system, 60)
+    assert rollout(system, RandomChoice(), worlds).mean_cost.mean() > rollout(system, base(), worlds).mean_cost.mean()

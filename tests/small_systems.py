@@ -1,0 +1,97 @@
+"""A small system with masks and early ends, whose costs can be told by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, get_args, get_type_hints
+
+import gymnasium as gym
+import numpy as np
+
+from wavegym.core.system import Element, State, System
+
+BRIEF = {"wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)}}
+"""Settings for whole episodes of ids whose steps take milliseconds: fewer pulses, and a target on its way already."""
+
+
+class Menu(NamedTuple):
+    labels: tuple[str, ...]
+
+
+class Fuel(NamedTuple):
+    step: np.ndarray
+    left: np.ndarray  # (env,)
+    cost: np.ndarray  # (env,)
+
+
+class Tank(NamedTuple):
+    left: np.ndarray
+
+
+@dataclass(frozen=True)
+class Burner(System):
+    """Action a burns a + 1 units of fuel and makes the cost 1 / (a + 1); an empty tank ends the episode."""
+
+    horizon: int = 8
+    dt: float = 1.0
+    fuel: int = 5
+
+    @property
+    def actions(self):
+        return Menu(("low", "middle", "high"))
+
+    @property
+    def elements(self):
+        return (Element("fuel", "1", 0.0, 10.0, "what is left"),)
+
+    def draw_world(self, rng):
+        return Tank(np.array(float(self.fuel + rng.integers(2))))
+
+    def begin(self, world):
+        count = len(world.left)
+        return State(None, Fuel(np.zeros(count, np.int64), world.left.copy(), np.full(count, 2.0)))
+
+    def advance(self, state, action, world):
+        return State(None, self.imagine(state.public, action))
+
+    def imagine(self, public, actions, outcome=None):
+        step, left = (x[:, None] if actions.ndim == 2 else x for x in (public.step, public.left))
+        left = left - (actions + 1)
+        return Fuel(
+            np.broadcast_to(step + 1, left.shape).copy(), left, np.broadcast_to(1 / (actions + 1), left.shape).copy()
+        )
+
+    def cost(self, public):
+        return public.cost.copy()
+
+    def observe(self, public):
+        return public.left[:, None]
+
+    def ended(self, public):
+        return (public.step >= self.horizon) | (public.left <= 0)
+
+    def mask(self, public):
+        return np.arange(1, 4) <= public.left[:, None]
+
+
+@dataclass(frozen=True)
+class Leaky(Burner):
+    """Hands out an array of its state as the cost."""
+
+    def cost(self, public):
+        return public.left
+
+
+@dataclass(frozen=True)
+class LeakyMetric(Burner):
+    """Hands out an array of its state among the metrics."""
+
+    def metrics(self, state):
+        return {"fuel": state.public.left}
+
+
+def has_form(id, form):
+    """Whether the system takes ``action=form``; one with a single form may have no such parameter."""
+    system = type(gym.make(id).unwrapped.system)
+    accepted = get_type_hints(system).get("action")
+    return accepted is not None and form in get_args(accepted)

@@ -1,0 +1,269 @@
+"""The agile-clutter system's worlds, episodes, figures, consistency, ids and refusals."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import pairwise, product
+
+import agile_clutter_oracle as plain
+import gymnasium as gym
+import numpy as np
+import oracles
+import pytest
+from gymnasium.utils.env_checker import check_env
+from scipy.stats import chi2
+
+from wavegym.core import trees
+from wavegym.core.errors import InputError
+from wavegym.envs import WaveformVectorEnv
+from wavegym.systems.agile_clutter.system import AgileClutter
+from wavegym.testing import check_vector_env
+
+ID = "wavegym/AgileClutter-v0"
+FORMS, TRACKERS = ("library", "joint", "box"), ("jpda", "particle")
+THERE = np.array([[1 <= k <= 25, 8 <= k <= 32] for k in range(33)])  # the paper's targets at k = 0..32
+
+
+def play(system, worlds, choose=None):
+    """States at k = 0, 1, ...; ``choose`` (public) -> actions, the myopic ones by default."""
+    states = [system.begin(worlds)]
+    for _ in range(system.horizon):
+        actions = (choose or system.best_action)(states[-1].public)
+        states.append(system.advance(states[-1], actions, worlds))
+    return states
+
+
+def at_random(system, seed=0):
+    rng = np.random.default_rng(seed)
+    return lambda public: rng.integers(len(system.actions), size=(len(public.step), len(system.sensors)))
+
+
+def figures(system, states, name):
+    """(k, env, ...) of one of the metrics."""
+    return np.array([system.metrics(state)[name] for state in states])
+
+
+def same(a, b):
+    """Equal bit for bit, particles and all."""
+    unequal = []
+    trees.tree_map(lambda x, y: unequal.append(not np.array_equal(x, y)), a, b)
+    return not any(unequal)
+
+
+def test_first_estimates_and_true_paths_have_their_distributions():
+    system, count = AgileClutter(q=3.0), 1000
+    state = system.begin(oracles.worlds(system, count))
+    np.testing.assert_array_equal(state.hidden.truth, np.broadcast_to(system.starts, (count, 2, 4)))
+    error = (state.hidden.first - state.hidden.truth) / np.sqrt(system.prior_variance)
+    F, Q = plain.transition(system)
+    path = state.hidden.path
+    assert path.shape == (count, 2, 26, 4)
+    moves = path[:, :, 1:] - path[:, :, :-1] @ F.T
+    white = np.linalg.solve(np.linalg.cholesky(Q), moves.reshape(-1, 4).T)
+    for draws in (error.reshape(-1, 4).T, white):
+        n = draws.shape[1]
+        assert np.abs(draws.mean(axis=1)).max() < 5 / np.sqrt(n)
+        assert np.abs(np.cov(draws) - np.eye(4)).max() < 5 * np.sqrt(2 / n)
+    np.testing.assert_array_equal(
+        state.public.covariance, np.broadcast_to(np.diag(system.prior_variance), (count, 2, 4, 4))
+    )
+
+
+def test_worlds_are_the_same_whatever_is_transmitted_or_tracked():
+    want = AgileClutter().draw_world(np.random.default_rng(3))
+    changed = [{"action": form} for form in FORMS] + [{"laws": ("lfm",)}, {"clutter_density": 0.0}, {"gate": 2.0}]
+    for settings in [*changed, {"tracker": "particle"}, {"durations": (1e-4,)}, {"reference_range": 2e4}]:
+        world = AgileClutter(**settings).draw_world(np.random.default_rng(3))
+        assert all(np.array_equal(a, b) for a, b in zip(world, want, strict=True))
+    other = AgileClutter().draw_world(np.random.default_rng(4))
+    assert not any(np.array_equal(a, b) for a, b in zip(other, want, strict=True))
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_targets_come_and_go_at_their_steps(tracker):
+    """Target 1 is measured at k = 1..25, target 2 at k = 8..32; what is absent costs nothing and is not updated."""
+    system = AgileClutter(tracker=tracker, particles=50)
+    states = play(system, oracles.worlds(system, 3), at_random(system))
+    np.testing.assert_array_equal(figures(system, states, "present"), np.repeat(THERE[:, None], 3, axis=1))
+    for name in ("position_error", "squared_error", "nees"):
+        np.testing.assert_array_equal(figures(system, states, name) > 0, np.repeat(THERE[:, None], 3, axis=1))
+    for k, (before, after) in enumerate(pairwise(states), start=1):
+        P = np.diagonal(after.public.covariance, axis1=2, axis2=3).sum(axis=2)
+        np.testing.assert_allclose(system.cost(after.public), (P * THERE[k]).sum(axis=1), rtol=1e-14)
+        moved = (before.public.mean != after.public.mean).any(axis=(0, 2))
+        np.testing.assert_array_equal(moved, THERE[k] | (np.array(system.births) == k))
+        for t in np.flatnonzero(THERE[k]):
+            want = after.hidden.path[:, t, k - system.births[t]]
+            np.testing.assert_array_equal(after.hidden.truth[:, t], want)
+        assert system.ended(after.public).all() == (k == 32)
+    assert system.terminates
+
+
+def test_figures_are_errors_and_mahalanobis_distances():
+    system = AgileClutter(weights=(1.0, 2.0, 0.5, 0.25))
+    state = play(system, oracles.worlds(system, 4))[10]
+    d, P, got = state.public.mean - state.hidden.truth, state.public.covariance, system.metrics(state)
+    np.testing.assert_allclose(got["position_error"], np.hypot(d[..., 0], d[..., 1]), rtol=1e-12)
+    np.testing.assert_allclose(got["squared_error"], (d * d) @ system.weights, rtol=1e-12)
+    nees = np.einsum("eta,eta->et", d, np.linalg.solve(P, d[..., None])[..., 0])
+    np.testing.assert_allclose(got["nees"], nees, rtol=1e-9)
+    cost = (np.diagonal(P, axis1=2, axis2=3) @ system.weights).sum(axis=1)
+    np.testing.assert_allclose(system.cost(state.public), cost, rtol=1e-12)
+
+
+def test_a_track_is_lost_with_the_sixth_return_outside_its_gates():
+    system = AgileClutter()
+    state = system.begin(oracles.worlds(system, 1))
+    outside = np.array([[5, 6]])
+    lost = system.metrics(state._replace(hidden=state.hidden._replace(outside=outside)))["lost"]
+    np.testing.assert_array_equal(lost, [[False, True]])
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_a_batch_is_its_elements_even_out_of_step(tracker):
+    system = AgileClutter(tracker=tracker, particles=30)
+    worlds = oracles.worlds(system, 2)
+    states = play(system, worlds, at_random(system))
+    pick = trees.tree_map(lambda a, b: np.stack([a[0], b[1]]), states[20], states[6])
+    actions = np.array([[3, 4], [50, 60]])
+    got = system.advance(pick, actions, worlds)
+    for e, k in ((0, 20), (1, 6)):
+        row = slice(e, e + 1)
+        alone = system.advance(
+            trees.tree_map(lambda a, r=row: a[r], states[k]), actions[row], oracles.rows(worlds, row)
+        )
+        assert same(trees.tree_map(lambda a, r=row: a[r], got), alone)
+        assert alone.public.step[0] == k + 1
+
+
+def test_every_element_of_the_observation_is_as_documented():
+    system = AgileClutter()
+    states = play(system, oracles.worlds(system, 2), at_random(system))
+    for k in (0, 7, 12, 25, 32):
+        public = states[k].public
+        want = {"time_left": 1 - k / 32}
+        here = plain.present(system, k + 1)
+        x, P = plain.predicted(system, k + 1, public.mean[1], public.covariance[1])
+        for t in (1, 2):
+            here_t, p = here[t - 1], P[t - 1]
+            want[f"present_{t}"] = float(here_t)
+            want[f"log10_sigma_position_{t}"] = here_t and np.log10(np.sqrt(p[0, 0] + p[1, 1]))
+            want[f"log10_sigma_velocity_{t}"] = here_t and np.log10(np.sqrt(p[2, 2] + p[3, 3]))
+            for i, site in enumerate(np.array(system.sensors), start=1):
+                z, S, _ = plain.unscented(x[t - 1], p, site)
+                sigma = np.sqrt(np.diag(S))
+                want[f"snr_{t}_{i}"] = here_t and 10 * np.log10(plain.strength(system, z[0])[0])
+                want[f"log10_sigma_r_{t}_{i}"] = here_t and np.log10(sigma[0])
+                want[f"log10_sigma_rdot_{t}_{i}"] = here_t and np.log10(sigma[1])
+                want[f"correlation_{t}_{i}"] = here_t and S[0, 1] / sigma.prod()
+        assert [element.name for element in system.elements] == list(want)
+        np.testing.assert_allclose(system.observe(public)[1], list(want.values()), rtol=1e-7, atol=1e-7)
+
+
+def inside_bounds(nees, level):
+    """Share of the means over worlds, (k, env, target) with 0 where absent, inside their chi-square bounds."""
+    there, count = nees[:, 0] > 0, nees.shape[1]
+    low, high = chi2.ppf([(1 - level) / 2, (1 + level) / 2], 4 * count) / count
+    means = nees.mean(axis=1)[there]
+    return ((means > low) & (means < high)).mean()
+
+
+@pytest.mark.parametrize(
+    ("tracker", "reference"),
+    list(product(TRACKERS, (50e3, 200e3))),
+)
+def test_trackers_are_consistent_without_clutter(tracker, reference):
+    """Mean NEES of 200 worlds inside its 95 % bounds; steps of one target are correlated, hence 0.85 of them."""
+    system = AgileClutter(tracker=tracker, particles=50, clutter_density=0.0, reference_range=reference)
+    nees = figures(system, play(system, oracles.worlds(system, 200)), "nees")
+    nees[8:11, :, 1] = 0.0  # target 2's first steps: the transform is cautious where P is still wide
+    assert inside_bounds(nees[4:], 0.95) > 0.85
+    assert inside_bounds(nees[4:], 0.999) == 1.0
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_nobody_knows_an_estimate_before_it_is_handed_over(tracker):
+    """Another first estimate of target 2 changes nothing public before k = 7, and its slot at k = 7."""
+    system = AgileClutter(tracker=tracker, particles=20)
+    worlds = oracles.worlds(system, 4)
+    other = worlds._replace(start=worlds.start + np.array([[0.0], [1.0]]))
+    for k, (one, two) in enumerate(zip(play(system, worlds), play(system, other), strict=True)):
+        assert same(one.public, two.public) == (k < 7), k
+        if k == 7:
+            shift = two.public.mean - one.public.mean
+            np.testing.assert_allclose(shift[:, 1], np.tile(np.sqrt(system.prior_variance), (4, 1)), rtol=1e-9)
+            assert not shift[:, 0].any()
+
+
+def test_both_trackers_agree_without_clutter():
+    """Every return has one explanation, so every particle is the same unscented filter: equal but for rounding."""
+    systems = [AgileClutter(tracker=tracker, particles=50, clutter_density=0.0) for tracker in TRACKERS]
+    plays = [play(s, oracles.worlds(s, 50), at_random(s)) for s in systems]
+    for k, (one, other) in enumerate(zip(*plays, strict=True)):
+        d, P = one.public.mean - other.public.mean, one.public.covariance
+        distance = np.sqrt(np.einsum("eta,eta->et", d, np.linalg.solve(P, d[..., None])[..., 0]))[:, THERE[k]]
+        assert distance.size == 0 or distance.max() < 1e-7, k
+
+
+@pytest.mark.parametrize("chooses", ["myopic", "random"])
+def test_particles_do_not_degenerate_in_clutter(chooses):
+    """Per step, after the first three: median effective sample size >= 10 %, distinct ancestors >= 5 %."""
+    system = AgileClutter(tracker="particle")
+    states = play(system, oracles.worlds(system, 40), at_random(system) if chooses == "random" else None)
+    assert np.median(figures(system, states, "ess"), axis=1)[4:].min() >= 0.10
+    assert np.median(figures(system, states, "ancestors"), axis=1)[4:].min() >= 0.05
+    assert figures(system, states, "ess").max() <= 1.0 + 1e-12
+    assert figures(system, states, "clutter").sum() > 0
+
+
+@pytest.mark.parametrize("action", FORMS)
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_registered_in_all_forms(action, tracker):
+    settings = {"action": action, "tracker": tracker, "particles": 20}
+    check_env(gym.make(ID, disable_env_checker=True, **settings).unwrapped, skip_render_check=True)
+    single, batch = gym.make(ID, **settings), gym.make_vec(ID, 3, **settings)
+    for k, one, _ in oracles.in_step(single, batch, 32):
+        assert one[2:4] == (k == 32, False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("action", "tracker"), [("library", "jpda"), ("joint", "jpda"), ("box", "particle")])
+def test_does_what_gymnasiums_vector_environment_does(action, tracker):
+    system = AgileClutter(action=action, tracker=tracker, particles=20)
+    assert check_vector_env(partial(WaveformVectorEnv, system)) is None
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"false_alarm": 0.0}, "false_alarm is 0.0"),
+        ({"false_alarm": 1.0}, "false_alarm is 1.0"),
+        ({"false_alarm": np.nan}, "false_alarm is nan"),
+        ({"gate": 0.0}, "gate is 0.0"),
+        ({"gate": -1.0}, "gate is -1.0"),
+        ({"reference_range": 0.0}, "reference_range is 0.0"),
+        ({"reference_range": -5e4}, "reference_range is -50000.0"),
+        ({"nearest_range": 0.0}, "nearest_range is 0.0"),
+        ({"births": (0,)}, "expected 2 steps"),
+        ({"births": (-1, 7)}, "least of births is -1"),
+        ({"starts": ((0.0,) * 4,) * 11, "births": (0,) * 11}, "number of targets .* is 11.*nearest: 10"),
+        ({"sensors": ()}, "number of sensors is 0"),
+        ({"laws": ("hfn",)}, "did you mean 'hfm'"),
+        ({"laws": ("hfm", "hfm:0.5")}, "2 times"),
+        ({"laws": ("pfm:1",)}, "shape kappa of 'pfm' is 1.0.*folds"),
+        ({"laws": ("hfm:-1",)}, "shape g of 'hfm' is -1.0"),
+        ({"sweeps": (0.0,)}, "sweep is 0.0 Hz"),
+        ({"sweeps": (-1e6,)}, "sweep is -1000000.0 Hz"),
+        ({"carrier_hz": 1e6}, "folds through zero"),
+        ({"durations": ()}, "library is empty"),
+        ({"particles": 1}, "particles is 1,"),
+        ({"horizon": 33}, "horizon is 33 steps.*nearest: 32"),
+        ({"clutter_density": 1e6}, "clutter_density is 1000000.0 per m"),
+        ({"prior_variance": (0.0, 1.0, 1.0, 1.0)}, "prior_variance is 0.0"),
+        ({"clutter_densty": 1.0}, "did you mean 'clutter_density'"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(parameters, words):
+    with pytest.raises(InputError, match=words) as caught:
+        gym.make(ID, **parameters)
+    assert "\n" not in str(caught.value)

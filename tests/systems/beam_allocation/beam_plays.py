@@ -1,0 +1,31 @@
+"""Beam allocation as its tests play it: choices by sensor, chirps by quadrature, beliefs after random actions."""
+
+from __future__ import annotations
+
+import agile_clutter_oracle as plain
+import numpy as np
+
+from wavegym.systems.beam_allocation.system import BeamAllocation
+
+SYSTEM = BeamAllocation()
+TARGET = np.repeat(np.arange(3), 2)  # looked at by each of a sensor's six choices
+CHIRPS = np.array([plain.unit_covariance("pfm", 3.0, *chirp) for chirp in ((50e-6, 40e6), (2e-3, 1e6))])
+
+
+def choices(action):
+    """What each of two sensors does, (..., sensor): from the order of the joint actions."""
+    return np.stack(np.divmod(np.asarray(action), 6), axis=-1)
+
+
+def coasted(system, public):
+    """F P F' + Q of every target."""
+    F, Q = plain.transition(system)
+    return F @ public.covariance @ F.T + Q
+
+
+def played(system, worlds, steps, seed=0):
+    """The state after ``steps`` random actions."""
+    state, rng = system.begin(worlds), np.random.default_rng(seed)
+    for _ in range(steps):
+        state = system.advance(state, rng.integers(len(system.actions), size=len(state.public.step)), worlds)
+    return state

@@ -1,0 +1,161 @@
+"""The camera that has to turn: limits and blindness, windows, spreads, the filter, bad input."""
+
+from __future__ import annotations
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import oracles
+import pytest
+from camera_episodes import SETTLES, azimuth, later, wrap
+from gymnasium.utils.env_checker import check_env
+from scipy.stats import kstest
+
+from wavegym.core import trees
+from wavegym.core.errors import InputError
+from wavegym.systems.camera_slew.system import CameraSlew
+
+
+def limits_hold(system, count, seed=0):
+    """Every step of ``count`` episodes of drawn choices that last a few steps each.
+
+    The camera turns no farther than it may; whoever turns by more than half a field is blind until ``settle`` steps
+    after it has arrived; what is found was in the image of a settled camera.
+    """
+    rng, worlds = np.random.default_rng(seed), oracles.worlds(system, min(count, 50))
+    worlds = trees.take(worlds, np.arange(count) % len(worlds.place))
+    state, action = system.begin(worlds), rng.integers(system.targets, size=count)
+    owed, found = np.zeros(count, int), 0
+    for _ in range(system.horizon):
+        action = np.where(rng.random(count) < 0.2, rng.integers(system.targets, size=count), action)
+        before, state = state.public, system.advance(state, action, worlds)
+        after, hidden = state.public, state.hidden
+        aim = azimuth(system, before.mean)[np.arange(count), action]
+        turned, wanted = wrap(after.pointing - before.pointing), wrap(aim - before.pointing)
+        assert (np.abs(turned) <= system.slew * system.dt + 1e-12).all()
+        np.testing.assert_allclose(turned, np.clip(wanted, -system.slew, system.slew), atol=1e-9)
+        far = np.abs(wanted) > system.half_field
+        blind = far | (owed > 0)
+        owed = np.where(far, system.settle, np.maximum(owed - 1, 0))
+        np.testing.assert_array_equal(after.settling, owed)
+        assert not hidden.seen[blind].any()
+        x, y = system.platforms[0]
+        true = np.arctan2(hidden.truth[..., 0] - x, hidden.truth[..., 2] - y)
+        covered = ~before.visible[np.arange(count), before.step]
+        assert not hidden.seen[covered].any()
+        outside = np.abs(wrap(true - after.pointing[:, None])) > system.half_field + 1e-12
+        assert not hidden.seen[outside].any()
+        found += hidden.seen.sum()
+    assert found > 0.02 * count * system.horizon  # it does see
+
+
+@pytest.mark.parametrize("settle", SETTLES)
+def test_turning_keeps_its_limits(settle):
+    limits_hold(CameraSlew(horizon=60, settle=settle), 100)
+
+
+@pytest.mark.slow
+def test_turning_keeps_its_limits_in_a_million_steps():
+    limits_hold(CameraSlew(horizon=500), 2000, seed=1)
+
+
+def test_windows_are_observed():
+    """Whether each target is in sight now, and for how long, at most ten steps; nothing is at the episode's end."""
+    system = CameraSlew(horizon=30, windows=((0, 0, 3), (2, 25, 29)))
+    state, worlds = later(system, 2, 0)
+    names = [element.name for element in system.elements]
+    for k in range(31):
+        told = dict(zip(names, system.observe(state.public)[0], strict=True))
+        sight = [k < 30 and not (t == 0 and k <= 3) and not (t == 2 and k >= 25) for t in range(4)]
+        changes = [4 - k if k <= 3 else min(30 - k, 10), min(30 - k, 10), min(25 - k, 10) if k < 25 else 10]
+        assert [told[f"visible_{t}"] for t in range(1, 5)] == sight
+        if k < 30:
+            assert [told[f"changes_{t}"] for t in range(1, 4)] == changes
+            state = system.advance(state, np.zeros(2, int), worlds)
+
+
+def test_spreads_observed_are_those_with_the_targets_own_noise():
+    system = CameraSlew()
+    public = later(system, 3, 12)[0].public
+    names = [element.name for element in system.elements]
+    told = dict(zip(names, system.observe(public).T, strict=True))
+    F, Q = system.motion.F, system.motion.Q
+    for t in range(4):
+        V = F @ public.covariance[:, t] @ F.T + public.q[:, t, None, None] * Q
+        want = 0.5 * np.log10(V[:, 0, 0] + V[:, 2, 2])
+        np.testing.assert_allclose(told[f"log10_sigma_position_{t + 1}"], want, rtol=1e-9)
+        np.testing.assert_allclose(told[f"log10_q_{t + 1}"], np.log10(public.q[:, t]))
+
+
+def test_noise_densities_are_log_uniform():
+    """Kolmogorov-Smirnov at a level of 0.1 %."""
+    q = later(CameraSlew(horizon=3), 500, 0)[0].public.q
+    assert kstest(np.log(q / 0.02).ravel() / math.log(100.0), "uniform").pvalue > 1e-3
+
+
+def test_a_batch_is_its_elements():
+    system = CameraSlew(horizon=25)
+    state, worlds = later(system, 5, 25)
+    for e in range(5):
+        alone, rng = system.begin(oracles.rows(worlds, slice(e, e + 1))), np.random.default_rng(0)
+        for _ in range(25):
+            action = rng.integers(4, size=5)[e : e + 1]
+            alone = system.advance(alone, action, oracles.rows(worlds, slice(e, e + 1)))
+        trees.tree_map(lambda a, b, e=e: np.testing.assert_array_equal(a[0], b[e]), alone, state)
+        np.testing.assert_array_equal(system.observe(alone.public)[0], system.observe(state.public)[e])
+
+
+def test_the_filter_is_consistent():
+    """NEES of 4 within the scatter of 200 worlds, where the camera goes where it gains: range alone bends too much."""
+    system = CameraSlew()
+    worlds = oracles.worlds(system, 200)
+    state = system.begin(worlds)
+    for _ in range(50):
+        wait = system.delay(state.public)
+        index = system.gain(state.public, wait, 14) / (1.0 + 2.0 * wait)
+        state = system.advance(state, index.argmax(axis=1), worlds)
+    assert 3.5 < system.metrics(state)["nees"].mean() < 4.7
+
+
+def test_registered():
+    env = gym.make("wavegym/CameraSlew-v0", disable_env_checker=True, horizon=6)
+    check_env(env.unwrapped, skip_render_check=True)
+    single, batch = gym.make("wavegym/CameraSlew-v0", horizon=6), gym.make_vec("wavegym/CameraSlew-v0", 3, horizon=6)
+    for k, one, _ in oracles.in_step(single, batch, 6):
+        assert one[2:4] == (k == 6, False)
+
+
+BAD = [
+    ({"slew": 0.0}, "slew is 0.0 rad/s, expected a finite number > 0"),
+    ({"slew": -1.0}, "slew is -1.0"),
+    ({"slew": math.nan}, "slew is nan"),
+    ({"settle": -1}, r"settle is -1 steps, expected a number in \[0, 1000\] \(nearest: 0\)"),
+    ({"settle": 1001}, "settle is 1001 .*nearest: 1000"),
+    ({"half_field": 0.0}, "half_field is 0.0 rad"),
+    ({"half_field": 2.0}, "half_field is 2.0 rad.*nearest: 1.5708"),
+    ({"detection": 1.5}, "detection is 1.5, .*nearest: 1"),
+    ({"horizon": 0}, "horizon is 0, .*nearest: 1"),
+    ({"targets": 0}, "targets is 0, .*nearest: 1"),
+    ({"sector": (1.0, -1.0)}, r"sector is \(1, -1\).*nearest: \(-1, 1\)"),
+    ({"sector": (-4.0, 1.0)}, "azimuth in sector is -4.0 rad"),
+    ({"ranges": (0.0, 1e3)}, "least of ranges is 0.0 m"),
+    ({"ranges": (2e3, 1e3)}, "ranges is"),
+    ({"q": (0.0, 1.0)}, "low of q is 0.0"),
+    ({"q": (2.0, 1.0)}, r"q is \(2, 1\)"),
+    ({"shown": (0, 4)}, "shown is 0 steps"),
+    ({"hidden": (4, 2)}, "hidden is"),
+    ({"windows": ((4, 0, 3),)}, r"target of hidden window \(4, 0, 3\) is 4.*nearest: 3"),
+    ({"speed": -1.0}, "speed is -1.0"),
+    ({"bandwidth": 0.0}, "bandwidth is 0.0 Hz"),
+    ({"prf": 100.0}, "dwell of 128 pulses at 100 Hz"),
+    ({"platforms": ()}, "number of platforms is 0"),
+    ({"slw": 1.0}, "did you mean 'slew'"),
+]
+
+
+@pytest.mark.parametrize(("parameters", "words"), BAD)
+def test_bad_input_is_refused_in_one_line(parameters, words):
+    with pytest.raises(InputError, match=words) as caught:
+        gym.make("wavegym/CameraSlew-v0", **parameters)
+    assert "\n" not in str(caught.value)

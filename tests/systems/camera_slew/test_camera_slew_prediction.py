@@ -1,0 +1,173 @@
+"""The camera that has to turn: one step in plain NumPy, foresight against what comes, delays and gains."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import oracles
+import pytest
+import rf_eo_oracle as plain
+from camera_episodes import OPEN, SETTLES, azimuth, later, wrap
+
+from wavegym.core import trees
+from wavegym.core.errors import InputError
+from wavegym.systems.camera_slew.system import CameraSlew
+
+
+def one_step(system, mean, P, pointing, settling, q, visible, action, seen):
+    """Mean, covariance and camera one step on, foreseen; ``seen``: whether a target in the image is found.
+
+    q, visible (t,): noise densities, and whose line of sight is free in this step.
+    """
+    F = system.motion.F
+    aim = azimuth(system, mean)
+    off = wrap(aim[action] - pointing)
+    pointing = wrap(pointing + np.clip(off, -system.slew * system.dt, system.slew * system.dt))
+    far = abs(off) > system.half_field
+    sees, settling = not far and settling == 0, system.settle if far else max(settling - 1, 0)
+    angle = 2 * system.half_field / system.pixels
+    R = plain.plain_variances(system, (system.prf, system.bandwidth, angle))
+    out = []
+    for t in range(system.targets):
+        x, V = F @ mean[t], F @ P[t] @ F.T + q[t] * system.motion.Q
+        rows, noise = [], []
+        for j in range(len(system.platforms)):
+            H = plain.jacobian(system.loop, x, j)
+            camera = bool(j == 0 and visible[t] and sees and seen and abs(wrap(aim[t] - pointing)) <= system.half_field)
+            rows += [H[0], H[1]] + [H[2]] * camera
+            noise += [R[0], R[1]] + [R[2]] * camera
+        H = np.array(rows)
+        K = V @ H.T @ np.linalg.inv(H @ V @ H.T + np.diag(noise))
+        A = np.eye(4) - K @ H
+        out.append(A @ V @ A.T + K @ np.diag(noise) @ K.T)
+    return np.array([F @ m for m in mean]), np.array(out), pointing, settling
+
+
+def test_one_step_is_that_of_plain_numpy():
+    """Foreseen means, covariances (to what inverting them in double precision leaves) and the camera."""
+    system = CameraSlew(horizon=30)
+    state, worlds = later(system, 6, 3)
+    for _ in range(20):  # until the cameras follow a target each
+        state = system.advance(state, np.arange(6) % 4, worlds)
+    some = 0
+    for e in range(6):
+        public = oracles.rows(state.public, slice(e, e + 1))
+        for action in range(4):
+            for draw in (0.0, 1.0):
+                told = system.imagine(public, np.array([action]), np.full((1, 4), draw))
+                x, P, pointing, settling = one_step(
+                    system, public.mean[0], public.covariance[0], public.pointing[0], public.settling[0],
+                    public.q[0], public.visible[0, public.step[0]], action, draw < system.detection
+                )  # fmt: skip
+                np.testing.assert_allclose(told.mean[0], x, rtol=1e-12, atol=1e-9)
+                np.testing.assert_allclose(told.covariance[0], P, rtol=1e-6, atol=1e-8)
+                np.testing.assert_allclose(told.pointing[0], pointing, atol=1e-12)
+                assert (told.settling[0], told.step[0]) == (settling, public.step[0] + 1)
+            found = system.imagine(public, np.array([action]), np.zeros((1, 4)))
+            some += not np.array_equal(found.covariance, told.covariance)
+    assert some >= 6  # looks that found something, and others
+
+
+def test_a_given_outcome_is_what_comes():
+    """Where the truth is on the same side of every field of view as the prediction, which is known by what was found.
+
+    The filter linearises once, at the prediction. What is left out is a target at the image's very edge.
+    """
+    system = CameraSlew(
+        horizon=80, iterations=1, platforms=((-1e3, 0.0), (1e3, 0.0)), bandwidth=20e6, half_field=0.05, settle=1,
+        detection=0.9, q=(0.02, 0.1), shown=(10, 20)
+    )  # fmt: skip
+    state, worlds = later(system, 40, 0)
+    rng, action, agreed, found = np.random.default_rng(2), np.zeros(40, int), 0, 0
+    for k in range(80):
+        action = np.where(rng.random(40) < 0.15, rng.integers(4, size=40), action)
+        told = system.imagine(state.public, action, worlds.found[:, k])
+        if k % 2:  # also among several candidates
+            every = system.imagine(state.public, np.arange(4)[None], worlds.found[:, None, k])
+            one = type(told)(*(part[np.arange(40), action] for part in every))
+            trees.tree_map(np.testing.assert_array_equal, one, told)
+        true = np.arctan2(state.hidden.truth[..., 0] + 1e3, state.hidden.truth[..., 2])
+        state = system.advance(state, action, worlds)
+        edge = np.abs(np.abs(wrap(true - told.pointing[:, None])) - system.half_field)
+        clear = (edge > 0.02).all(axis=1)
+        for name in ("covariance", "pointing", "settling", "step"):
+            np.testing.assert_allclose(
+                getattr(told, name)[clear], getattr(state.public, name)[clear], rtol=1e-9, atol=1e-8
+            )
+        agreed, found = agreed + clear.sum(), found + state.hidden.seen[clear].sum()
+    assert agreed > 2000
+    assert found > 300
+
+
+def test_the_expected_outcome_is_the_mean():
+    """Over detections, to five standard errors of 4000 draws, and far from what is foreseen without any."""
+    system, count = CameraSlew(horizon=60, iterations=1, detection=0.6, **OPEN), 4000
+    state, worlds = later(system, 1, 5)
+    for _ in range(20):  # until the camera is there
+        state = system.advance(state, np.array([2]), worlds)
+    several = trees.take(state, np.zeros(count, int))
+    tapes = trees.take(worlds, np.zeros(count, int))
+    tapes.found[:] = np.random.default_rng(5).random(tapes.found.shape)
+    action = np.full(count, 2)
+    came = system.cost(system.advance(several, action, tapes).public)
+    expected = system.cost(system.imagine(state.public, np.array([2])))[0]
+    nothing = system.cost(system.imagine(state.public, np.array([2]), np.ones((1, 4))))[0]
+    error = 5 * came.std() / math.sqrt(count)
+    assert error > 0
+    assert abs(came.mean() - expected) < error
+    assert nothing - expected > 3 * error
+
+
+@pytest.mark.parametrize("settle", SETTLES)
+def test_the_delay_is_how_long_it_takes(settle):
+    """Targets that do not move: the first step in which a look can do something, found by turning."""
+    system = CameraSlew(
+        horizon=60, q=(1e-12, 1e-12), speed=0.0, prior_variance=(1e-2, 1e-9, 1e-2, 1e-9), settle=settle, **OPEN
+    )
+    state, _ = later(system, 20, 3)
+    for target in range(4):
+        wanted, public = system.delay(state.public)[:, target], state.public
+        seen = np.full(20, -1)
+        for k in range(40):
+            action = np.full(20, target)
+            one, other = (system.imagine(public, action, np.full((20, 4), draw)) for draw in (0.0, 1.0))
+            now = (one.covariance[:, target] != other.covariance[:, target]).any(axis=(1, 2))
+            seen = np.where((seen < 0) & now, k, seen)
+            public = other
+        np.testing.assert_array_equal(seen, wanted)
+
+
+def test_the_gain_at_once_is_the_difference_that_a_look_makes():
+    """trace(M (P without - P with)), M summed by hand; also at the episode's end, beyond which there is nothing."""
+    system = CameraSlew(horizon=40, **OPEN)
+    state, worlds = later(system, 8, 10)
+    for _ in range(28):
+        state = system.advance(state, np.zeros(8, int), worlds)
+        gain = system.gain(state.public, 0, 5)[:, 0]
+        one, other = (system.imagine(state.public, np.zeros(8, int), np.full((8, 4), draw)) for draw in (0.0, 1.0))
+        left, F = min(5, 40 - int(state.public.step[0])), system.transition
+        D, want = other.covariance - one.covariance, 0.0
+        for _ in range(left):
+            want, D = want + np.einsum("etii->e", D), F @ D @ F.T
+        looks = system.delay(state.public)[:, 0] == 0
+        np.testing.assert_allclose(gain[looks], system.detection * want[looks], rtol=1e-6)
+    assert looks.all()
+    assert (system.gain(state.public, 2, 5) == 0).all()
+    assert (system.gain(state.public, 1, 5) > 0).all()
+
+
+def test_a_gain_needs_sight_and_a_delay_waits_for_it():
+    system = CameraSlew(horizon=30, windows=((0, 0, 9), (2, 20, 29)), half_field=1.5, settle=0)
+    public = later(system, 4, 0)[0].public
+    assert (system.delay(public)[:, 0] == 10).all()  # out of cover by step 10
+    assert (system.delay(public)[:, 1] <= 1).all()
+    narrow = CameraSlew(horizon=30, windows=((0, 0, 9), (2, 20, 29)), half_field=1e-6)
+    for wait, hidden in ((9, [True, False, False, False]), (10, [False] * 4), (20, [False, False, True, False])):
+        np.testing.assert_array_equal(narrow.gain(public, wait, 5) == 0, [hidden] * 4)
+
+
+def test_a_gain_over_no_step_is_refused():
+    state, _ = later(CameraSlew(horizon=3), 1, 0)
+    with pytest.raises(InputError, match="ahead is 0, expected an integer >= 1"):
+        CameraSlew(horizon=3).gain(state.public, 0, 0)

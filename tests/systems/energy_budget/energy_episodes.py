@@ -1,0 +1,36 @@
+"""Episodes of two radars on one account of energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracles
+
+from wavegym.systems.energy_budget.known import EnergyBudgetKnown
+from wavegym.systems.energy_budget.system import EnergyBudget
+
+BOTH = (EnergyBudget, EnergyBudgetKnown)
+
+
+def states(system, worlds, choose):
+    """States at k = 0, 1, ...; ``choose`` (public) -> actions."""
+    found = [system.begin(worlds)]
+    for _ in range(system.horizon):
+        found.append(system.advance(found[-1], choose(found[-1].public), worlds))
+    return found
+
+
+def at_random(system, seed=0):
+    rng = np.random.default_rng(seed)
+    return lambda public: rng.integers(len(system.actions), size=len(public.step))
+
+
+def beliefs(system, count=4, steps=(0, 5, 30)):
+    """Public states of episodes in which little is spent, so that all actions can be paid from .27 a step."""
+    rng = np.random.default_rng(1)
+    played = states(system, oracles.worlds(system, count, 1), lambda p: rng.choice([0, 1, 4], size=len(p.step)))
+    return [played[k].public for k in steps]
+
+
+def clear(kind):
+    """What makes the first slots clear and the account large enough for what is played in them."""
+    return {"windows": ((60, 71),), "budget": 0.27} if kind is EnergyBudgetKnown else {}

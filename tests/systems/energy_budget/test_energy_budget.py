@@ -1,0 +1,225 @@
+"""Two radars on one account of energy: conservation, masks and replacements, occlusions, observation."""
+
+from __future__ import annotations
+
+import agile_clutter_oracle as plain
+import gymnasium as gym
+import numpy as np
+import oracles
+import pytest
+from energy_episodes import BOTH, at_random, states
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
+from wavegym.schedulers import Myopic
+from wavegym.systems.energy_budget.account import Account, PulseMenu
+from wavegym.systems.energy_budget.known import FAR, EnergyBudgetKnown
+from wavegym.systems.energy_budget.system import EnergyBudget
+from wavegym.testing.model_check import foresight_defect
+
+IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
+
+
+@given(st.lists(st.integers(1, 40), min_size=1, max_size=3, unique=True), st.integers(1, 2), st.data())
+def test_whatever_is_asked_the_account_pays_what_it_has(units, sensors, data):
+    """The dearest affordable action within what was asked, by a loop over all; and what is left, exactly."""
+    menu = PulseMenu("lfm", tuple(2e-6 * u for u in units), 1e6, "up", 1e10, sensors)
+    account = Account(menu.takes, menu.actions.indices, menu.quanta)
+    unit = np.array([0, *sorted(units)]) * menu.quanta // max(units)
+    np.testing.assert_array_equal(menu.takes, unit[menu.actions.indices].sum(axis=1))
+    left = data.draw(st.integers(0, 3 * menu.quanta))
+    asked = data.draw(st.integers(0, len(menu.takes) - 1))
+    used, energy = account.pay(np.array([left / menu.quanta]), np.array([asked]))
+    options = menu.actions.indices
+    within = [a for a in range(len(options)) if (options[a] <= options[asked]).all() and menu.takes[a] <= left]
+    assert used[0] in within
+    assert menu.takes[used[0]] == max(menu.takes[a] for a in within)
+    assert (used[0] == asked) == (menu.takes[asked] <= left)
+    assert energy[0] == (left - menu.takes[used[0]]) / menu.quanta >= 0.0
+    np.testing.assert_array_equal(account.affordable(np.array([left / menu.quanta]))[0], menu.takes <= left)
+
+
+@pytest.mark.parametrize("count", [300, pytest.param(7000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", BOTH)
+def test_energy_is_conserved_in_every_random_step(kind, count):
+    """With 7000 worlds of 72 steps for either environment: a million steps. Durations that no binary fraction holds."""
+    system = kind(durations=(10e-6, 30e-6, 70e-6), budget=0.3)
+    worlds, rng = oracles.worlds(system, count, 3), np.random.default_rng(3)
+    state, spent = system.begin(worlds), np.zeros(count)
+    units = np.round(np.array([0.0, 1.0, 3.0, 7.0])[system.actions.indices].sum(axis=1))
+    eager = rng.random(count)  # how much of the time an environment transmits: accounts run dry early, late, or never
+    total, replaced = np.floor(0.3 * system.horizon * 7.0), 0
+    assert np.isclose(system.total * 7.0, total, rtol=1e-12)
+    for _ in range(system.horizon):
+        asked = np.where(rng.random(count) < eager, rng.integers(len(units), size=count), 0)
+        mask, before = system.mask(state.public), state.public.energy
+        state = system.advance(state, asked, worlds)
+        figures = system.metrics(state)
+        left, taken = np.round(figures["energy"] * 7.0), np.round(figures["spent"] * 7.0)
+        np.testing.assert_array_equal(mask, units <= np.round(before * 7.0)[:, None])
+        np.testing.assert_array_equal(figures["replaced"], ~mask[np.arange(count), asked])
+        np.testing.assert_array_equal(taken[~figures["replaced"]], units[asked][~figures["replaced"]])
+        assert (taken[figures["replaced"]] < units[asked][figures["replaced"]]).all()
+        assert (figures["detections"][figures["occluded"] | (taken == 0)] == 0).all()
+        spent += taken
+        np.testing.assert_array_equal(left + spent, total)
+        assert (figures["energy"] >= 0.0).all()
+        replaced += figures["replaced"].sum()
+    assert replaced > 0
+    assert (spent < total).any()
+
+
+def test_occluded_nothing_is_seen_and_all_energy_is_lost():
+    system = EnergyBudget()
+    worlds = oracles.worlds(system, 5, 2)
+    worlds = worlds._replace(occlusion=np.ones_like(worlds.occlusion), detection=np.zeros_like(worlds.detection))
+    start = system.begin(worlds)
+    loud, quiet = (system.advance(start, np.full(5, action), worlds) for action in (15, 0))
+    np.testing.assert_array_equal(loud.public.covariance, quiet.public.covariance)
+    np.testing.assert_array_equal(loud.public.energy, system.total - 2.0)
+    np.testing.assert_array_equal(quiet.public.energy, system.total)
+    assert (loud.public.occluded == 1.0).all()
+    assert system.metrics(loud)["occluded"].all()
+
+
+def test_spells_have_the_lengths_of_their_chain():
+    system = EnergyBudget(mean_clear=9.0, mean_occluded=4.0)
+    worlds = oracles.worlds(system, 3000, 5)
+    occluded = np.array([s.public.occluded for s in states(system, worlds, lambda p: np.zeros(3000, np.int64))])
+    assert (occluded[0] == 0.0).all()
+    for now, mean in ((0.0, 9.0), (1.0, 4.0)):
+        turns = occluded[1:][occluded[:-1] == now] != now
+        chance = 1.0 / mean
+        assert abs(turns.mean() - chance) < 5 * np.sqrt(chance * (1 - chance) / turns.size)
+    share = 4.0 / 13.0  # in the long run; an expectation without news tends to it
+    assert abs(occluded[40:].mean() - share) < 0.02
+    public = system.begin(oracles.worlds(system, 1)).public
+    for _ in range(60):
+        public = system.imagine(public, np.array([0]))
+    np.testing.assert_allclose(public.occluded, share, rtol=1e-9)
+
+
+def test_known_spells_are_public_from_the_start_and_are_lived_through():
+    system = EnergyBudgetKnown(shown=(3, 5), hidden=(2, 4))
+    worlds = oracles.worlds(system, 50, 5)
+    played = states(system, worlds, at_random(system))
+    visible = played[0].public.visible
+    assert visible.shape == (50, system.horizon)
+    assert 0.4 < visible.mean() < 0.75
+    for k, state in enumerate(played[1:]):
+        np.testing.assert_array_equal(state.public.visible, visible)
+        np.testing.assert_array_equal(system.metrics(state)["occluded"], ~visible[:, k])
+    chosen = EnergyBudgetKnown(windows=((3, 5), (70, 71)))
+    seen = chosen.begin(oracles.worlds(chosen, 2)).public.visible
+    np.testing.assert_array_equal(seen, np.tile(~np.isin(np.arange(72), [3, 4, 5, 70, 71]), (2, 1)))
+
+
+def test_targets_start_all_over_their_region_and_off_the_radars_line():
+    system = EnergyBudget()
+    start = system.begin(oracles.worlds(system, 2000)).hidden.truth[:, 0]
+    offset = (start - system.starts[0]) / np.array(system.spread)
+    assert (np.abs(offset) <= 1.0).all()
+    np.testing.assert_allclose(offset.mean(axis=0), 0.0, atol=5 / np.sqrt(3 * 2000))
+    np.testing.assert_allclose(offset.var(axis=0), 1 / 3, atol=0.03)
+    played = states(system, oracles.worlds(system, 200), lambda p: np.zeros(200, np.int64))
+    sides = np.array(system.sensors)[:, None, None] - np.array([s.hidden.truth[:, 0, :2] for s in played])
+    a, b = sides / np.linalg.norm(sides, axis=-1, keepdims=True)
+    assert np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).min() > np.sin(np.deg2rad(15.0))
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_the_observation_tells_what_a_planner_knows(kind):
+    system = kind()
+    played = states(system, oracles.worlds(system, 6, 9), at_random(system, 9))
+    names = [element.name for element in system.elements]
+    eta = [
+        plain.strength(system, plain.measure(played[0].public.mean[0, 0], np.array(s))[0])[0] for s in system.sensors
+    ]
+    first = dict(zip(names, system.observe(played[0].public)[0], strict=True))
+    np.testing.assert_allclose([first["snr_1_1"], first["snr_1_2"]], 10 * np.log10(eta), atol=0.2)
+    for k, state in enumerate(played):
+        seen = dict(zip(names, system.observe(state.public).T, strict=True))
+        np.testing.assert_allclose(seen["energy_left"], state.public.energy / system.total)
+        rate = state.public.energy / max(72 - k, 1)
+        np.testing.assert_allclose(seen["energy_rate"], np.minimum(rate, 2.0))
+        np.testing.assert_allclose(seen["time_left"], 1 - k / 72)
+        if kind is EnergyBudget:
+            np.testing.assert_array_equal(seen["occluded"], system.metrics(state)["occluded"])
+        elif k < 72:
+            for e, row in enumerate(state.public.visible[:, k:]):
+                changes = [*(np.flatnonzero(row[1:] != row[:-1]) + 1), FAR, FAR, FAR]
+                assert seen["occluded"][e] == (not row[0])
+                assert [seen[f"change_{n}"][e] for n in (1, 2, 3)] == [min(change, FAR) for change in changes[:3]]
+                assert seen["visible_ahead"][e] == pytest.approx(row.mean())
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_it_keeps_the_contract(kind):
+    system = kind()
+    assert foresight_defect(system) is None
+    with pytest.raises(NotImplementedError):
+        system.best_action(system.begin(oracles.worlds(system, 1)).public)
+    assert len(system.actions) == 16
+    assert 0 in system.constants()
+    assert system.spending.tolist() == [(0, 0.25, 0.5, 1)[a] + (0, 0.25, 0.5, 1)[b] for a, b in system.actions.indices]
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_shell_takes_what_cannot_be_paid_and_says_so(id):
+    env = gym.make(id, budget=0.03)
+    env.reset(seed=1)
+    for k in range(72):
+        _, _, terminated, truncated, info = env.step(15)
+        assert info["replaced"] == (k > 0)
+        assert terminated == (k == 71)
+        assert not truncated
+    assert info["energy"] == 0.0
+
+
+def test_myopic_spends_all_it_can():
+    system = EnergyBudgetKnown()
+    worlds, policy = oracles.worlds(system, 3), Myopic()
+    policy.begin(system, 3, np.random.default_rng(0))
+    played = states(system, worlds, lambda p: policy.act(p, None, system.mask(p)))
+    assert (played[30].public.energy == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "says"),
+    [
+        (EnergyBudget, {"budget": -0.1}, "budget is -0.1 a step, expected"),
+        (EnergyBudget, {"budget": 0.003}, "cheapest pulse"),
+        (EnergyBudget, {"budget": float("nan")}, "budget is nan"),
+        (EnergyBudget, {"budget": 2.1}, "nearest: 2"),
+        (EnergyBudget, {"mean_clear": 0.5}, "mean_clear is 0.5"),
+        (EnergyBudget, {"mean_occluded": float("inf")}, "mean_occluded is inf"),
+        (EnergyBudget, {"durations": (1e-5, 3.1415926535e-5)}, "multiples of one unit"),
+        (EnergyBudget, {"durations": (1e-5, -3e-5)}, "duration"),
+        (EnergyBudget, {"laws": ("lfm", "pfm:3")}, "laws is"),
+        (EnergyBudget, {"births": (3,)}, "births is"),
+        (EnergyBudget, {"spread": (1.0, -1.0, 0.0, 0.0)}, "spread is -1.0"),
+        (EnergyBudget, {"tracker": "particle"}, "tracker is 'particle'"),
+        (EnergyBudget, {"action": "box"}, "action is 'box'"),
+        (EnergyBudget, {"windows": ((1, 2),)}, "'windows' is unknown"),
+        (EnergyBudgetKnown, {"windows": ((70, 72),)}, "last step of hidden window"),
+        (EnergyBudgetKnown, {"windows": ((-1, 2),)}, "first step of hidden window"),
+        (EnergyBudgetKnown, {"windows": ((5, 2),)}, "last step of hidden window"),
+        (EnergyBudgetKnown, {"windows": ((0, 71),)}, "at least one step"),
+        (EnergyBudgetKnown, {"shown": (0, 3)}, "shown"),
+        (EnergyBudgetKnown, {"hidden": (5, 3)}, "hidden"),
+    ],
+)
+def test_bad_input_is_one_line(kind, settings, says):
+    with pytest.raises(InputError, match=says.replace("(", r"\(")) as error:
+        make_checked(kind, settings)
+    assert "\n" not in str(error.value)
+
+
+def test_a_budget_of_just_the_cheapest_pulse_pays_it_once():
+    system = EnergyBudget(budget=0.25 / 72)
+    assert system.total == 0.25
+    state = system.begin(oracles.worlds(system, 1))
+    state = system.advance(state, np.array([15]), oracles.worlds(system, 1))
+    assert system.metrics(state)["spent"] == 0.25

@@ -1,0 +1,225 @@
+"""The Kershaw-Evans loop against a plain step-by-step version, filterpy, and chi-square."""
+
+from __future__ import annotations
+
+import filterpy.kalman
+import numpy as np
+import oracles
+import pytest
+from scipy.stats import chi2
+
+from wavegym.core.errors import InputError
+from wavegym.envs.build import build_system
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+
+CA = {"model": "ca", "weights": (1.0, 2.0, 0.5), "prior_variance": (1e4, 1e3, 10.0), "q": 3.0}
+# Wide sweeps tie the two errors together: 1 - rho^2 falls to 5e-9, and roundings agree to some eps / (1 - rho^2) only.
+MODERATE, WIDE = (0.0, 0.1e6, -0.1e6), (0.0, 1e6, -15e6)
+
+
+def play(system, worlds, actions):
+    """States after each step; actions (env, H)."""
+    state, states = system.begin(worlds), []
+    for k in range(system.horizon):
+        state = system.advance(state, actions[:, k], worlds)
+        states.append(state)
+    return states
+
+
+@pytest.mark.parametrize(("sweeps", "tolerance"), [(MODERATE, 1e-10), (WIDE, 1e-6)])
+@pytest.mark.parametrize("kwargs", [{"q": 2.0}, CA, {**CA, "start_covariance": "random", "dt": 0.5}])
+def test_advance_equals_the_plain_loop_and_filterpy(kwargs, sweeps, tolerance):
+    system = KershawEvans(sweeps=sweeps, **kwargs)
+    n, dt = len(system.weights), system.dt
+    F, Q = oracles.motion(n, dt, system.q)
+    pulses = [oracles.chirp_covariance(k, sweep) for k in system.durations for sweep in sweeps]
+    worlds = oracles.worlds(system, 4)
+    actions = np.random.default_rng(2).integers(len(pulses), size=(4, system.horizon))
+    start, states = system.begin(worlds), play(system, worlds, actions)
+    for e in range(4):
+        truth, x, P = start.hidden.truth[e], start.public.mean[e], start.public.covariance[e]
+        peer = filterpy.kalman.KalmanFilter(dim_x=n, dim_z=2)
+        peer.x, peer.P, peer.F, peer.Q, peer.H = x, P, F, Q, np.eye(2, n)
+        for k, state in enumerate(states):
+            draws = worlds.normal[e, k + 1]
+            truth = F @ truth + np.linalg.cholesky(Q) @ draws[:n]
+            R = pulses[actions[e, k]] * (truth[0] / 50e3) ** 4
+            z = truth[:2] + np.linalg.cholesky(R) @ draws[n:]
+            x, P = oracles.predict(x, P, F, Q)
+            x, P = oracles.update(x, P, z - x[:2], np.eye(2, n), R)
+            peer.predict()
+            peer.update(z, R=R)
+            np.testing.assert_allclose(state.hidden.truth[e], truth, rtol=1e-10, atol=1e-9)
+            for mean, covariance in ((x, P), (peer.x, peer.P)):
+                assert oracles.covariance_distance(state.public.covariance[e], covariance) < tolerance
+                assert np.abs((state.public.mean[e] - mean) / np.sqrt(np.diag(covariance))).max() < 10 * tolerance
+            assert state.public.step[e] == k + 1
+            np.testing.assert_allclose(system.cost(state.public)[e], np.diag(P) @ system.weights, rtol=tolerance)
+
+
+def test_first_estimate_is_drawn_with_its_covariance():
+    system = KershawEvans(**{**CA, "start_covariance": "random"}, horizon=1)
+    state = system.begin(oracles.worlds(system, 4000))
+    ratio = np.diagonal(state.public.covariance, axis1=1, axis2=2) / system.prior_variance
+    assert ratio.min() > 0.1
+    assert ratio.max() < 10.0
+    # log10 of the ratio is uniform in [-1, 1]: mean 0 and variance 1/3, to four standard errors
+    assert np.abs(np.log10(ratio).mean(axis=0)).max() < 4 * np.sqrt(1 / 3 / 4000)
+    error = (state.public.mean - state.hidden.truth) / np.sqrt(np.diagonal(state.public.covariance, axis1=1, axis2=2))
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 4000 * 3)
+    assert low < np.square(error).sum() < high
+
+
+@pytest.mark.parametrize("kwargs", [{}, CA])
+def test_the_filter_is_consistent(kwargs):
+    """NEES of 600 worlds at every step inside its 95 % bounds, but for about one step in twenty."""
+    system = KershawEvans(**kwargs)
+    worlds = oracles.worlds(system, 600, seed=3)
+    actions = np.random.default_rng(4).integers(len(system.library), size=(600, system.horizon))
+    means = np.array([system.metrics(state)["nees"].mean() for state in play(system, worlds, actions)])
+    low, high = chi2.ppf([0.025, 0.975], 2 * 600) / 600
+    assert ((means > low) & (means < high)).mean() > 0.8  # steps are correlated, hence not 0.95 sharp
+    low, high = chi2.ppf([0.001, 0.999], 2 * 600) / 600
+    assert low < means[-1] < high
+
+
+def test_metrics_are_errors_and_mahalanobis_distance():
+    system = KershawEvans(**CA)
+    state = system.begin(oracles.worlds(system, 5))
+    metrics = system.metrics(state)
+    error = (state.public.mean - state.hidden.truth)[:, :2]
+    np.testing.assert_array_equal(metrics["position_error"], np.abs(error[:, 0]))
+    np.testing.assert_array_equal(metrics["velocity_error"], np.abs(error[:, 1]))
+    expected = [e @ np.linalg.solve(P, e) for e, P in zip(error, state.public.covariance[:, :2, :2], strict=True)]
+    np.testing.assert_allclose(metrics["nees"], expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"action": "box"}, CA])
+def test_imagining_at_the_true_range_gives_the_covariance_to_come(kwargs):
+    """A target that flies straight, estimated without error, is where the filter predicts it."""
+    system = KershawEvans(targets="scripted", script=(), **kwargs)
+    worlds = oracles.worlds(system, 3)
+    state = system.begin(worlds)
+    public = state.public._replace(mean=state.hidden.truth)
+    for candidate in system.candidates()[::9]:
+        action = np.stack([candidate] * 3)
+        foreseen = system.imagine(public, action)
+        after = system.advance(state._replace(public=public), action, worlds)
+        np.testing.assert_allclose(foreseen.mean, after.hidden.truth, rtol=1e-14)
+        # the same arithmetic, but for the last bit of the range; S may have a condition number of 1e9
+        assert oracles.covariance_distance(foreseen.covariance, after.public.covariance) < 1e-6
+        assert (foreseen.step == after.public.step).all()
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"action": "box"}, CA])
+def test_all_forms_of_imagine_agree(kwargs):
+    system = KershawEvans(**kwargs)
+    public = system.begin(oracles.worlds(system, 3)).public
+    shared = system.candidates()[None, ::7]
+    many = system.imagine(public, np.repeat(shared, 3, axis=0))
+    for one, other in zip(system.imagine(public, shared), many, strict=True):
+        assert (one == other).all()
+    for c in range(shared.shape[1]):
+        single = system.imagine(public, np.repeat(shared[:, c], 3, axis=0))
+        for one, other in zip(single, many, strict=True):
+            assert (one == other[:, c]).all()
+    assert (system.cost(many)[:, 0] == system.cost(oracles.rows(many, (slice(None), 0)))).all()
+    R = system.unit_covariance(shared) * ((many.mean[:, 0, 0] / 50e3) ** 4)[:, None, None, None]
+    predicted = system.predicted(public)[0][:, None, :2, :2]
+    np.testing.assert_allclose(system.innovation_covariance(public, shared), predicted + R, rtol=1e-12)
+
+
+def test_library_and_box_transmit_the_same_pulses():
+    library, box = KershawEvans(), KershawEvans(action="box")
+    points = box.candidates()
+    assert points.shape == (88, 2)
+    assert np.abs(points).max() == 1.0
+    pulses = [oracles.chirp_covariance(k, sweep) for k in library.durations for sweep in library.sweeps]
+    # the box goes by a logarithm and back
+    for C in (library.unit_covariance(library.candidates()), box.unit_covariance(points)):
+        assert oracles.covariance_distance(C, np.array(pulses)) < 1e-12
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"q": 100.0, "sweeps": MODERATE}, CA])
+def test_the_steady_covariance_is_a_fixed_point(kwargs):
+    system = KershawEvans(**kwargs)
+    n = len(system.weights)
+    F, Q = oracles.motion(n, system.dt, system.q)
+    R = oracles.chirp_covariance(system.durations[4], max(system.sweeps)) * (30e3 / 50e3) ** 4
+    P = system.steady_covariance
+    _, ahead = oracles.predict(np.zeros(n), P, F, Q)
+    _, ahead = oracles.update(np.zeros(n), ahead, np.zeros(2), np.eye(2, n), R)
+    assert oracles.covariance_distance(ahead, P) < 1e-6
+    assert (system.begin(oracles.worlds(system, 2)).public.covariance == P).all()
+
+
+def test_worlds_do_not_depend_on_what_is_chosen():
+    system = KershawEvans(horizon=10)
+    worlds = oracles.worlds(system, 3)
+    kept = type(worlds)(*(a.copy() for a in worlds))
+    one = play(system, worlds, np.zeros((3, 10), np.int64))
+    other = play(system, worlds, np.full((3, 10), 50))
+    for a, b in zip(one, other, strict=True):
+        assert (a.hidden.truth == b.hidden.truth).all()
+        assert (a.public.covariance != b.public.covariance).any()
+    for before, after in zip(kept, worlds, strict=True):
+        assert (before == after).all()
+    again = oracles.worlds(system, 3)
+    for before, after in zip(kept, again, strict=True):
+        assert (before == after).all()
+
+
+def test_environments_may_stand_at_different_steps():
+    system = KershawEvans(horizon=6)
+    worlds = oracles.worlds(system, 2)
+    actions = np.random.default_rng(0).integers(88, size=(2, 6))
+    states = play(system, worlds, actions)
+    late, early = oracles.rows(states[3].public, [0]), oracles.rows(states[1].public, [1])
+    mixed = type(late)(*(np.concatenate(pair) for pair in zip(late, early, strict=True)))
+    state = system.advance(states[0]._replace(public=mixed), np.array([actions[0, 4], actions[1, 2]]), worlds)
+    assert (state.public.mean[0] == states[4].public.mean[0]).all()
+    assert (state.public.mean[1] == states[2].public.mean[1]).all()
+    assert (state.hidden.truth[1] == states[2].hidden.truth[1]).all()
+
+
+def test_the_recursion_is_the_loops_covariance():
+    system = KershawEvansPosition(horizon=5)
+    worlds = oracles.worlds(system, 3)
+    recursion = system.deterministic_recursion(worlds)
+    actions = np.random.default_rng(1).integers(len(recursion.C), size=(3, 5))
+    P = recursion.covariance
+    for k, state in enumerate(play(system, worlds, actions)):
+        for e in range(3):
+            R = recursion.scale[e, k] * recursion.C[actions[e, k]]
+            _, ahead = oracles.predict(np.zeros(2), P[e], recursion.F, recursion.Q)
+            _, ahead = oracles.update(np.zeros(2), ahead, np.zeros(2), recursion.M, R)
+            assert oracles.covariance_distance(ahead, state.public.covariance[e]) < 1e-9
+        P = state.public.covariance
+    assert (recursion.weights == system.weights).all()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"dt": -1.0}, "dt is -1.0"),
+        ({"q": -1.0}, "q is -1.0"),
+        ({"q": np.nan}, "q is nan"),
+        ({"horizon": 0}, "horizon is 0"),
+        ({"horizon": 2.5}, "horizon is 2.5"),
+        ({"weights": (1.0,)}, "expected 2 numbers"),
+        ({"weights": (0.0, 0.0)}, "sum of weights"),
+        ({"model": "ca"}, "expected 3 numbers"),
+        ({"model": "cw"}, "'cv' or 'ca'"),
+        ({"durations": (-1e-6,)}, "duration is -1e-06"),
+        ({"sweeps": (1e6, 1e6)}, "2 times"),
+        ({"start_range": (2e4, 1e4)}, "start_range is"),
+        ({"start_range": (0.0, 1e4)}, "start_range is 0.0 m"),
+        ({"prior_variance": (0.0, 1.0)}, "prior_variance is"),
+        ({"reference_range": 0.0}, "reference_range is 0.0"),
+        ({"horizen": 50}, "did you mean 'horizon'"),
+    ],
+)
+def test_parameters_are_checked(parameters, words):
+    with pytest.raises(InputError, match=words) as caught:
+        build_system(KershawEvans, parameters)
+    assert "\n" not in str(caught.value)

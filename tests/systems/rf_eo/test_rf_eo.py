@@ -1,0 +1,246 @@
+"""The RF/EO loop's episodes: what is in view, targets on top of platforms, tracks lost, consistency, batches."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracles
+import pytest
+import rf_eo_oracle as plain
+from scipy.stats import chi2
+
+from wavegym.core import trees
+from wavegym.sensors import platform_measurement
+from wavegym.systems.rf_eo.far import RfEoFar
+from wavegym.systems.rf_eo.system import RfEo
+
+FORMS, MODES = ("library", "joint", "box"), ("missing", "inflated")
+PLATFORMS, STARTS = ((-1e3, -1e3), (1e3, -1e3), (0.0, 4e3)), ((-1e3, 5, 1e3, 0), (1e3, 0, 1e3, -7), (300, 20, -2e3, 9))
+FIXED = np.array([[60e3, 10e6, 1e-3], [40e3, 5e6, 1e-3]])
+
+
+def at_random(system, seed=0):
+    rng = np.random.default_rng(seed)
+    if system.action == "box":
+        return lambda public: rng.uniform(-1, 1, (len(public.step), len(system.actions)))
+    shape = () if system.action == "joint" else (len(system.platforms),)
+    return lambda public: rng.integers(len(system.actions), size=(len(public.step), *shape))
+
+
+def play(system, worlds, choose, steps=None):
+    """States at k = 0, 1, ... and the actions between them."""
+    states, actions = [system.begin(worlds)], []
+    for _ in range(steps or system.horizon):
+        actions.append(choose(states[-1].public))
+        states.append(system.advance(states[-1], actions[-1], worlds))
+    return states, actions
+
+
+def fixed(system, settings):
+    """The same settings (platform, 3) at every step."""
+    return lambda public: np.repeat(system.menu.encode(np.array(settings)[None]), len(public.step), axis=0)
+
+
+def finite(tree):
+    seen = []
+    trees.tree_map(lambda a: seen.append(np.isfinite(a).all()), tree)
+    return all(seen)
+
+
+def same(a, b):
+    unequal = []
+    trees.tree_map(lambda x, y: unequal.append(not np.array_equal(x, y)), a, b)
+    return not any(unequal)
+
+
+def all_finite(system, state):
+    """The state, its figures, and everything that schedulers and agents ask of it."""
+    public, some = state.public, system.candidates()[None, :5]
+    asked = [system.cost(public), system.observe(public), system.information(public, some), system.best_action(public)]
+    asked += [*system.metrics(state).values(), system.most_information(public)[0], *system.plan(public, 2)]
+    return finite(state) and finite(system.imagine(public, some)) and all(np.isfinite(a).all() for a in asked)
+
+
+def test_worlds_are_the_same_whatever_is_chosen_or_assumed():
+    want = RfEo(horizon=9).draw_world(np.random.default_rng(3))
+    changed = [{"action": form} for form in FORMS] + [{"penalty": "hard"}, {"out_of_view": "inflated"}, {"margin": 1.0}]
+    for settings in [*changed, {"first_estimate": "drawn"}, {"q": 5.0}, {"iterations": 1}, {"as_printed": True}]:
+        assert same(RfEo(horizon=9, **settings).draw_world(np.random.default_rng(3)), want)
+    assert not same(RfEo(horizon=9).draw_world(np.random.default_rng(4)), want)
+    system = RfEo(horizon=9)
+    worlds = oracles.worlds(system, 3)
+    one, other = (play(system, worlds, at_random(system, seed))[0] for seed in (0, 1))
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.hidden.truth, b.hidden.truth)
+    assert not same(one[-1].public, other[-1].public)
+
+
+@pytest.mark.parametrize("platforms", [1, 2, 3])
+@pytest.mark.parametrize("targets", [1, 2, 3])
+def test_what_is_in_view_is_received(platforms, targets):
+    """Each quantity by itself, at the truth; of several targets each by itself."""
+    looks = (0.3, -0.5, 3.0)[:platforms]
+    system = RfEo(horizon=30, platforms=PLATFORMS[:platforms], starts=STARTS[:targets], looks=looks, q=50.0)
+    states, actions = play(system, oracles.worlds(system, 4), at_random(system))
+    seats = np.column_stack([system.platforms, looks])
+    counts = np.zeros(3 * platforms + 1, int)
+    for state, action in zip(states[1:], actions, strict=True):
+        view = system.menu.view(system.menu.settings(action)[:, None])
+        q = platform_measurement(state.hidden.truth[:, :, None], seats)
+        inside = ((view.low <= q) & (q <= view.high)).sum(axis=(-2, -1))
+        np.testing.assert_array_equal(system.metrics(state)["received"], inside)
+        counts += np.bincount(inside.ravel(), minlength=len(counts))
+    assert (counts > 0).sum() >= 3  # much and little was in view
+    inflated = RfEo(**{**vars_of(system), "out_of_view": "inflated"})
+    states, _ = play(inflated, oracles.worlds(inflated, 4), at_random(inflated))
+    assert (states[-1].hidden.received == 3 * platforms).all()
+
+
+def vars_of(system):
+    return {name: getattr(system, name) for name in ("horizon", "platforms", "starts", "looks", "q")}
+
+
+@pytest.mark.parametrize("kind", ["logistic", "hard", "deadzone", "log-barrier"])
+def test_inflated_errors_have_the_foreseen_covariance_where_the_truth_is_predicted(kind):
+    system = RfEo(out_of_view="inflated", penalty=kind, q=0.0, iterations=1, horizon=4)
+    worlds, choose = oracles.worlds(system, 3), at_random(system)
+    state = system.begin(worlds)
+    for _ in range(4):
+        public = state.public._replace(mean=state.hidden.truth)
+        action = choose(public)
+        after = system.advance(state._replace(public=public), action, worlds)
+        foreseen = system.imagine(public, action)
+        assert oracles.covariance_distance(after.public.covariance, foreseen.covariance) < 1e-9
+        state = after
+
+
+@pytest.mark.parametrize("kind", ["logistic", "hard"])
+def test_inflated_draws_have_the_penaltys_spread(kind):
+    """One platform, a range 20 % beyond Rmax: innovation over its foreseen spread, gain known, is standard normal."""
+    system = RfEo(
+        horizon=1, q=0.0, iterations=1, out_of_view="inflated", penalty=kind, platforms=((0.0, 0.0),),
+        starts=((0.0, 0.0, 3e3, 0.0),), prior_variance=(1e-6, 1e-6, 1e6, 1e-6)
+    )  # fmt: skip
+    worlds = oracles.worlds(system, 2000)
+    state = system.begin(worlds)
+    state = state._replace(public=state.public._replace(mean=state.hidden.truth))
+    after = system.advance(state, fixed(system, [[60e3, 10e6, 1e-3]])(state.public), worlds)
+    moved, variance = after.public.mean[:, 0, 2] - 3e3, after.public.covariance[0, 0, 2, 2]
+    gain = variance / 1e8
+    assert variance == pytest.approx(1 / (1 / 1e6 + 1 / 1e8), rel=1e-3)  # R~ is gamma
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 2000)
+    assert low < np.square(moved / (gain * 1e4)).sum() < high
+
+
+@pytest.mark.parametrize("as_printed", [False, True])
+@pytest.mark.parametrize("mode", MODES)
+def test_a_target_on_top_of_a_platform_is_not_measured_by_it(mode, as_printed):
+    """The first platform, where the target stays: it might as well not be there."""
+    rest = {"q": 0.0, "starts": ((0.0,) * 4,), "horizon": 12, "out_of_view": mode, "as_printed": as_printed}
+    both, far = RfEo(platforms=((0, 0), (2e3, 0)), **rest), RfEo(platforms=((2e3, 0),), **rest)
+    worlds = oracles.worlds(both, 3)
+    states, actions = play(both, worlds, at_random(both))
+    others = [action[:, 3:] for action in actions]
+    alone, _ = play(far, worlds._replace(error=worlds.error[:, :, 1:]), lambda public: others.pop(0))
+    for one, other in zip(states, alone, strict=True):
+        assert all_finite(both, one)
+        assert same(one.public, other.public)
+        np.testing.assert_array_equal(one.hidden.received, other.hidden.received)
+    assert 0 < max(state.hidden.received.max() for state in states) <= 3
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(
+    ("truth", "belief"),
+    [((0.0, 0.0), (0.0, 0.0)), ((0.5, 0.2), (300.0, 9.0)), ((300.0, 9.0), (0.2, -0.9)), ((0.9, 0.0), (0.0, 0.9))],
+)
+def test_the_only_platform_measures_nothing_within_a_metre(mode, truth, belief):
+    """Of truth or prediction: the belief is the prediction, at 1.1 m it is not."""
+    system = RfEo(platforms=((0.0, 0.0),), starts=((0.0,) * 4,), horizon=3, q=0.0, out_of_view=mode)
+    worlds = oracles.worlds(system, 2)
+
+    def placed(where, estimate):
+        state = system.begin(worlds)
+        hidden, public = state.hidden, state.public
+        hidden.truth[..., ::2], public.mean[..., ::2] = where, estimate
+        assert all_finite(system, state)
+        return system.advance(state, fixed(system, [[60e3, 10e6, 6e-3]])(public), worlds), public
+
+    after, before = placed(truth, belief)
+    want = [plain.predict(system, *b) for b in zip(before.mean[:, 0], before.covariance[:, 0], strict=True)]
+    np.testing.assert_allclose(after.public.mean[:, 0], [x for x, _ in want], rtol=1e-14)
+    np.testing.assert_allclose(after.public.covariance[:, 0], [P for _, P in want], rtol=1e-14)
+    assert (after.hidden.received == 0).all()
+    assert (after.hidden.unseen == 1).all()
+    assert all_finite(system, after)
+    after, _ = placed((1.1, 0.0), (0.0, 1.1))
+    assert (after.hidden.received == 3).all()
+
+
+def test_a_target_is_lost_after_more_than_ten_steps_without_a_measurement():
+    """Far beyond Rmax, too fast and out of the image; then a low PRF shows its range."""
+    system = RfEo(horizon=30, starts=((0.0, 0.0, 9e4, 1e3), *STARTS[:1]), looks=(1.0, 1.0))
+    blind, low = ([[f, 10e6, 1e-4]] * 2 for f in (60e3, 1.2e3))
+    worlds = oracles.worlds(system, 2)
+    state = system.begin(worlds)
+    for k in range(1, 16):
+        state = system.advance(state, fixed(system, low if k > 13 else blind)(state.public), worlds)
+        figures = system.metrics(state)
+        assert (figures["received"][:, 0] == (2 if k > 13 else 0)).all()
+        assert (state.hidden.unseen[:, 0] == (0 if k > 13 else k)).all()
+        assert (figures["lost"][:, 0] == (10 < k <= 13)).all()
+        assert not figures["lost"][:, 1].any()
+
+
+def test_metrics_are_errors_and_the_least_information():
+    system = RfEo(horizon=5, threshold=3.0)
+    (*_, before, state), (*_, action) = play(system, oracles.worlds(system, 40), at_random(system))
+    figures, first = system.metrics(state), system.metrics(system.begin(oracles.worlds(system, 2)))
+    d = state.public.mean - state.hidden.truth
+    np.testing.assert_allclose(figures["position_error"], np.hypot(d[..., 0], d[..., 2]), rtol=1e-12)
+    np.testing.assert_allclose(figures["information"], system.information(before.public, action).min(axis=1), rtol=1e-9)
+    np.testing.assert_array_equal(figures["below_threshold"], figures["information"] < 3.0)
+    assert 0 < figures["below_threshold"].mean() < 1
+    assert not first["below_threshold"].any()
+    assert not first["information"].any()
+
+
+def mean_nees(system, steps=5, seed=1):
+    """Means over 200 worlds of each step under the system's own choice, and how many values are in one."""
+    states, _ = play(system, oracles.worlds(system, 200, seed), system.best_action, steps)
+    values = np.array([system.metrics(state)["nees"] for state in states[1:]])
+    return values.mean(axis=(1, 2)), values[0].size
+
+
+@pytest.mark.parametrize("system", [RfEo(horizon=5), RfEo(horizon=5, first_estimate="drawn"), RfEoFar(horizon=5)])
+def test_the_iterated_filter_is_consistent_from_the_first_step(system):
+    """Mean NEES of 200 worlds: each step inside its 99.9 % bounds, all five together inside the 95 % ones of one."""
+    means, count = mean_nees(system)
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], 4 * count) / count
+    assert ((means > low) & (means < high)).all()
+    low, high = chi2.ppf([0.025, 0.975], 4 * count) / count
+    assert low < means.mean() < high
+
+
+def test_the_plain_extended_filter_is_not():
+    """One linearisation at the halfway estimate: a NEES of thousands where 4 is right, and no better four steps on."""
+    means, _ = mean_nees(RfEo(horizon=5, iterations=1))
+    assert means[0] > 1000
+    assert means.min() > 100
+
+
+@pytest.mark.parametrize("cls", [RfEo, RfEoFar])
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("chooses", ["myopic", "random"])
+def test_a_batch_is_its_elements(cls, form, chooses):
+    """Five environments, thirty steps, bit for bit."""
+    system = cls(horizon=30, action=form)
+    worlds = oracles.worlds(system, 5)
+    states, actions = play(system, worlds, system.best_action if chooses == "myopic" else at_random(system))
+    for e in range(5):
+        row = slice(e, e + 1)
+        mine = iter(actions)
+        choose = system.best_action if chooses == "myopic" else lambda public, m=mine, r=row: next(m)[r]
+        alone, chosen = play(system, oracles.rows(worlds, row), choose)
+        for k, (together, one) in enumerate(zip(states, alone, strict=True)):
+            assert same(trees.tree_map(lambda a, r=row: a[r], together), one), (k, e)
+        np.testing.assert_array_equal(np.concatenate(chosen), np.array(actions)[:, e])

@@ -1,0 +1,191 @@
+"""What RF/EO platforms may be set to: the library, joint and box forms name the same settings."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import oracles
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.errors import InputError
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.sensors import platform_view
+from wavegym.systems.rf_eo.actions import FEW, FINE, MANY, PlatformMenu
+from wavegym.systems.rf_eo.system import RfEo
+
+RANGES = ((1e3, 1e5), (1e6, 2e7), (1e-5, 6e-3))
+FORMS = ("library", "joint", "box")
+POINTS = (3, 2, 4)
+ALL = list(product(np.geomspace(1e3, 1e5, 3), np.geomspace(1e6, 2e7, 2), np.geomspace(1e-5, 6e-3, 4)))
+
+
+def menu(form, points=POINTS, platforms=2, as_printed=False):
+    return PlatformMenu(RANGES, points, platforms, form, 0.03, 128, 1000, as_printed)
+
+
+def picked(options, choices):
+    """The settings (..., platform, 3) of the library's ``choices``."""
+    return np.array(options.library.values)[choices]
+
+
+def test_the_library_has_prf_bandwidth_pixel_angle_in_this_order():
+    np.testing.assert_allclose(menu("library").library.values, ALL, rtol=1e-14)
+    assert len(menu("library").actions) == 24
+    single = menu("library", points=(2, 1, 1)).library.values
+    assert single == ((1e3, 2e7, 6e-3), (1e5, 2e7, 6e-3))  # of a single point, the greatest
+
+
+def test_labels_tell_settings_apart():
+    labels = menu("library").actions.labels
+    assert len(set(labels)) == 24
+    assert labels[0] == "1 kHz 1 MHz 10 urad"
+
+
+def test_forms_are_what_they_say():
+    assert isinstance(menu("library").actions, PerSensor)
+    assert isinstance(menu("joint").actions, JointLibrary)
+    assert len(menu("joint").actions) == 24**2
+    box = menu("box").actions
+    assert isinstance(box, ParameterBox)
+    assert box.names == ("prf_1", "bandwidth_1", "pixel_angle_1", "prf_2", "bandwidth_2", "pixel_angle_2")
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("platforms", [1, 2, 3])
+def test_numbers_of_the_library_name_the_same_settings_in_all_forms(form, platforms):
+    options = menu(form, platforms=platforms)
+    choices = np.random.default_rng(0).integers(24, size=(5, 7, platforms))
+    got = options.settings(options.number(choices))
+    assert got.shape == (5, 7, platforms, 3)
+    np.testing.assert_allclose(got, picked(options, choices), rtol=1e-13 if form == "box" else 0)
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6))
+def test_the_box_is_logarithmic_platform_by_platform(point):
+    options = menu("box")
+    got = options.settings(np.array([point]))[0]
+    low, high = np.array(RANGES).T
+    want = low * (high / low) ** (0.5 * (np.reshape(point, (2, 3)) + 1))
+    np.testing.assert_allclose(got, want, rtol=1e-12)
+    assert (got >= low).all()
+    assert (got <= high).all()
+
+
+@given(seed=st.integers(0, 999), platforms=st.integers(1, 3))
+def test_encode_and_decode_are_inverse(seed, platforms):
+    options, rng = menu("box", platforms=platforms), np.random.default_rng(seed)
+    low, high = np.log(np.array(RANGES)).T
+    settings = np.exp(rng.uniform(low, high, (4, platforms, 3)))
+    actions = options.encode(settings)
+    assert actions.shape == (4, 3 * platforms)
+    np.testing.assert_allclose(options.settings(actions), settings, rtol=1e-12)
+    np.testing.assert_allclose(options.encode(options.settings(actions)), actions, atol=1e-12)
+
+
+def test_what_is_outside_is_refused():
+    with pytest.raises(InputError, match="value of prf_2 is 500, expected"):
+        menu("box").encode(np.array([[1e4, 1e7, 1e-3], [500.0, 1e7, 1e-3]]))
+    with pytest.raises(InputError, match="action of pixel_angle_1 is nan"):
+        menu("box").settings(np.array([[0, 0, np.nan, 0, 0, 0]]))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("points", [POINTS, (4, 1, 1)])
+def test_choose_takes_points_of_the_grid_at_the_greatest_bandwidth(form, points):
+    options, rng = menu(form, points), np.random.default_rng(1)
+    prfs, angles = options.grid
+    assert options.sizes == ((FINE, FINE) if form == "box" else (points[0], points[2]))
+    prf, angle = (rng.integers(size, size=(6, 2)) for size in options.sizes)
+    got = options.settings(options.choose(prf, angle))
+    want = np.stack([prfs[prf], np.full((6, 2), 2e7), angles[angle]], axis=-1)
+    np.testing.assert_allclose(got, want, rtol=1e-12)
+
+
+def test_the_grid_of_the_box_spans_its_bounds():
+    for values, (low, high) in zip(menu("box").grid, (RANGES[0], RANGES[2]), strict=True):
+        assert (values[0], values[-1]) == (low, high)
+        ratio = values[1:] / values[:-1]
+        np.testing.assert_allclose(ratio, ratio[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("as_printed", [False, True])
+def test_axes_are_what_grid_points_are_worth(as_printed):
+    """Of unequal lengths, the shorter one repeats its last point."""
+    options = menu("library", as_printed=as_printed)
+    prfs, angles = options.grid
+    want = platform_view(np.append(prfs, prfs[-1]), 2e7, angles, 0.03, 128, 1000, as_printed)
+    assert options.axes.shape == (3, 4, 3)
+    np.testing.assert_array_equal(options.axes, np.stack(want))
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_candidates_are_all_combinations_or_the_same_everywhere(form):
+    """24^2 are few enough; of 24^3 only the same setting at every platform, unless they are the actions."""
+    options = menu(form)
+    want = picked(options, np.array(list(product(range(24), repeat=2))))
+    np.testing.assert_allclose(options.settings(options.candidates), want, rtol=1e-13)
+    assert FEW < 24**3
+    options = menu(form, platforms=3)
+    every = np.array(list(product(range(24), repeat=3)))
+    want = picked(options, every if form == "joint" else np.repeat(np.arange(24)[:, None], 3, axis=1))
+    np.testing.assert_allclose(options.settings(options.candidates), want, rtol=1e-13)
+
+
+def test_the_proposed_setting_has_a_name_where_the_box_holds_it():
+    system = RfEo()
+    got = system.menu.settings(system.named_constants()["proposed"])
+    np.testing.assert_allclose(got, [[60e3, 10e6, 1e-3], [40e3, 5e6, 1e-3]], rtol=1e-12)
+    for other in ({"prf": (1e3, 50e3)}, {"bandwidth": (6e6, 20e6)}, {"action": "library"}, {"platforms": ((0, 0),)}):
+        assert RfEo(**other).named_constants() == {}
+
+
+@pytest.mark.parametrize("as_printed", [False, True])
+def test_view_is_the_sensors(as_printed):
+    options = menu("box", as_printed=as_printed)
+    settings = picked(options, np.arange(24).reshape(4, 6))
+    want = platform_view(*np.moveaxis(settings, -1, 0), 0.03, 128, 1000, as_printed)
+    for got, expected in zip(options.view(settings), want, strict=True):
+        assert got.shape == (4, 6, 3)
+        np.testing.assert_array_equal(got, expected)
+
+
+@pytest.mark.parametrize(
+    ("form", "points", "platforms", "words"),
+    [
+        ("box", (0, 1, 4), 2, "points of prf is 0, expected an integer >= 1"),
+        ("box", (4, -1, 4), 2, "points of bandwidth is -1"),
+        ("library", (4, 1, 2.5), 2, "points of pixel_angle is 2.5"),
+        ("box", (10**6, 10**6, 4), 2, f"which makes 4000000000000 settings, expected at most {MANY}"),
+        ("joint", (9, 9, 9), 2, r"joint actions are 729\^2.*nearest action: 'library'"),
+        ("joint", POINTS, 64, r"joint actions are 24\^64"),
+    ],
+)
+def test_points_are_checked(form, points, platforms, words):
+    with pytest.raises(InputError, match=words) as caught:
+        menu(form, points, platforms).levels  # noqa: B018
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("platforms", [((-1e3, -1e3),), ((-1e3, -1e3), (1e3, -1e3))])
+def test_all_forms_play_the_same_episode(platforms):
+    """Step by step on the same settings: library and joint to the bit, the box by way of a logarithm and back."""
+    systems = {form: RfEo(horizon=20, action=form, platforms=platforms) for form in FORMS}
+    worlds = oracles.worlds(systems["box"], 3)
+    states = {form: system.begin(worlds) for form, system in systems.items()}
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        choices = rng.integers(16, size=(3, len(platforms)))
+        for form, system in systems.items():
+            states[form] = system.advance(states[form], system.menu.number(choices), worlds)
+        one, joint, box = (states[form] for form in FORMS)
+        for a, b in zip((*one.hidden, *one.public), (*joint.hidden, *joint.public), strict=True):
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(one.hidden.received, box.hidden.received)
+        assert oracles.covariance_distance(box.public.covariance, one.public.covariance) < 1e-8
+        sigma = np.sqrt(np.diagonal(one.public.covariance, axis1=-2, axis2=-1))
+        assert np.abs((box.public.mean - one.public.mean) / sigma).max() < 1e-7
+    assert one.hidden.received.max() > 0

@@ -1,0 +1,97 @@
+"""The sector set-up in a city: who starts where, and that buildings hide them when shapely says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracles
+import pytest
+import shapely
+
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
+from wavegym.schedulers.heuristics.index_policies import CostOfDelay
+from wavegym.sensors import Antenna
+from wavegym.systems.sector_setup.city import SectorSetupCity
+
+SYSTEM = SectorSetupCity()
+
+
+def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
+    truth = SYSTEM.begin(oracles.worlds(SYSTEM, 400)).hidden.truth.reshape(-1, 4)
+    x, u, y, v = truth.T
+    assert (v == 0.0).all()  # both roads lead from west to east
+    assert SYSTEM.map.on_road(truth[:, ::2]).all()
+    speed = np.abs(u)
+    assert (speed >= 3.0).all()
+    assert (speed <= 10.0).all()
+    middle = np.where(y < 122.5, 110.0, 135.0)
+    assert ((y < middle) == (u > 0)).all()
+    for part in (y < 122.5, u > 0, x > 0):  # alike for every metre, either way: five standard errors
+        assert abs(part.mean() - 0.5) < 5 * 0.5 / np.sqrt(len(truth))
+
+
+def test_who_is_hidden_is_so_by_a_building():
+    """Every step of some targets: the straight lines to the three antennas from where each would be, by shapely."""
+    public, truth = (lambda s: (s.public, s.hidden.truth))(SYSTEM.begin(oracles.worlds(SYSTEM, 4)))
+    built = shapely.union_all([shapely.Polygon(each.corners) for each in SYSTEM.map.buildings])
+    for e in range(4):
+        for k in range(0, SYSTEM.horizon, 3):
+            for t in range(SYSTEM.targets):
+                place = truth[e, t, ::2] + SYSTEM.dt * (k + 1) * truth[e, t, 1::2]
+                ways = [shapely.LineString([place, site]) for site in (SYSTEM.illuminator, *SYSTEM.receivers)]
+                assert public.visible[e, k, t] == (not any(way.crosses(built) for way in ways))
+    assert 0.3 < public.visible.mean() < 0.7
+
+
+def test_in_sight_is_the_first_of_what_is_seen():
+    antenna, rng = Antenna(SYSTEM.map, (0.0, 0.0)), np.random.default_rng(0)
+    points = rng.uniform((-200.0, 0.0), (200.0, 160.0), (50, 3, 2))
+    np.testing.assert_array_equal(antenna.in_sight(points), antenna.seen(points)[..., 0])
+    assert antenna.in_sight((0.0, 50.0)).shape == ()
+
+
+def test_windows_that_are_given_take_the_place_of_the_city_s():
+    visible = SectorSetupCity(windows=((1, 5, 9),)).begin(oracles.worlds(SYSTEM, 2)).public.visible
+    assert visible.sum() == visible.size - 2 * 5
+
+
+def test_estimates_are_consistent():
+    """NEES at the ends of 400 episodes with a rule that keeps tracks alive: 4 of mean, 8 of variance."""
+    worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
+    state = SYSTEM.begin(worlds)
+    rule.begin(SYSTEM, 400, np.random.default_rng(0))
+    for _ in range(SYSTEM.horizon):
+        state = SYSTEM.advance(state, rule.act(state.public, None, None), worlds)
+    nees = SYSTEM.metrics(state)["nees"]
+    assert abs(nees.mean() - 4.0) < 5 * np.sqrt(8 / nees.size)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"city": "promenad"}, "city is 'promenad', expected one of"),
+        ({"illuminator": (15.0, 80.5)}, "inside a building"),
+        ({"receivers": ((0.0, 0.0), (15.0, 80.5))}, "inside a building"),
+    ],
+)
+def test_mistakes(change, message):
+    with pytest.raises(InputError, match=message) as error:
+        make_checked(SectorSetupCity, change)
+    assert "\n" not in str(error.value)
+
+
+def test_a_city_without_roads_is_no_place_to_start(tmp_path):
+    file = tmp_path / "bare.toml"
+    file.write_text("[[buildings]]\ncorners = [[0, 50], [10, 50], [10, 60]]\n")
+    with pytest.raises(InputError, match="expected one with roads"):
+        make_checked(SectorSetupCity, {"city": str(file)})
+
+
+def test_no_road_leads_through_a_building(tmp_path):
+    file = tmp_path / "tunnel.toml"
+    file.write_text(
+        "[[buildings]]\ncorners = [[-20, 100], [20, 100], [20, 120], [-20, 120]]\n"
+        "[[roads]]\ncentre = [[-150, 110], [150, 110]]\nwidth = 14\n"
+    )
+    with pytest.raises(InputError, match="leads into a building, expected roads in the open"):
+        make_checked(SectorSetupCity, {"city": str(file)})

@@ -1,0 +1,228 @@
+"""The street's closed loop: what is measured, what it costs, what agents see."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracles
+import pytest
+from scipy.stats import chi2, poisson
+from urban_plays import LONG_UP, played
+
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
+from wavegym.schedulers.registry import make_policy
+from wavegym.schedulers.rollout import rollout
+from wavegym.sensors import multistatic_range_and_rate
+from wavegym.systems.urban.state import MOST, Public
+from wavegym.systems.urban.system import Urban
+from wavegym.trackers import Tracks
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+
+SYSTEM = Urban()
+
+
+def test_targets_drive_as_the_paper_says():
+    """Ten seconds apart, from (1950, 1500) to (2069.33, 1669.33)."""
+    truth, present = SYSTEM.scene.truth, SYSTEM.scene.present
+    np.testing.assert_allclose(truth[-1, 0, :2], [2069.33, 1669.33], atol=0.01)
+    np.testing.assert_allclose(truth[40:, 1], truth[:-40, 0], atol=1e-9)
+    assert present.sum(axis=0).tolist() == [141, 101]
+
+
+def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
+    """The first target's direct return at scan 100 in 4000 worlds: Pd, mean, covariance; and the number of others."""
+    count, scan, system = 4000, 100, Urban(arrivals=(0.0,))
+    worlds, state = oracles.worlds(system, count), system.begin(oracles.worlds(system, count))
+    state = state._replace(public=state.public._replace(step=np.full(count, scan - 1)))
+    hidden = system.advance(state, np.full(count, LONG_UP), worlds).hidden
+    exact = multistatic_range_and_rate(system.scene.truth[scan, 0, :4], system.transmitters[0], system.receivers[0])
+    eta = 200.0 * (100.0 / exact[0]) ** 4
+    R = system.actions.measurement_covariances(4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
+    ways = system.scene.z[0, scan, 0, : system.scene.ways[0, scan, 0]]
+    off = hidden.z[:, 0, 0] - exact  # ways come first, the direct one before all others
+    squared = (off * np.linalg.solve(R, off.T).T).sum(axis=1)
+    detected = squared < chi2.ppf(1 - 1e-6, 2)
+    pd = 1e-3 ** (1.0 / (1.0 + eta / 2.0))
+    assert abs(detected.mean() - pd) < 4.5 * np.sqrt(pd * (1 - pd) / count)
+    errors = off[detected] / np.sqrt(np.diag(R))
+    assert np.abs(errors.mean(axis=0)).max() < 4.5 / np.sqrt(detected.sum())
+    assert np.abs(errors.T @ errors / detected.sum() - np.eye(2)).max() < 4.5 * np.sqrt(2.0 / detected.sum())
+    expected = 1e-3 * 300.0 * 2.0 * system.ambiguity
+    most = [
+        1e-3 ** (1.0 / (1.0 + 100.0 * (100.0 / r) ** 4 * 0.4**k))
+        for r, k in zip(ways[:, 0], walls(system, scan), strict=True)
+    ]
+    number = hidden.number[:, 0].mean()
+    assert abs(number - expected - sum(most)) < 4.5 * np.sqrt((expected + len(most) / 4) / count)
+    assert hidden.z.shape[2] == MOST
+    assert poisson.sf(MOST // 2, expected) < 1e-6  # an array has room for all
+
+
+def test_there_is_room_for_all_clutter():
+    """Beside what targets return: 6 standard deviations; as many false returns come as should."""
+    system, count = Urban(clutter_density=1e-2), 40
+    worlds = oracles.worlds(system, count)
+    hidden = system.advance(system.begin(worlds), np.zeros(count, int), worlds).hidden
+    expected = 1e-2 * 300.0 * 2.0 * system.ambiguity  # 112
+    assert poisson.sf(hidden.z.shape[2] - 1, expected) < 1e-8
+    assert abs(hidden.number.mean() - expected) < 4.5 * np.sqrt(expected / hidden.number.size)
+
+
+def test_a_target_that_nobody_holds_is_an_error_too():
+    system = Urban(reference_snr=1e-3)
+    worlds = oracles.worlds(system, 2)
+    figures = system.metrics(system.advance(system.begin(worlds), np.zeros(2, int), worlds))
+    np.testing.assert_array_equal(figures["position_error"], [[20.0, 0.0]] * 2)  # the second has not come yet
+
+
+def walls(system, scan):
+    """How many walls each open way to the first receiver takes."""
+    return np.log(system.scene.reflected[0, scan, 0, : system.scene.ways[0, scan, 0]]) / np.log(0.4)
+
+
+def test_measurements_do_not_depend_on_other_choices():
+    """Both sweeps, of the same energy, meet the same returns and the same clutter."""
+    worlds = oracles.worlds(SYSTEM, 20)
+    state = SYSTEM.begin(worlds)
+    up, down = (SYSTEM.advance(state, np.full(20, a), worlds).hidden for a in (0, 1))
+    np.testing.assert_array_equal(up.number, down.number)
+    np.testing.assert_allclose(up.z, down.z, atol=1e-3)  # of a train, both sweeps have the same variances
+
+
+def test_to_lose_a_track_never_pays():
+    """Whatever slot is emptied, whatever its covariance."""
+    rng = np.random.default_rng(0)
+    public = played(SYSTEM, "random", 30, stop=100)[-1].public
+    public = public._replace(
+        existence=np.where(public.status == EMPTY, 0.0, rng.random(public.existence.shape)),
+        P=public.P * 10.0 ** rng.uniform(-3, 3, (*public.existence.shape, 1, 1, 1)),
+    )
+    before = SYSTEM.cost(public)
+    assert (public.status != EMPTY).any(axis=0).sum() > 1
+    for slot in range(SYSTEM.slots):
+        existence, status = public.existence.copy(), public.status.copy()
+        existence[:, slot], status[:, slot] = 0.0, EMPTY
+        assert (SYSTEM.cost(public._replace(existence=existence, status=status)) >= before - 1e-12).all()
+    nothing = SYSTEM.begin(oracles.worlds(SYSTEM, 1)).public
+    assert SYSTEM.cost(nothing) == pytest.approx(2 * SYSTEM.absent)
+
+
+def test_the_cost_is_that_of_the_cheapest_slots():
+    state = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1]
+    _, P = Tracks(*state.public[1:]).combined()
+    assert SYSTEM.absent == 5.0**2 + 2 * 10.0**2 + 2 * 1.0**2
+    for e in range(5):
+        each = []
+        for r, spread in zip(state.public.existence[e], P[e], strict=True):
+            each.append(r * min(np.trace(spread), SYSTEM.absent) + (1 - r) * SYSTEM.absent)
+        assert SYSTEM.cost(state.public)[e] == pytest.approx(sum(sorted(each)[:2]))
+
+
+def test_foresight_has_the_shapes_of_the_contract_and_is_a_prediction():
+    public = played(SYSTEM, "round-robin", 3, stop=70)[-1].public
+    each, one = SYSTEM.imagine(public, np.arange(4)[None]), SYSTEM.imagine(public, np.full(3, LONG_UP))
+    for many, single in zip(each, one, strict=True):
+        assert many.shape[:2] == (3, 4)
+        np.testing.assert_array_equal(many[:, LONG_UP], single)
+    cost = SYSTEM.cost(each)
+    assert cost.shape == (3, 4)
+    np.testing.assert_allclose(cost[:, 0], cost[:, 1], rtol=1e-3)  # up and down
+    assert (cost[:, 0] <= cost[:, 2] + 1e-9).all()  # the longer pulse has more energy
+    assert (each.step == public.step[:, None] + 1).all()
+
+
+def test_what_agents_see_is_the_mixture_s_mean_and_spread():
+    public = played(SYSTEM, "random", 4, stop=90)[-1].public
+    x, P = Tracks(*public[1:]).combined()
+    shown = [
+        SYSTEM.observe(public)[:, [i for i, e in enumerate(SYSTEM.elements) if e.name.startswith(name)]]
+        for name in ("x_", "y_", "xdot_", "ydot_", "sigma_position_", "sigma_velocity_", "existence_", "confirmed_")
+    ]
+    there, variance = public.status != EMPTY, np.diagonal(P, 0, -2, -1)
+    sigma = np.sqrt(variance[..., 0] + variance[..., 1]), np.sqrt(variance[..., 2] + variance[..., 3])
+    place = x[..., 0] - SYSTEM.transmitters[0][0], x[..., 1] - SYSTEM.transmitters[0][1], x[..., 2], x[..., 3]
+    for ours, exact in zip(shown, (*place, *sigma, public.existence, public.status == CONFIRMED), strict=True):
+        np.testing.assert_allclose(ours, np.where(there, exact, 0.0), rtol=1e-9, atol=1e-9)
+    named = [e.name for e in SYSTEM.elements]
+    turning = SYSTEM.observe(public)[:, [named.index(f"mu_CT_left_{s}") for s in range(1, SYSTEM.slots + 1)]]
+    np.testing.assert_array_equal(turning, np.where(there, public.mu[..., 2], 0.0))
+    assert there.any()
+
+
+def test_metrics_are_counted_by_hand():
+    for state in played(SYSTEM, "round-robin", 4)[19::30]:
+        found = SYSTEM.metrics(state)
+        x, P = Tracks(*state.public[1:]).combined()
+        for e in range(4):
+            sure = np.flatnonzero(state.public.status[e] == CONFIRMED)
+            assert found["confirmed"][e] == len(sure)
+            false = 0
+            for s in sure:
+                off = np.linalg.norm(state.hidden.truth[e, state.hidden.present[e], :2] - x[e, s, :2], axis=1)
+                false += off.min() > 20.0
+            assert found["false"][e] == false
+            for g in range(2):
+                off = {s: np.linalg.norm(state.hidden.truth[e, g, :2] - x[e, s, :2]) for s in sure}
+                near = min(off, key=off.__getitem__) if off else None
+                held = bool(state.hidden.present[e, g]) and near is not None and off[near] <= 20.0
+                assert found["held"][e, g] == held
+                assert found["position_error"][e, g] == pytest.approx(
+                    off[near] if held else 20.0 if state.hidden.present[e, g] else 0.0
+                )
+                if held:
+                    d = state.hidden.truth[e, g, :4] - x[e, near, :4]
+                    assert found["nees"][e, g] == pytest.approx(d @ np.linalg.solve(P[e, near, :4, :4], d))
+
+
+def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
+    """All costs are equal then, and the first of the library is taken; with tracks, energy decides: it always does."""
+    public = SYSTEM.begin(oracles.worlds(SYSTEM, 3)).public
+    costs = SYSTEM.cost(SYSTEM.imagine(public, np.arange(4)[None]))
+    assert (costs == costs[:, :1]).all()
+    always, myopic = (played(SYSTEM, policy, 5)[-1] for policy in (f"fixed:{LONG_UP}", "myopic"))
+    np.testing.assert_allclose(SYSTEM.cost(always.public), SYSTEM.cost(myopic.public), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"city": "intersektion"}, "city is 'intersektion', expected one of 'intersection'"),
+        ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
+        ({"path": ((30.0, 0.0, 0.3),)}, "path leads into a building"),
+        ({"start": (2000.0, 1600.0)}, "path (begins in|leads into) a building"),
+        ({"durations": ()}, "library is empty"),
+        ({"transmitters": ()}, r"transmitters is \(\), expected at least one"),
+        ({"arrivals": ()}, "arrivals is"),
+        ({"charged": 9}, "charged is 9, expected 1 to 8 slots"),
+        ({"horizon": 0}, "horizon is 0"),
+        ({"tracker": "imm"}, "tracker is 'imm'"),
+        ({"slots": 0}, "slots is 0, expected an integer >= 1"),
+        ({"arrivals": (float("nan"),)}, "arrivals.0 is nan: Input should be a finite number"),
+        ({"weights": (1.0, -1.0, 1.0)}, r"weight is -1\.0"),
+        ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
+        ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
+        ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
+        ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan: Input should be a finite number"),
+        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "city and antennas span"),
+        ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
+        ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
+    ],
+)
+def test_mistakes(change, message):
+    with pytest.raises(InputError, match=message) as error:
+        make_checked(Urban, change)
+    assert "\n" not in str(error.value)
+
+
+def test_public_is_a_named_tuple_of_tracks():
+    assert Public._fields[1:] == Tracks._fields
+
+
+def test_a_tree_of_futures_can_be_searched():
+    """Its belief has no single covariance; what is seen tells nodes apart by all of it."""
+    system = Urban(horizon=40)
+    worlds = oracles.worlds(system, 2)
+    played = rollout(system, make_policy("mcts:6", system, worlds), worlds)
+    longest = rollout(system, make_policy("fixed:0", system, None), worlds)
+    np.testing.assert_array_equal(played.steps, 40)
+    assert (played.mean_cost <= 1.05 * longest.mean_cost).all()

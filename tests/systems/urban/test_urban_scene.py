@@ -1,0 +1,207 @@
+"""The scene of the street: what is drawn is what the state says, for any number of antennas, targets and slots."""
+
+from itertools import pairwise
+
+import matplotlib.colors as colours
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch, Polygon, Rectangle
+
+from wavegym.envs import WaveformVectorEnv
+from wavegym.envs.scenes import make_scene
+from wavegym.rendering.maps import colour
+from wavegym.systems.urban.map import SURE, UNSURE
+from wavegym.systems.urban.scene import FAINT, SHADES, StreetScene, folded, scan_caption
+from wavegym.systems.urban.system import Urban
+from wavegym.trackers import Tracks
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE
+
+LONG_UP = np.array([0])
+SYSTEM = Urban()
+BOTH_HELD = 90  # step of seed 0 at which both targets are in the crossing
+
+
+def played(system, steps, seed=0):
+    env = WaveformVectorEnv(system, 1, render_mode="rgb_array")
+    env.reset(seed=seed)
+    for _ in range(steps):
+        env.step(LONG_UP)
+    return env
+
+
+def drawn(system, steps, seed=0):
+    """Scene after so many steps, and its moment."""
+    moment = played(system, steps, seed)._film._moment(0)
+    scene = make_scene(system, Figure(figsize=(5.76, 6.4)).subfigures(1, 1))
+    scene.draw(moment)
+    return scene, moment
+
+
+@pytest.fixture(scope="module")
+def crossing():
+    return drawn(SYSTEM, BOTH_HELD)
+
+
+def of(shade, artists):
+    return [a for a in artists if colours.same_color(a.get_color(), shade)]
+
+
+def marked(marker, artists):
+    return [a for a in artists if a.get_marker() == marker]
+
+
+def tracks_of(state):
+    return Tracks(*state.public[1:])
+
+
+def plain(states, transmitter, receiver):
+    """Half the way by each target and its rate, (target, 2), in plain geometry."""
+    r = rate = 0.0
+    for place in (transmitter, receiver):
+        off = states[:, :2] - place
+        distance = np.linalg.norm(off, axis=1)
+        r, rate = r + distance / 2, rate + (off * states[:, 2:4]).sum(axis=1) / distance / 2
+    return np.stack([r, rate], axis=1)
+
+
+def test_the_system_has_this_scene(crossing):
+    assert isinstance(crossing[0], StreetScene)
+
+
+def test_the_map_is_to_scale_and_shows_the_city(crossing):
+    axes = crossing[0]._map
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    assert axes.bbox.width / (right - left) == pytest.approx(axes.bbox.height / (top - bottom))
+    (paved,) = [patch for patch in axes.patches if isinstance(patch, PathPatch)]
+    buildings = [patch for patch in axes.patches if isinstance(patch, Polygon)]
+    for patch, building in zip(buildings, SYSTEM.map.buildings, strict=True):
+        assert {tuple(p) for p in patch.get_xy()} == set(building.corners)
+    assert paved.contains_point(axes.transData.transform((2070.0, 1400.0)))
+    assert not paved.contains_point(axes.transData.transform((2000.0, 1600.0)))
+    (transmitter,), receivers = marked("^", axes.lines), marked("v", axes.lines)
+    assert transmitter.get_xydata().tolist() == [list(SYSTEM.transmitters[0])]
+    assert [line.get_xydata().tolist() for line in receivers] == [[list(place)] for place in SYSTEM.receivers]
+
+
+def test_the_map_shows_targets_with_their_trails_and_ways_that_are_open(crossing):
+    axes, moment = crossing[0]._map, crossing[1]
+    for t, since in ((0, 0), (1, 40)):  # the second target comes ten seconds later
+        ways, trail, cross = of(colour(t), axes.lines)
+        expected = [state.hidden.truth[0, t, :2] for state in moment.states[since:]]
+        np.testing.assert_allclose(trail.get_xydata(), expected)
+        np.testing.assert_allclose(cross.get_xydata(), expected[-1:])
+        antennas = (*SYSTEM.transmitters, *SYSTEM.receivers)
+        for place, line in zip(antennas, ways.get_xydata().reshape(-1, 3, 2), strict=True):
+            np.testing.assert_allclose(line[:2], [place, expected[-1]])
+
+
+@pytest.mark.parametrize("steps", [30, BOTH_HELD])
+def test_the_map_shows_every_track_with_its_ellipse(steps):
+    scene, moment = drawn(SYSTEM, steps)
+    now = moment.states[-1]
+    x, P = tracks_of(now).combined()
+    for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
+        outlines = [line for line in of(style["color"], scene._map.lines) if len(line.get_xdata()) == 121]
+        for slot, line in zip(np.flatnonzero(now.public.status[0] == status), outlines, strict=True):
+            off = line.get_xydata() - x[0, slot, :2]
+            inverse = np.linalg.inv(P[0, slot, :2, :2])
+            np.testing.assert_allclose(np.einsum("pi,ij,pj->p", off, inverse, off), 4.0, rtol=1e-6)
+    assert (now.public.status == (CONFIRMED if steps == BOTH_HELD else TENTATIVE)).any()
+    trail = marked(".", of("black", scene._map.lines))[0].get_xydata()
+    assert len(trail) == sum((state.public.status == CONFIRMED).sum() for state in moment.states)
+
+
+def test_before_the_crossing_a_target_has_ways_by_walls_only():
+    scene, moment = drawn(SYSTEM, 20)
+    trail, cross = of(colour(0), scene._map.lines)
+    assert len(trail.get_xdata()) == 21
+    assert len(cross.get_xdata()) == 1
+    for axes in scene._scans:
+        assert not sum(len(line.get_xdata()) for line in marked("x", axes.lines))
+        assert sum(len(line.get_xdata()) for line in marked("+", axes.lines))
+    assert scan_caption(SYSTEM, moment).endswith("target 1: not held, hidden")
+
+
+def test_a_scan_panel_shows_measurements_targets_and_tracks(crossing):
+    scene, moment = crossing
+    now = moment.states[-1]
+    x, _ = tracks_of(now).combined()
+    for m, axes in enumerate(scene._scans):
+        number = now.hidden.number[0, m]
+        np.testing.assert_array_equal(marked(".", axes.lines)[0].get_xydata(), now.hidden.z[0, m, :number])
+        exact = plain(now.hidden.truth[0], SYSTEM.transmitters[0], SYSTEM.receivers[m])
+        for t, cross in enumerate(marked("x", axes.lines)):
+            np.testing.assert_allclose(cross.get_xydata(), exact[t : t + 1])
+        sure = x[0, now.public.status[0] == CONFIRMED]
+        circles = of("black", marked("o", axes.lines))[0]
+        np.testing.assert_allclose(circles.get_xydata(), plain(sure, SYSTEM.transmitters[0], SYSTEM.receivers[m]))
+        assert len(sure) == 2
+
+
+def test_rates_are_drawn_as_they_are_measured():
+    z = np.array([[100.0, -19.0], [120.0, 3.0], [80.0, 40.0]])
+    np.testing.assert_allclose(folded(z, 10.0), [[100.0, 1.0], [120.0, 3.0], [80.0, 0.0]])
+
+
+def test_errors_are_those_of_the_metrics_where_a_target_is_held(crossing):
+    scene, moment = crossing
+    figures = [SYSTEM.metrics(state) for state in moment.states]
+    for t in (0, 1):
+        line, last = of(colour(t), scene._errors.lines)
+        held = np.array([figure["held"][0, t] for figure in figures])
+        error = np.array([figure["position_error"][0, t] for figure in figures])
+        np.testing.assert_array_equal(np.isfinite(line.get_ydata()), held)
+        np.testing.assert_array_equal(line.get_ydata()[held], error[held])
+        assert last.get_ydata() == error[-1:]
+
+
+@pytest.mark.parametrize("steps", [30, BOTH_HELD])
+def test_a_bar_is_as_long_as_its_track_is_sure(steps):
+    scene, moment = drawn(SYSTEM, steps)
+    public = moment.states[-1].public
+    bars = [patch for patch in scene._slots.patches if isinstance(patch, Rectangle)]
+    for slot in range(SYSTEM.slots):
+        own = [bar for bar in bars if bar.get_y() + 0.5 * bar.get_height() == pytest.approx(slot + 1)]
+        assert bool(own) == (public.status[0, slot] != EMPTY)
+        for bar, mu, shade in zip(own, public.mu[0, slot], SHADES, strict=False):
+            assert bar.get_width() == pytest.approx(public.existence[0, slot] * mu)
+            faint = 1.0 if public.status[0, slot] == CONFIRMED else FAINT
+            assert bar.get_facecolor() == pytest.approx(colours.to_rgba(shade, faint))
+        if own:
+            assert own[-1].get_x() + own[-1].get_width() == pytest.approx(public.existence[0, slot])
+
+
+def test_the_caption_counts(crossing):
+    moment = crossing[1]
+    count = int(moment.states[-1].hidden.number.sum())
+    assert scan_caption(SYSTEM, moment) == f"{count} measurements  ·  target 1: held  ·  target 2: held"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"tracker": "ncv"},
+        {"receivers": ((2088.0, 1475.0), (2078.0, 1467.0), (2060.0, 1500.0))},
+        {"arrivals": (0.0,), "slots": 2},
+        {"arrivals": (0.0, 5.0, 10.0), "slots": 20, "durations": (1e-6, 2e-6, 3e-6)},
+    ],
+)
+def test_any_numbers_are_drawn(changes):
+    scene, moment = drawn(Urban(**changes), 45)
+    present = moment.states[-1].hidden.present[0]
+    assert len(marked("x", scene._map.lines)) == present.sum()
+    scene._map.figure.canvas.draw()
+
+
+def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before():
+    env = played(SYSTEM, 0)
+    frames = [env.render()[0]]
+    for _ in range(2):
+        for _ in range(20):
+            env.step(LONG_UP)
+        frames.append(env.render()[0])
+    assert all((one != two).any() for one, two in pairwise(frames))
+    env.reset(seed=0)
+    assert (env.render()[0] == frames[0]).all()
+    assert (played(SYSTEM, 40).render()[0] == frames[2]).all()

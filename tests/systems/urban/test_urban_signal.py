@@ -1,0 +1,107 @@
+"""The street down to the signals: what its measurements are worth, and that it is tracked as its stand-in is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import oracles
+import pytest
+
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
+from wavegym.schedulers.registry import make_policy
+from wavegym.sensors import multistatic_range_and_rate
+from wavegym.systems.urban.signal import UrbanSignal
+from wavegym.systems.urban.system import Urban
+
+SYSTEM = UrbanSignal()
+LONG_UP = 0  # number of the longer pulse that sweeps up
+PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """Neither walls nor trees, one target."""
+    file = tmp_path_factory.mktemp("city") / "plain.toml"
+    file.write_text(PLAIN)
+    return UrbanSignal(city=str(file), arrivals=(0.0,))
+
+
+def scanned(system, scan, count, waveform):
+    """What receivers measure in the scan-th scan of ``count`` worlds."""
+    worlds = oracles.worlds(system, count)
+    state = system.begin(worlds)
+    state = state._replace(public=state.public._replace(step=np.full(count, scan - 1)))
+    return system.advance(state, np.full(count, waveform), worlds).hidden
+
+
+@pytest.mark.parametrize("waveform", range(4))
+def test_a_target_in_the_open_is_measured_as_well_as_the_measurement_level_says(plain, waveform):
+    """200 trains a receiver: no bias, and deviations within four standard errors (20 %) of sqrt(R(psi) / eta)."""
+    count, scan = 200, 30
+    hidden = scanned(plain, scan, count, waveform)
+    for m, place in enumerate(plain.receivers):
+        exact = multistatic_range_and_rate(plain.scene.truth[scan, 0, :4], plain.transmitters[0], place)
+        eta = 200.0 * plain.durations[waveform // 2] / plain.durations[0] * (100.0 / exact[0]) ** 4
+        sigma = np.sqrt(np.diag(plain.actions.measurement_covariances(4e9)[waveform]) / eta)
+        errors = (hidden.z[:, m, 0] - exact) / sigma  # the strongest comes first
+        assert (np.abs(errors.mean(axis=0)) < 4.0 / math.sqrt(count)).all()
+        np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.2)
+
+
+def test_an_empty_street_returns_no_more_than_noise_does():
+    """Walls and trees are 20 dB stronger than a target, and subtracted; what is left is clutter_density."""
+    empty, count = UrbanSignal(arrivals=(1000.0,)), 25
+    number = scanned(empty, 1, count, LONG_UP).number
+    expected = number.size * empty.clutter_density * empty.reach * 2.0 * empty.ambiguity
+    assert abs(number.sum() / expected - 1.0) < 0.15 + 4.0 / math.sqrt(expected)  # theory is good to 15 %
+    samples = empty.signals.samples(np.uint64(1), 1, LONG_UP, 0)
+    array, threshold = empty.signals.arrays[LONG_UP], empty.signals.thresholds[LONG_UP]
+    still = np.abs(array.peaks(array.image(samples), threshold).z[:, 1]) < 0.2
+    assert still.sum() > 3  # of twelve in view; the weaker ones within a cell of stronger ones are one with them
+
+
+def test_a_street_s_noise_is_its_own():
+    """Another scan, another receiver, another world: other noise; the same again: the same."""
+    signals, key = SYSTEM.signals, np.uint64(7)
+    first = signals.samples(key, 3, LONG_UP, 0)
+    np.testing.assert_array_equal(first, signals.samples(key, 3, LONG_UP, 0))
+    street = [signals.street(key, LONG_UP, m) for m in range(2)]
+    another = signals.samples(key, 3, LONG_UP, 1) - street[1]
+    others = [signals.samples(key, 4, LONG_UP, 0), signals.samples(np.uint64(8), 3, LONG_UP, 0)]
+    for other in (another, *(each - street[0] for each in others)):
+        a, b = (first - street[0]).ravel(), other.ravel()
+        assert abs(np.vdot(a, b)) / np.linalg.norm(a) / np.linalg.norm(b) < 5.0 / math.sqrt(a.size)
+
+
+@pytest.mark.slow
+def test_it_is_tracked_as_well_as_at_the_measurement_level():
+    """Ten episodes at either level, pulses and threshold alike: mean GOSPA within four standard errors and .5 m."""
+    worse = per_episode(SYSTEM) - per_episode(Urban(pulses=25, false_alarm=math.exp(-SYSTEM.signals.thresholds[0])))
+    assert abs(worse.mean()) < 4.0 * worse.std() / math.sqrt(len(worse)) + 0.5
+
+
+def per_episode(system, count=10):
+    """Mean GOSPA of each episode, always with the longer pulse."""
+    worlds = oracles.worlds(system, count)
+    state, total = system.begin(worlds), np.zeros(count)
+    policy = make_policy(f"fixed:{LONG_UP}", system, None)
+    policy.begin(system, count, np.random.default_rng(0))
+    for _ in range(system.horizon):
+        state = system.advance(state, policy.act(state.public, None, None), worlds)
+        total += system.metrics(state)["gospa"]
+    return total / system.horizon
+
+
+def test_pairs_of_several_transmitters_keep_to_their_own_trains(plain):
+    """Each with its own shape of samples, and the same samples whatever the other sends."""
+    system = UrbanSignal(transmitters=(plain.transmitters[0], (2060.0, 1530.0)))
+    mixed, alike = (scanned(system, 60, 2, waveform).z for waveform in (2, 0))
+    np.testing.assert_array_equal(mixed[:, :2], alike[:, :2])
+    assert (mixed[:, 2:] != alike[:, 2:]).any()
+
+
+def test_mistakes():
+    with pytest.raises(InputError, match=r"false_alarm is 0\.001, expected none with fidelity='signal'"):
+        make_checked(UrbanSignal, {"false_alarm": 1e-3})

@@ -1,0 +1,62 @@
+"""What check_vector_env asks of a system's planning side."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wavegym.envs import WaveformVectorEnv
+from wavegym.systems.kershaw_evans.system import KershawEvans
+from wavegym.testing import check_vector_env
+from wavegym.testing.check import ConformanceError
+from wavegym.testing.model_check import foresight_defect
+
+
+class Stuck(KershawEvans):
+    def imagine(self, public, actions, outcome=None):
+        return public
+
+
+class Frozen(KershawEvans):
+    def imagine(self, public, actions, outcome=None):
+        imagined = super().imagine(public, actions)
+        return imagined._replace(step=imagined.step - 1)
+
+
+class Careless(KershawEvans):
+    def imagine(self, public, actions, outcome=None):
+        public.mean[:] = 0.0
+        return super().imagine(public, actions)
+
+
+class NotANumber(KershawEvans):
+    def cost(self, public):
+        return super().cost(public) * np.nan
+
+
+class FlatMask(KershawEvans):
+    def mask(self, public):
+        return np.ones(len(self.library), bool)
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        (Stuck, r"imagine\(\) with actions \(env,\): step is not one later"),
+        (Frozen, "step is not one later"),
+        (Careless, r"imagine\(\) changed the public state"),
+        (NotANumber, r"cost\(\) is not finite"),
+        (FlatMask, r"mask\(\) returned shape \(88,\)"),
+    ],
+)
+def test_a_system_that_breaks_its_promise_is_rejected(system, words):
+    def make(num_envs, autoreset_mode):
+        return WaveformVectorEnv(system, num_envs, autoreset_mode=autoreset_mode, horizon=3)
+
+    with pytest.raises(ConformanceError, match=words):
+        check_vector_env(make)
+
+
+@pytest.mark.parametrize("action", ["library", "box"])
+def test_ours_keep_theirs(action):
+    assert foresight_defect(KershawEvans(action=action)) is None

@@ -1,0 +1,186 @@
+"""Interacting models and the unscented update against filterpy, plain sums, and what must hold of any outlier."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from filterpy.kalman import IMMEstimator, JulierSigmaPoints, UnscentedKalmanFilter
+
+from tests.oracles import random_covariance
+from wavegym.core.errors import InputError
+from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
+from wavegym.trackers import (
+    imm_combine,
+    imm_mix,
+    imm_reweigh,
+    imm_ukf_scan,
+    predict,
+    ukf_update,
+    variable_structure,
+)
+
+T, OMEGA = 0.25, np.pi / 20
+MODELS = [
+    nearly_constant_velocity(T, 0.25),
+    nearly_constant_acceleration(T, 0.3),
+    coordinated_turn(T, OMEGA, 0.25),
+    coordinated_turn(T, -OMEGA, 0.25),
+]
+F, Q = (np.stack([getattr(model, name) for model in MODELS]) for name in "FQ")
+TRANSITION = np.array([[0.99, 0.01, 0, 0], [0.1, 0.7, 0.1, 0.1], [0, 0.01, 0.99, 0], [0, 0.01, 0, 0.99]])
+TX, RX = np.array([2085.0, 1470.5]), np.array([2078.0, 1467.0])
+R = np.array([[0.3, 0.05], [0.05, 0.1]])
+
+
+def measure(x):
+    d0, d1 = x[..., :2] - TX, x[..., :2] - RX
+    r0, r1 = np.linalg.norm(d0, axis=-1), np.linalg.norm(d1, axis=-1)
+    rate = (d0 * x[..., 2:4]).sum(-1) / r0 + (d1 * x[..., 2:4]).sum(-1) / r1
+    return np.stack([(r0 + r1) / 2, rate / 2], axis=-1)
+
+
+def filters(x, P):
+    """filterpy's unscented filters, one for each model."""
+    made = []
+    for j, model in enumerate(MODELS):
+        points = JulierSigmaPoints(6, kappa=0.0)
+        one = UnscentedKalmanFilter(6, 2, T, measure, lambda x, dt, F=model.F: F @ x, points)
+        one.x, one.P, one.Q, one.R = x[j].copy(), P[j].copy(), model.Q, R
+        made.append(one)
+    return made
+
+
+def tracks(count, seed=0):
+    """Ordinary beliefs on the way to the crossing: models differ a little, standard deviations are metres."""
+    rng = np.random.default_rng(seed)
+    centre = np.array([2030.0, 1500.0, 8.0, 1.0, -0.5, 0.2]) + rng.normal(size=(count, 1, 6))
+    x = centre + 0.3 * rng.normal(size=(count, 4, 6))
+    scale = np.diag([2.0, 2.0, 1.0, 1.0, 0.5, 0.5])
+    P = np.array([[scale @ random_covariance(rng, 6) @ scale for _ in range(4)] for _ in range(count)])
+    return x, P, rng.dirichlet(np.ones(4), count), measure(centre[:, 0]) + rng.normal(size=(count, 2))
+
+
+def close(ours, theirs, scale):
+    assert (np.abs(ours - theirs) <= 1e-10 * scale).all(), np.abs(ours - theirs).max()
+
+
+def test_one_filter_equals_filterpy():
+    x, P, _, z = tracks(5)
+    for k in range(5):
+        theirs = filters(x[k], P[k])
+        mean, covariance = predict(x[k], P[k], F, Q)
+        mean, covariance, log_likelihood = ukf_update(mean, covariance, z[k], R, TX, RX)
+        for j, one in enumerate(theirs):
+            one.predict()
+            one.update(z[k])
+            scale = np.sqrt(np.diag(one.P))
+            close(mean[j], one.x, np.abs(one.x) + scale)
+            close(covariance[j], one.P, np.outer(scale, scale))
+            assert log_likelihood[j] == pytest.approx(one.log_likelihood, rel=1e-9)
+
+
+def test_whole_scans_equal_filterpy():
+    x, P, mu, z = tracks(4)
+    for k in range(4):
+        theirs = IMMEstimator(filters(x[k], P[k]), mu[k].copy(), TRANSITION)
+        ours = x[k], P[k], mu[k]
+        for step in range(3):
+            theirs.predict()
+            theirs.update(z[k] + step)
+            ours = imm_ukf_scan(*ours, z[k] + step, R, TX, RX, F, Q, TRANSITION)
+            close(ours[2], theirs.mu, 1.0)
+            for j, one in enumerate(theirs.filters):
+                scale = np.sqrt(np.diag(one.P))
+                close(ours[0][j], one.x, np.abs(one.x))
+                close(ours[1][j], one.P, np.outer(scale, scale))
+            mean, covariance = imm_combine(*ours)
+            close(mean, theirs.x, np.abs(theirs.x))
+            close(covariance, theirs.P, np.outer(*[np.sqrt(np.diag(theirs.P))] * 2))
+
+
+def test_a_scan_is_its_parts_and_a_batch_its_tracks():
+    x, P, mu, z = tracks(3)
+    mean, covariance, c = imm_mix(x, P, mu, TRANSITION)
+    mean, covariance = predict(mean, covariance, F, Q)
+    mean, covariance, log_likelihood = ukf_update(mean, covariance, z[:, None], R, TX, RX)
+    whole = imm_ukf_scan(x, P, mu, z, R, TX, RX, F, Q, TRANSITION)
+    for a, b in zip(whole, (mean, covariance, imm_reweigh(c, log_likelihood)), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+    for k in range(3):
+        alone = imm_ukf_scan(x[k], P[k], mu[k], z[k], R, TX, RX, F, Q, TRANSITION)
+        for a, b in zip(whole, alone, strict=True):
+            np.testing.assert_array_equal(a[k], b)
+    assert whole[0].base is not x  # nothing of the caller's is changed
+    np.testing.assert_array_equal(x, tracks(3)[0])
+
+
+def test_mixing_and_combining_are_sums():
+    x, P, mu, _ = (array[0] for array in tracks(1, seed=3))
+    mean, covariance, c = imm_mix(x, P, mu, TRANSITION)
+    np.testing.assert_allclose(c, mu @ TRANSITION)
+    for j in range(4):
+        w = TRANSITION[:, j] * mu / c[j]
+        centre = sum(w[i] * x[i] for i in range(4))
+        np.testing.assert_allclose(mean[j], centre)
+        spread = sum(w[i] * (P[i] + np.outer(x[i] - centre, x[i] - centre)) for i in range(4))
+        np.testing.assert_allclose(covariance[j], spread)
+    total, whole = imm_combine(mean, covariance, c)
+    np.testing.assert_allclose(total, mu @ x)  # mixing moves weight between models, not the target
+    np.testing.assert_allclose(whole, imm_combine(x, P, mu)[1], rtol=1e-9)
+
+
+def test_an_outlier_of_a_million_metres_leaves_probabilities():
+    x, P, mu, z = tracks(2)
+    for far in (1e6, 1e9):
+        mean, covariance, after = imm_ukf_scan(x, P, mu, z + np.array([far, 0.0]), R, TX, RX, F, Q, TRANSITION)
+        np.testing.assert_allclose(after.sum(axis=1), 1.0)
+        assert np.isfinite(mean).all()
+        assert (np.linalg.eigvalsh(covariance) > 0.0).all()
+    np.testing.assert_allclose(
+        imm_reweigh([0.5, 0.5, 0.0], [-1e9, -1e9 - 1.0, 0.0]), [1 / (1 + np.exp(-1)), 1 / (1 + np.e), 0]
+    )
+
+
+def test_the_paper_s_sets_of_models():
+    """Near the crossing constant acceleration and both turns, elsewhere no turns: rows as PAPERS.md has them."""
+    near, far = variable_structure(TRANSITION, [[False, True, True, True], [True, True, False, False]])
+    np.testing.assert_allclose(near[1], [0, 7 / 9, 1 / 9, 1 / 9])
+    np.testing.assert_allclose(far[1], [1 / 8, 7 / 8, 0, 0])
+    np.testing.assert_allclose(near[0], [0, 1, 0, 0])  # what went straight on is now seen as what may turn
+    np.testing.assert_allclose(far[2:], [[0, 1, 0, 0], [0, 1, 0, 0]])
+    x, P, mu, z = tracks(1)
+    mean, covariance, after = imm_ukf_scan(x, P, mu, z, R, TX, RX, F, Q, near)
+    assert after[0, 0] == 0.0
+    assert np.isfinite(mean).all()
+    assert np.isfinite(covariance).all()
+
+
+def test_mistakes():
+    x, P, mu, z = (array[0] for array in tracks(1))
+    with pytest.raises(InputError, match=r"the sum of a row of transition\[0\] is 1\.09, expected 1"):
+        imm_mix(x, P, mu, TRANSITION + np.array([[0, 0.09, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]))
+    with pytest.raises(InputError, match=r"transition\[0, 0\] is 1\.1, expected probabilities"):
+        imm_mix(x, P, mu, [[1.1, -0.1], [0.0, 1.0]])
+    with pytest.raises(InputError, match="from model 2 no active one of"):
+        variable_structure(TRANSITION, [True, False, False, False])
+    with pytest.raises(InputError, match=r"active has shape \(2,\), expected \(\.\.\., 4\)"):
+        variable_structure(TRANSITION, [True, False])
+    with pytest.raises(InputError, match="R has the eigenvalue -1, expected a positive definite matrix"):
+        ukf_update(x[0], 1e-6 * np.eye(6), z, -np.eye(2), TX, RX)
+    with pytest.raises(InputError, match="covariance has the eigenvalue"):
+        ukf_update(x[0], -P[0], z, R, TX, RX)
+    with pytest.raises(InputError, match="covariance has the eigenvalue -1"):
+        ukf_update(x[0], np.diag([1.0, 1.0, 1.0, 1.0, 1.0, -1.0]), z, R, TX, RX)
+    with pytest.raises(InputError, match="mean has 3 components, expected at least 4"):
+        ukf_update(np.ones(3), np.eye(3), z, R, TX, RX)
+    with pytest.raises(InputError, match="F has 2 components, expected at least 4"):
+        imm_ukf_scan(x[:, :2], P[:, :2, :2], mu, z, R, TX, RX, F[:, :2, :2], Q[:, :2, :2], TRANSITION)
+    with pytest.raises(InputError, match=r"transmitter has shape \(2, 2\), expected \(2,\)"):
+        imm_ukf_scan(x, P, mu, z, R, [TX, TX], RX, F, Q, TRANSITION)
+    with pytest.raises(InputError, match="expected leading axes that broadcast to the mean's"):
+        imm_ukf_scan(x, P, mu, np.ones((3, 2)), R, TX, RX, F, Q, TRANSITION)
+    with pytest.raises(InputError, match=r"probability\[0\] is -0\.5, expected probabilities"):
+        imm_mix(x, P, [-0.5, 1.5, 0.0, 0.0], TRANSITION)
+    np.testing.assert_array_equal(imm_reweigh([0.3, 0.7], [-np.inf, -np.inf]), [0.3, 0.7])
+    with pytest.raises(InputError, match=r"F has shape \(6, 6\), expected \(models, n, n\)"):
+        imm_ukf_scan(x, P, mu, z, R, TX, RX, F[0], Q[0], TRANSITION)

@@ -1,0 +1,239 @@
+"""The street's tracker: tracks are begun, held, told from ghosts and ended as they should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
+from wavegym.sensors import City, Road, multistatic_range_and_rate
+from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.multistatic import Multistatic
+from wavegym.trackers import imm_combine, predict, ukf_update
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, StreetTracker, Tracks
+
+CROSSING = City.load("intersection")
+TX, RX = (2085.0, 1470.5), ((2088.0, 1475.0), (2078.0, 1467.0))
+PLAIN = City(roads=(Road(((1900.0, 1530.0), (2200.0, 1530.0)), 60.0),))
+R, SNR = np.diag([39.2, 0.0069]), 200.0  # of a train of 249 pulses of 40 MHz at 4 GHz
+TRACKER = StreetTracker(CROSSING, (TX,), RX)
+OPEN = StreetTracker(PLAIN, (TX,), RX)
+
+
+def scan_of(states, noise=None, most=6):
+    """What both receivers measure of targets (target, 4) directly, with or without errors: z, count for one scan."""
+    z = np.zeros((1, 2, most, 2))
+    for m, place in enumerate(RX):
+        exact = multistatic_range_and_rate(np.reshape(states, (-1, 4)), TX, place)
+        eta = SNR * (100.0 / exact[:, 0]) ** 4
+        spread = np.stack([np.sqrt(R[0, 0] / eta), np.sqrt(R[1, 1] / eta + 0.01)], axis=1)
+        z[0, m, : len(exact)] = exact + (0.0 if noise is None else spread * noise.standard_normal(exact.shape))
+    return z, np.full((1, 2), len(np.reshape(states, (-1, 4))))
+
+
+NOTHING = np.zeros((1, 2, 6, 2)), np.zeros((1, 2), np.int64)
+
+
+def held(tracker, state, existence=0.99, status=CONFIRMED, age=10, slot=0, tracks=None, spread=1.0):
+    """Tracks with one at ``state`` (4,), known to ``spread`` m."""
+    tracks = tracker.empty(1) if tracks is None else tracks
+    tracks.x[0, slot, :, :4] = state
+    tracks.P[0, slot] = np.diag([spread**2, spread**2, 1.0, 1.0, 0.25, 0.25])
+    tracks.existence[0, slot], tracks.status[0, slot], tracks.age[0, slot] = existence, status, age
+    return tracks
+
+
+def test_a_target_in_plain_view_is_found_confirmed_and_followed():
+    """Driving past at 8 m/s: soon confirmed in most runs, and as near as the tracker says that it is."""
+    first, nees = [], []
+    for seed in range(40):
+        noise, tracks = np.random.default_rng(seed), OPEN.empty(1)
+        for k in range(40):
+            state = np.array([2050.0 + 2.0 * k, 1530.0, 8.0, 0.0])
+            tracks, refused = OPEN.scan(tracks, *scan_of(state, noise), R, SNR)
+            assert refused.sum() == 0
+            if (tracks.status[0] == CONFIRMED).any() and len(first) == seed:
+                first.append(k)
+        (slot,) = np.flatnonzero(tracks.status[0] == CONFIRMED)
+        assert tracks.existence[0, slot] > 0.99
+        x, P = (leaf[0, slot] for leaf in tracks.combined())
+        off = x[:4] - state
+        nees.append(off @ np.linalg.solve(P[:4, :4], off))
+    assert min(first) >= OPEN.confirm_after - 1
+    assert np.median(first) <= OPEN.confirm_after + 1
+    assert np.mean(nees) < 4.0 + 4 * np.sqrt(
+        8.0 / 40
+    )  # chi-square of 4; models that may turn claim less than they know
+
+
+def test_a_batch_is_its_environments_and_nothing_given_is_changed():
+    noise = np.random.default_rng(3)
+    states = np.array([[2040.0, 1500.0, 8.0, 0.0], [2069.0, 1530.0, 1.0, 4.0]])
+    moved = np.concatenate([0.25 * states[:, 2:], np.zeros((2, 2))], axis=1)
+    scans = [scan_of(states + k * moved, noise) for k in range(5) for _ in range(2)]
+    z, count = (np.concatenate(parts).reshape(5, 2, *parts[0].shape[1:]) for parts in zip(*scans, strict=True))
+    both, alone = TRACKER.empty(2), [TRACKER.empty(1), TRACKER.empty(1)]
+    for k in range(5):
+        before = Tracks(*(leaf.copy() for leaf in both))
+        both, _ = TRACKER.scan(after := both, z[k], count[k], R, SNR)
+        for a, b in zip(after, before, strict=True):
+            np.testing.assert_array_equal(a, b)
+        for e in range(2):
+            alone[e], _ = TRACKER.scan(alone[e], z[k, e : e + 1], count[k, e : e + 1], R, SNR)
+            for a, b in zip(both, alone[e], strict=True):
+                np.testing.assert_array_equal(a[e], b[0])
+    assert (both.status == CONFIRMED).any()
+
+
+def test_not_to_be_seen_counts_where_a_target_would_be():
+    seen, hidden = (2069.0, 1530.0, 0.0, 5.0), (1950.0, 1500.0, 0.0, 0.0)  # the latter behind a corner
+    after = []
+    for state in (seen, hidden):
+        tracks = held(TRACKER, state)
+        for _ in range(8):
+            tracks, _ = TRACKER.scan(tracks, *NOTHING, R, SNR)
+        after.append(tracks)
+    assert after[0].status[0, 0] == EMPTY
+    assert after[0].existence[0, 0] == 0.0
+    assert after[1].status[0, 0] == CONFIRMED
+    assert after[1].existence[0, 0] > 0.5
+
+
+def test_who_leaves_the_roads_ends():
+    for state, left in (((2110.0, 1430.0, 0.0, 0.0), EMPTY), ((2069.0, 1530.0, 0.0, 0.0), CONFIRMED)):
+        tracks, _ = TRACKER.scan(held(TRACKER, state), *scan_of(state), R, SNR)
+        assert tracks.status[0, 0] == left
+
+
+def test_of_two_tracks_in_one_place_the_surer_and_then_the_older_stays():
+    here, beside = (2069.0, 1530.0, 0.0, 5.0), (2070.0, 1531.0, 0.5, 5.0)
+    for status, age, existence, stays in ((TENTATIVE, 50, 0.1, 0), (CONFIRMED, 5, 0.99, 0), (CONFIRMED, 50, 0.99, 1)):
+        tracks = held(TRACKER, beside, existence, status, age, slot=1, tracks=held(TRACKER, here))
+        tracks, _ = TRACKER.scan(tracks, *scan_of([here, beside]), R, SNR)
+        assert np.flatnonzero(tracks.status[0] == CONFIRMED).tolist() == [stays]
+    apart = held(TRACKER, (2069.0, 1545.0, 0.0, 5.0), slot=1, tracks=held(TRACKER, here))
+    tracks, _ = TRACKER.scan(apart, *scan_of([here, (2069.0, 1545.0, 0.0, 5.0)]), R, SNR)
+    assert np.flatnonzero(tracks.status[0]).tolist() == [0, 1]
+
+
+def test_no_more_tracks_than_slots():
+    """The tentative track least sure to exist gives way; confirmed ones never do."""
+    few = StreetTracker(CROSSING, (TX,), RX, slots=2)
+    new, old = (2040.0, 1500.0, 8.0, 0.0), (2069.0, 1530.0, 0.0, 5.0)
+    tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), 0.5, TENTATIVE, slot=1, tracks=held(few, old))
+    tracks, refused = few.scan(tracks, *scan_of([old, new]), R, SNR)
+    assert refused.tolist() == [1]
+    assert tracks.status[0].tolist() == [CONFIRMED, TENTATIVE]
+    assert np.abs(tracks.x[0, 1, 0, :2] - new[:2]).max() < 0.5
+    tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), slot=1, tracks=held(few, old))
+    tracks, refused = few.scan(tracks, *scan_of([old, new]), R, SNR)
+    assert refused.tolist() == [1]
+    assert tracks.status[0].tolist() == [CONFIRMED, CONFIRMED]
+
+
+def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
+    """All that both receivers get of one target, directly and by walls, with the map and without."""
+    state, before = np.array([2069.0, 1600.0, 0.0, 10.0]), np.array([2069.0, 1597.5, 0.0, 10.0])
+    z, count = np.zeros((1, 2, 40, 2)), np.zeros((1, 2), np.int64)
+    for m, place in enumerate(RX):
+        pair = Multistatic(Antenna(CROSSING, TX), Antenna(CROSSING, place))
+        returns = pair.measure(state)[pair.open(state[:2])]
+        z[0, m, : len(returns)], count[0, m] = returns, len(returns)
+    assert count.min() >= 4
+    begun = {}
+    for ghosts in (True, False):
+        tracker = StreetTracker(CROSSING, (TX,), RX, ghosts=ghosts, vaguest=60.0)
+        tracks, _ = tracker.scan(held(tracker, before, spread=0.3), z, count, R, SNR)
+        begun[ghosts] = int((tracks.status[0] == TENTATIVE).sum())
+    assert begun[True] == 0
+    assert begun[False] > 0
+
+
+def test_what_is_expected_is_the_update_by_the_chance_of_a_detection():
+    tracker, state = StreetTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
+    tracks = held(tracker, state)
+    x, P = predict(tracks.x[0, 0, 0], tracks.P[0, 0, 0], tracker.motion[0].F, tracker.motion[0].Q)
+    for place in RX:
+        z = multistatic_range_and_rate(x[:4], TX, place)
+        # the SNR is that at the predicted measurement, the unscented mean
+        eta = SNR * (100.0 / z[0]) ** 4
+        _, updated, _ = ukf_update(x, P, z, R / eta + np.diag([0.0, 0.01]), TX, place)
+        P = P - 0.99 * 1e-3 ** (1.0 / (1.0 + eta / 2.0)) * (P - updated)
+    expected = tracker.expect(tracks, R, SNR)
+    np.testing.assert_allclose(expected.P[0, 0, 0], P, atol=1e-4 * np.diag(P).max())
+    np.testing.assert_allclose(expected.x[0, 0, 0], x)
+    assert expected.existence[0, 0] == pytest.approx(0.99 * 0.99)
+    weak = tracker.expect(tracks, R, 1.0)
+    assert np.trace(weak.P[0, 0, 0]) > np.trace(expected.P[0, 0, 0])
+
+
+def test_combined_is_the_mixture():
+    tracks = held(TRACKER, (2069.0, 1530.0, 0.0, 5.0))
+    for ours, theirs in zip(tracks.combined(), imm_combine(tracks.x, tracks.P, tracks.mu), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"transmitters": ()}, r"transmitters is \(\), expected at least one"),
+        ({"receivers": RX[:1]}, "expected at least two"),
+        ({"receivers": ((2086.0, 1471.5), (2084.0, 1469.5))}, "stand in one line, expected a triangle"),
+        ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
+        ({"slots": 0}, "slots is 0, expected an integer >= 1"),
+        ({"false_alarm": 0.0}, "false_alarm is 0"),
+        ({"false_alarm": 1.0}, r"false_alarm is 1\.0, expected a probability above 0 and below 1"),
+        ({"clutter_density": -1.0}, "clutter_density is -1"),
+        ({"survival": 1.1}, r"survival is 1\.1"),
+        ({"models": "vsim"}, "models is 'vsim'"),
+        ({"reech": 3.0}, "setting 'reech' is unknown to StreetTracker; did you mean 'reach'"),
+    ],
+)
+def test_mistakes(change, message):
+    arguments = {"city": CROSSING, "transmitters": (TX,), "receivers": RX, **change}
+    with pytest.raises(InputError, match=message):
+        make_checked(StreetTracker, arguments)
+    if "unknown" not in message:
+        with pytest.raises(InputError, match=message):
+            StreetTracker(**arguments)
+
+
+def test_shapes_that_do_not_fit():
+    with pytest.raises(
+        InputError, match=r"z and count have shapes \(1, 3, 6, 2\) and \(1, 2\), expected \(1, 2, most, 2\)"
+    ):
+        TRACKER.scan(TRACKER.empty(1), np.zeros((1, 3, 6, 2)), np.zeros((1, 2)), R, SNR)
+    for count in (7, -1, 1.5, np.nan):
+        with pytest.raises(InputError, match=f"count is {count}, expected an integer from 0 to 6"):
+            TRACKER.scan(TRACKER.empty(1), NOTHING[0], np.full((1, 2), count), R, SNR)
+
+
+@pytest.mark.parametrize(
+    "other", [StreetTracker(CROSSING, (TX,), RX, models="ncv"), StreetTracker(CROSSING, (TX,), RX, slots=3)]
+)
+def test_another_tracker_s_tracks_are_refused(other):
+    for use in (lambda tracks: TRACKER.scan(tracks, *NOTHING, R, SNR), lambda tracks: TRACKER.expect(tracks, R, SNR)):
+        with pytest.raises(InputError, match=r"tracks\.\w+ has shape .*: this tracker's"):
+            use(other.empty(1))
+
+
+@pytest.mark.parametrize(
+    ("R", "snr", "message"),
+    [
+        (-R, SNR, "expected positive definite matrices"),
+        (np.ones((2, 2)), SNR, "expected positive definite matrices"),
+        (np.full((2, 2), np.nan), SNR, "expected positive definite matrices"),
+        (R, 0.0, "snr is 0"),
+        (R, -1.0, "snr is -1"),
+        (R, np.nan, "snr is nan"),
+        (R, np.ones(3), r"snr have shapes"),
+    ],
+)
+def test_impossible_waveforms_are_refused(R, snr, message):
+    for use in (
+        lambda: TRACKER.scan(TRACKER.empty(1), *NOTHING, R, snr),
+        lambda: TRACKER.expect(TRACKER.empty(1), R, snr),
+    ):
+        with pytest.raises(InputError, match=message):
+            use()

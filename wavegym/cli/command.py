@@ -1,0 +1,90 @@
+"""Command lines that answer every mistake with one line and exit status 2.
+
+What nobody foresaw takes one line too, with exit status 1; the environment variable WAVEGYM_DEBUG=1 shows where it
+came from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from wavegym.core.errors import InputError, nearest
+
+FAILED = 2
+UNFORESEEN = 1
+INTERRUPTED = 130  # as shells have it
+DEBUG = "WAVEGYM_DEBUG"
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse whose complaints are InputErrors, and which names the nearest option."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(allow_abbrev=False, epilog=f"{DEBUG}=1 shows the traceback of an error.", **arguments)
+
+    def error(self, message: str) -> NoReturn:
+        """A bad argument."""
+        raise InputError(message)
+
+    def read(self, arguments: Sequence[str] | None) -> argparse.Namespace:
+        """``parse_args``, but an unknown option is named together with the nearest known one."""
+        parsed, unknown = self.parse_known_args(arguments)
+        if unknown:
+            hint = nearest(unknown[0], self._option_string_actions) if unknown[0].startswith("-") else ""
+            self.error(f"unexpected argument {unknown[0]!r}{hint}")
+        return parsed
+
+
+def settings(pairs: Sequence[str]) -> dict[str, Any]:
+    """``["horizon=20", "weights=1,0", "model=ca"]`` as a dictionary; values are Python literals, or else words.
+
+    Raises:
+        InputError: one is not ``key=value``.
+    """
+    found = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not equals or not key.isidentifier():
+            raise InputError(f"setting is {pair!r}, expected key=value, such as horizon=20")
+        found[key] = _literal(value)
+    return found
+
+
+def _literal(text: str) -> Any:
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
+
+
+def guarded(main: Callable[[], None]) -> int:
+    """Run ``main``; whatever goes wrong is told in one line on stderr. Returns the exit status.
+
+    Errors other than InputError and OSError are named by their type. With WAVEGYM_DEBUG=1 in the environment the
+    traceback comes before the line.
+    """
+    try:
+        main()
+    except (InputError, OSError) as error:
+        text = f"{error.strerror}: {error.filename}" if isinstance(error, OSError) and error.filename else str(error)
+        return _told(text or type(error).__name__, FAILED)
+    except Exception as error:  # overflow, memory, a worker that was killed, another package's complaint
+        return _told(f"{type(error).__name__}: {error}", UNFORESEEN)
+    except KeyboardInterrupt:
+        print("error: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _told(text: str, status: int) -> int:
+    """Print the error being handled; its exit status."""
+    if os.environ.get(DEBUG) == "1":
+        traceback.print_exc()
+    print(f"error: {' '.join(text.split())}", file=sys.stderr)
+    return status

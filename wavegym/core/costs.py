@@ -1,0 +1,17 @@
+"""The cost of a belief."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.trace_kernels import summed_trace
+
+
+def trace_cost(covariance: Array, weights: Array) -> Array:
+    """Sum over targets of trace(Lambda P), Lambda = diag(weights): (...) for P (..., target, n, n), weights (n,)."""
+    lead = covariance.shape[:-3]
+    P = np.ascontiguousarray(covariance).reshape(-1, *covariance.shape[-3:])
+    cost = np.empty(len(P))
+    summed_trace(P, weights, cost)
+    return cost.reshape(lead)

@@ -1,0 +1,34 @@
+"""The share of a covariance in the costs of the steps to come."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+
+
+def horizon_weights(F: ArrayLike, weights: ArrayLike, ahead: int) -> Array:
+    """M with trace(M P) = sum over l < ahead of trace(Lambda F^l P F'^l), the share of P in the costs to come.
+
+    Without further measurements the covariance l steps on is F^l P F'^l and noise that no look changes, so what a look
+    takes off the summed cost of ``ahead`` steps is linear in the difference that it makes to P.
+
+    Args:
+        F: transition, (n, n).
+        weights: diagonal of Lambda, (n,).
+        ahead: L, steps, the one of the look included.
+
+    Returns:
+        (n, n), symmetric.
+
+    Raises:
+        InputError: fewer than one step.
+    """
+    F, power = np.asarray(F, np.float64), np.eye(len(np.asarray(F)))
+    M = np.zeros_like(F)
+    for _ in range(whole("ahead", ahead, 1)):
+        M += power.T * np.asarray(weights) @ power
+        power = F @ power
+    return M

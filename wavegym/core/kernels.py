@@ -1,0 +1,164 @@
+"""How compiled kernels are made: loops over one flat leading axis, called like NumPy functions.
+
+A kernel is a plain Python function in a file called ``kernels.py`` or ``*_kernels.py``, compiled by Numba at its
+first use and cached on disk. The cache folder carries a hash of all kernel sources: Numba alone does not notice
+that a function in *another* file has changed and would go on calling the old one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+import sys
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba.core import event
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.core.errors import InputError
+
+PACKAGE = Path(__file__).parents[1]  # all of it: a kernel may inline one of another folder
+
+
+def _cache_folder() -> str:
+    """The folder for compiled code: beside the package where that can be written, else the user's cache."""
+    digest = hashlib.sha256()
+    for source in sorted(PACKAGE.rglob("*kernels.py")):
+        digest.update(source.read_bytes())
+    caches = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "wavegym"
+    parent = PACKAGE / "__pycache__" if os.access(PACKAGE, os.W_OK) else caches
+    return str(parent / f"kernels-{digest.hexdigest()[:16]}")
+
+
+class _Notice(event.Listener):
+    """Says once per process that kernels are being compiled, because the wait would otherwise look like a hang."""
+
+    said = False
+
+    def on_start(self, event: Any) -> None:
+        function = event.data["dispatcher"].py_func
+        if not self.said and function.__module__.startswith("wavegym."):
+            self.said = True
+            print("wavegym: compiling numerical kernels (once per installation, up to a minute) ...", file=sys.stderr)
+
+    def on_end(self, event: Any) -> None:
+        """Nothing to say."""
+
+
+event.register("numba:compile", _Notice())
+_SETTINGS: Any = numba.config
+_FOLDER = _SETTINGS.CACHE_DIR or _cache_folder()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` with Numba at its first call; division is IEEE's: no exception half-way through a batch."""
+    return _compiled(function, inline=False)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """As ``kernel``, for a small one in an innermost loop: an array is many arguments to a call, and costs as much."""
+    return _compiled(function, inline=True)
+
+
+def _compiled(function: Callable[..., Any], inline: bool) -> Any:
+    configured = _SETTINGS.CACHE_DIR
+    _SETTINGS.CACHE_DIR = _FOLDER  # read while the dispatcher is made; other packages' kernels keep their own
+    try:
+        return numba.njit(cache=True, error_model="numpy", forceinline=inline)(function)
+    finally:
+        _SETTINGS.CACHE_DIR = configured
+
+
+def batched(signature: str) -> Callable[[Callable[..., None]], Callable[..., Any]]:
+    """Lift a kernel over one flat leading axis to any leading axes that broadcast, like a NumPy function.
+
+    Args:
+        signature: core dimensions in NumPy's notation, ``"(n),(n,n)->(n)"``. The kernel is given C-contiguous float64
+            inputs and empty outputs, each with one leading axis, and fills the outputs. After them it is given, for
+            each named dimension in order of appearance, a tuple of that many zeros: its length is known when compiling.
+
+    Returns:
+        A decorator. The decorated function takes array-likes and returns one array, or a tuple of several.
+
+    Raises:
+        InputError: from the decorated function, when core dimensions disagree.
+    """
+    inputs, outputs = (re.findall(r"\(([^)]*)\)", side) for side in signature.split("->"))
+    cores_in = [[d for d in core.split(",") if d] for core in inputs]
+    cores_out = [[d for d in core.split(",") if d] for core in outputs]
+
+    def decorate(function: Callable[..., None]) -> Callable[..., Any]:
+        compiled = kernel(function)
+
+        @lru_cache(maxsize=256)
+        def plan(shapes: tuple[tuple[int, ...], ...]) -> _Plan:
+            try:
+                return _plan(cores_in, cores_out, shapes)
+            except ValueError as error:
+                wanted = f"shapes that fit {signature} with leading axes that broadcast"
+                raise InputError(f"{function.__name__}: argument shapes are {shapes}, expected {wanted}") from error
+
+        @wraps(function)
+        def lifted(*arguments: ArrayLike) -> Any:
+            arrays = [np.asarray(a, np.float64) for a in arguments]
+            lead, whole, flat, outputs, dimensions = plan(tuple([a.shape for a in arrays]))
+            results = [np.empty(shape) for shape in outputs]
+            compiled(
+                *[_ready(a, w).reshape(f) for a, w, f in zip(arrays, whole, flat, strict=True)],
+                *results,
+                *dimensions,
+            )
+            if len(lead) != 1:
+                results = [r.reshape(lead + r.shape[1:]) for r in results]
+            return results[0] if len(results) == 1 else tuple(results)
+
+        return lifted
+
+    return decorate
+
+
+def _ready(array: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """``array`` broadcast to ``shape``, C-contiguous and writeable: a read-only one would compile a second version."""
+    if array.shape == shape and array.flags.c_contiguous and array.flags.writeable:
+        return array
+    copy = np.empty(shape)
+    copy[...] = array
+    return copy
+
+
+class _Plan(NamedTuple):
+    """What one combination of argument shapes asks for."""
+
+    lead: tuple[int, ...]
+    whole: list[tuple[int, ...]]  # each argument's shape after broadcasting
+    flat: list[tuple[int, ...]]  # and with its leading axes made one
+    outputs: list[tuple[int, ...]]
+    dimensions: list[tuple[int, ...]]  # for each named core dimension, a tuple of that many zeros
+
+
+def _plan(cores_in: list[list[str]], cores_out: list[list[str]], shapes: tuple[tuple[int, ...], ...]) -> _Plan:
+    """Match shapes with the signature; ValueError where they do not fit."""
+    sizes: dict[str, int] = {}
+    leads = []
+    for core, shape in zip(cores_in, shapes, strict=True):
+        split = len(shape) - len(core)
+        if split < 0 or any(sizes.setdefault(d, s) != s for d, s in zip(core, shape[split:], strict=True)):
+            raise ValueError(shape)
+        leads.append(shape[:split])
+    lead = np.broadcast_shapes(*leads)
+    count = math.prod(lead)
+    fixed_in, fixed_out = ([tuple(sizes[d] for d in core) for core in cores] for cores in (cores_in, cores_out))
+    return _Plan(
+        lead,
+        whole=[lead + core for core in fixed_in],
+        flat=[(count, *core) for core in fixed_in],
+        outputs=[(count, *core) for core in fixed_out],
+        dimensions=[(0,) * size for size in sizes.values()],
+    )

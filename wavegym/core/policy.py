@@ -1,0 +1,27 @@
+"""The one protocol of everything that chooses: schedulers, planners, learned policies."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.system import System
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """Chooses for a batch of environments at once."""
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """Get ready for a batch of fresh episodes; a policy's own randomness, if any, comes from ``rng``."""
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """Actions (env, ...).
+
+        Args:
+            public: the public state; a scheduler reads this.
+            observation: what agents see, (env, elements); a learned policy reads this. None where there is no shell.
+            mask: allowed actions (env, actions), or None where every action is allowed.
+        """

@@ -1,0 +1,22 @@
+"""What a planner needs to know of a system whose covariance does not depend on what is measured."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from wavegym.core.arrays import Array
+
+
+class Recursion(NamedTuple):
+    """The Riccati recursion of each environment, known to the end: a linear model, Pd = 1 and a known SNR.
+
+    At step k + 1 action a measures with covariance R = scale[k] C[a]; the cost of a step is sum_i weights[i] P_ii.
+    """
+
+    covariance: Array  # (env, n, n) P0, positive definite
+    F: Array  # (n, n)
+    Q: Array  # (n, n)
+    M: Array  # (m, n) measurement matrix
+    C: Array  # (A, m, m) measurement covariances at unit SNR, in the order of ``candidates``
+    scale: Array  # (env, H) 1 / eta at steps 1 ... H
+    weights: Array  # (n,)

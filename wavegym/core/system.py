@@ -1,0 +1,212 @@
+"""The contract between a closed loop (waveform, target, sensor, tracker) and everything that uses it.
+
+A system is data plus a handful of pure functions of arrays. Environments, schedulers, evaluation and documentation know
+nothing else, so a system of your own is one dataclass in plain NumPy::
+
+    @dataclass(frozen=True)
+    class MySystem(System):
+        ...parameters...
+
+Every array carries the environments on axis 0. Three kinds of data, each a NamedTuple of arrays:
+
+* **World**: every random number of one episode, drawn in advance and independent of what will be chosen (a tape);
+* **Hidden**: what no scheduler may see (true targets);
+* **Public**: the belief, resources, time and known map. It has at least the field ``step``: int array (env,).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from wavegym.core.action_sets import PerSensor
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.core.horizon_weights import horizon_weights
+from wavegym.core.parameter_box import ParameterBox
+
+
+class State(NamedTuple):
+    """All there is to know of a batch of episodes: NamedTuples of arrays with axis 0 = environment."""
+
+    hidden: Any
+    public: Any
+
+
+class Element(NamedTuple):
+    """One element of the observation, shown to agents as (value - centre) / scale."""
+
+    name: str
+    unit: str
+    centre: float
+    scale: float
+    meaning: str
+
+
+class Choices(Protocol):
+    """A finite set of named actions; a waveform library is one, and a joint library."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A short name for each action."""
+
+
+class System:
+    """Base class of all systems: the contract, with defaults for what most systems share.
+
+    Attributes:
+        horizon: steps in an episode.
+        dt: time step in seconds.
+        actions: what may be transmitted: a Library, a JointLibrary or other finite set (action = index), a PerSensor
+            (action = one index for each sensor) or a ParameterBox (action in [-1, 1]^d).
+        elements: the observation's elements, in order.
+        terminates: True for a finite-horizon task (its end is a termination, the time left is observed), False for a
+            monitoring task cut off after ``horizon`` steps (its end is a truncation).
+        strict: whether the shells refuse an action that is masked. With False the system takes it, transmits something
+            allowed in its place, in ``advance`` and ``imagine`` alike, and says so in the metric ``replaced``.
+        chances: the shape of the uniform draws that the outcome of one step takes in ``imagine``; (0,) for none.
+    """
+
+    horizon: int
+    dt: float
+    terminates: ClassVar[bool] = True
+    strict: ClassVar[bool] = True
+
+    @property
+    def chances(self) -> tuple[int, ...]:
+        """The shape of one step's outcome."""
+        return (0,)
+
+    @property
+    def aims(self) -> Array | None:
+        """Which target each candidate looks at with each of its beams, (candidate, beam) int; None: at all alike."""
+        return None
+
+    @property
+    def actions(self) -> Choices | PerSensor | ParameterBox:
+        """The action set."""
+        raise NotImplementedError
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """The observation's elements, in the order in which ``observe`` returns them."""
+        raise NotImplementedError
+
+    def draw_world(self, rng: np.random.Generator) -> Any:
+        """Draw every random number of one episode. Arrays without an environment axis; ``rng`` is used nowhere else."""
+        raise NotImplementedError
+
+    def begin(self, world: Any) -> State:
+        """The state at step 0 of each world; world arrays have the environment axis from here on."""
+        raise NotImplementedError
+
+    def advance(self, state: State, action: Array, world: Any) -> State:
+        """One step: move the targets, sense with the chosen waveform, track. Returns fresh arrays.
+
+        Reads the tape at [env, public.step]; environments may stand at different steps. ``action``: (env,), or
+        (env, sensor) or (env, d).
+        """
+        raise NotImplementedError
+
+    def imagine(self, public: Any, actions: Array, outcome: Any = None) -> Any:
+        """One step of the belief as a planner may foresee it.
+
+        Args:
+            public: the public state, axis 0 = environment.
+            actions: (env,), or (env, candidate) in which case every array of the result gains the axis ``candidate``;
+                axis 0 may be 1 where all environments share their candidates. A box adds its axis d at the end, a
+                PerSensor its axis sensor.
+            outcome: None for the expected outcome, or uniform draws in [0, 1], (env, *chances) or (env, candidate,
+                *chances): an event, such as a detection, happens where its draw is below its probability as the belief
+                predicts it. So 0 makes happen whatever can, 1 nothing.
+        """
+        raise NotImplementedError
+
+    def cost(self, public: Any) -> Array:
+        """The cost of a belief, trace(Lambda P), (env,), or with whatever leading axes ``public`` has."""
+        raise NotImplementedError
+
+    def observe(self, public: Any) -> Array:
+        """The observation's elements in the units that ``elements`` states, (env, elements)."""
+        raise NotImplementedError
+
+    def ended(self, public: Any) -> Array:
+        """Whether the episode is over, (env,) bool."""
+        return public.step >= self.horizon
+
+    def mask(self, public: Any) -> Array:
+        """Which actions are allowed, (env, actions) bool; finite action sets only.
+
+        A PerSensor takes no mask: limits that couple sensors cannot be told sensor by sensor, so they go into the
+        joint form. What agents are shown for it is all True, (env, sensors * waveforms), sensor by sensor.
+        """
+        actions = self.actions
+        if isinstance(actions, PerSensor):
+            count = actions.sensors * len(actions)
+        else:
+            count = len(self.candidates() if isinstance(actions, ParameterBox) else actions.labels)
+        return np.ones((len(public.step), count), dtype=np.bool_)
+
+    @property
+    def transition(self) -> Array:
+        """F of the targets' motion, (n, n), for rules that look ahead: by default that of the attribute ``motion``."""
+        F: Array = self.motion.F  # type: ignore[attr-defined]
+        return F
+
+    def weights_ahead(self, ahead: int) -> Array:
+        """``horizon_weights`` of 1, 2, ... ``ahead`` steps, (ahead, n, n), for systems with ``weights``; made once."""
+        if ahead not in self._made_ahead:
+            weights: Any = self.weights  # type: ignore[attr-defined]
+            steps = range(1, whole("ahead", ahead, 1) + 1)
+            self._made_ahead[ahead] = np.stack([horizon_weights(self.transition, weights, k) for k in steps])
+        return self._made_ahead[ahead]
+
+    @cached_property
+    def _made_ahead(self) -> dict[int, Array]:
+        return {}
+
+    def metrics(self, state: State) -> dict[str, Array]:
+        """Key figures of the state, each (env, ...); may look at what is hidden, and is never observed.
+
+        Evaluation knows ``position_error`` (m), ``nees``, and ``lost``: tracks lost, of which those at the episode's
+        end count. Those of several targets are (env, target). Where targets come and go, ``present``, (env, target)
+        bool, says which are there; the other figures of one that is not are 0, as Gymnasium's checker of environments
+        takes no NaN for equal.
+        """
+        return {}
+
+    def candidates(self) -> Array:
+        """The actions that enumerating schedulers try.
+
+        All indices (A,), or all combinations (A^sensors, sensors) of a PerSensor; a system with a box offers points,
+        (A, d).
+        """
+        actions = self.actions
+        if isinstance(actions, ParameterBox):
+            raise NotImplementedError
+        return actions.combinations() if isinstance(actions, PerSensor) else np.arange(len(actions.labels))
+
+    def constants(self) -> Array:
+        """The actions that schedules without a belief (fixed:K, best-fixed, round-robin) choose among, (C, ...).
+
+        By default ``candidates()``. Fewer of them keep the search for the best one short; with a ``mask``, at least
+        one of them must always be allowed.
+        """
+        return self.candidates()
+
+    def named_constants(self) -> dict[str, Array]:
+        """Constant actions that have a name, e.g. a paper's own setting; ``fixed:NAME`` transmits one. Default: none.
+
+        They need not be among ``constants()``. A name holds no comma, because policies are listed with commas, and is
+        no integer, because ``fixed:K`` is a number's.
+        """
+        return {}
+
+    def named_loops(self) -> dict[str, tuple[str, dict[str, Any]]]:
+        """Whole loops that have a name: a scheduler, and parameters of the system that differ from this one's.
+
+        A comparison plays them on the same worlds, e.g. a paper's baseline with a simpler tracker. Default: none.
+        """
+        return {}

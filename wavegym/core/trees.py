@@ -1,0 +1,91 @@
+"""Batches of worlds and states are NamedTuples of arrays (nested, with axis 0 = environment); this is their algebra."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+
+
+def tree_map(function: Callable[..., Any], *trees: Any) -> Any:
+    """Apply ``function`` to corresponding leaves of NamedTuples of one shape; None stays None."""
+    if len(trees) == 1:
+        return _each(function, trees[0])
+    first = trees[0]
+    if isinstance(first, tuple):
+        return type(first)(*(tree_map(function, *leaves) for leaves in zip(*trees, strict=True)))
+    return None if first is None else function(*trees)
+
+
+def _each(function: Callable[[Any], Any], tree: Any) -> Any:
+    """``tree_map`` of one tree: planners apply it to thousands of small ones."""
+    if isinstance(tree, tuple):
+        return type(tree)(*[_each(function, leaf) for leaf in tree])
+    return None if tree is None else function(tree)
+
+
+def stack(trees: Sequence[Any]) -> Any:
+    """One tree with a new leading axis from many of the same shape."""
+
+    def join(*leaves: Array) -> Array:
+        if np.ndim(leaves[0]) == 0:
+            return np.array(leaves)
+        return np.concatenate(leaves).reshape(len(leaves), *leaves[0].shape)  # ten times faster than np.stack
+
+    return tree_map(join, *trees)
+
+
+def copied(tree: Any) -> Any:
+    """The same as fresh arrays."""
+    return tree_map(lambda leaf: leaf.copy(), tree)
+
+
+def take(tree: Any, rows: Array) -> Any:
+    """The given rows, as fresh arrays."""
+    return tree_map(lambda leaf: leaf[rows], tree)
+
+
+def first(tree: Any, count: int | None) -> Any:
+    """The first ``count`` rows, as views; None for all."""
+    return tree_map(lambda leaf: leaf[:count], tree)
+
+
+def repeated(tree: Any, times: int) -> Any:
+    """Every row so many times, one after another, as fresh arrays."""
+    return tree_map(lambda leaf: leaf.repeat(times, axis=0), tree)
+
+
+def scattered(tree: Any, rows: Array, part: Any) -> Any:
+    """A copy of ``tree`` with ``part`` in the given rows: arrays handed out before stay as they were."""
+
+    def replace(leaf: Array, fresh: Array) -> Array:
+        copy = leaf.copy()
+        copy[rows] = fresh
+        return copy
+
+    return tree_map(replace, tree, part)
+
+
+def merged(fresh: Any, rows: Array, kept: Any) -> Any:
+    """``fresh`` with the given rows of ``kept``; a leaf that both share is left alone."""
+
+    def merge(new: Array, old: Array) -> Array:
+        if new is old:
+            return new
+        copy = new.copy()
+        copy[rows] = old[rows]
+        return copy
+
+    return tree_map(merge, fresh, kept)
+
+
+def overwrite(tree: Any, rows: Array, part: Any) -> None:
+    """Put ``part`` in the given rows in place: for the tapes, which nobody else holds and which are large."""
+
+    def replace(leaf: Array, fresh: Array) -> None:
+        leaf[rows] = fresh
+
+    tree_map(replace, tree, part)

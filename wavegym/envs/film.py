@@ -1,0 +1,114 @@
+"""Frames that explain a step: the system's own scene on the left, what any system can show on the right.
+
+Drawn by matplotlib's Agg canvas without pyplot, so nothing global changes and the same episode gives the same pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.system import State, System
+from wavegym.envs.scenes import make_scene
+from wavegym.rendering.moment import Moment
+
+SIZE = (9.6, 6.4)  # inches; even numbers of pixels, as video encoders want
+DPI = 100
+SCENE_SHARE = 0.6  # of the width
+HEADLINE = 11.0  # points
+FITTING = 98  # characters of that size across the frame
+
+
+@dataclass
+class Episode:
+    """What one environment has done since its last reset."""
+
+    states: list[State] = field(default_factory=list)  # of the whole batch, at steps 0, 1, ...
+    actions: list[Array] = field(default_factory=list)  # of the whole batch, one fewer
+    costs: list[float] = field(default_factory=list)  # its own, one for each state
+
+
+class Film:
+    """Follows a vector environment and draws its current step.
+
+    Args:
+        system: the closed loop.
+        num_envs: how many.
+    """
+
+    def __init__(self, system: System, num_envs: int) -> None:
+        self.system = system
+        self.episodes = [Episode() for _ in range(num_envs)]
+        self._canvas: Canvas | None = None
+
+    def begin(self, state: State, rows: Array) -> None:
+        """New episodes in the environments ``rows`` (bool, env), which stand at ``state``."""
+        cost = self.system.cost(state.public)
+        for i in np.flatnonzero(rows):
+            self.episodes[i] = Episode([state], [], [float(cost[i])])
+
+    def add(self, state: State, actions: Array, cost: Array, restarting: Array | None) -> None:
+        """A step to ``state`` with ``actions`` (env, ...); the environments in ``restarting`` spent it on a reset."""
+        for i, episode in enumerate(self.episodes):
+            if restarting is not None and restarting[i]:
+                self.episodes[i] = Episode([state], [], [float(cost[i])])
+                continue
+            episode.states.append(state)
+            episode.actions.append(actions)
+            episode.costs.append(float(cost[i]))
+
+    def frames(self) -> tuple[Array, ...]:
+        """The current step of each environment, (height, width, 3) uint8."""
+        if self._canvas is None:
+            self._canvas = Canvas(self.system)
+        return tuple(self._canvas.frame(self._moment(i)) for i in range(len(self.episodes)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A pickled film leaves its canvas behind and makes a new one when it is asked for frames."""
+        return {**self.__dict__, "_canvas": None}
+
+    def _moment(self, i: int) -> Moment:
+        episode, row = self.episodes[i], np.array([i])
+        states = [trees.take(state, row) for state in episode.states]
+        return Moment(self.system, states, [action[row] for action in episode.actions], np.array(episode.costs))
+
+
+class Canvas:
+    """The figure that all frames of a film are drawn in, one after the other.
+
+    Args:
+        system: whose scene is drawn.
+    """
+
+    def __init__(self, system: System) -> None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        from wavegym.rendering.timelines import Timelines
+
+        figure = Figure(figsize=SIZE, dpi=DPI)
+        self._agg = FigureCanvasAgg(figure)
+        sides: Any = figure.subfigures(1, 2, width_ratios=(SCENE_SHARE, 1.0 - SCENE_SHARE), wspace=0.0)
+        self._parts = (make_scene(system, sides[0]), Timelines(system, sides[1]))
+        self._headline = figure.text(0.02, 0.955, "", fontsize=HEADLINE, fontweight="bold", va="center")
+
+    def frame(self, moment: Moment) -> Array:
+        """A frame of ``moment``, (height, width, 3) uint8."""
+        for part in self._parts:
+            part.draw(moment)
+        text = headline(moment)
+        self._headline.set(text=text, fontsize=HEADLINE * min(1.0, FITTING / len(text)))
+        self._agg.draw()
+        return np.asarray(self._agg.buffer_rgba())[..., :3].copy()
+
+
+def headline(moment: Moment) -> str:
+    """Which system, which step, what was transmitted, and the cost after it."""
+    parts = [f"{type(moment.system).__name__}, step {len(moment.actions)} of {moment.system.horizon}"]
+    if moment.actions:
+        parts.append(f"transmitted: {moment.label(moment.actions[-1])}")
+    return "   ·   ".join([*parts, f"cost {moment.costs[-1]:.4g}"])

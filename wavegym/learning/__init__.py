@@ -1,0 +1,1 @@
+"""Training on Stable-Baselines3: settings, imitation, checkpoints, export to NumPy. Needs the extra ``agents``."""

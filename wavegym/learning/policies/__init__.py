@@ -1,0 +1,1 @@
+"""Networks in torch, and their export to plain NumPy."""

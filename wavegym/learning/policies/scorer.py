@@ -1,0 +1,238 @@
+"""One network that scores every candidate alike, from what is foreseen of it and from what all candidates share.
+
+Of each candidate h = tanh(A f + B c + e): f its forecasts (``wavegym.envs.forecasts``) and what is observed of the
+targets that it looks at (``System.aims``), c a summary of the whole observation of the system, e an offset of its own,
+learned, that says which candidate it is. In rounds the candidates learn of each other, h + tanh(M h + N m), m the means
+and greatest of all h (deep sets: Zaheer et al., 2017); a score is w'h. An MLP has to learn the same function once for
+each candidate; this learns it once for all.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import torch
+from gymnasium import spaces
+from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
+from torch import Tensor, nn
+
+from wavegym.core.system import System
+
+
+class Layout(NamedTuple):
+    """How an observation is made up: the system's own elements, then the figures of one candidate after another.
+
+    Attributes:
+        elements: how many the system has.
+        candidates: how many.
+        figures: forecasts of one candidate.
+        pairs: which elements tell of the targets that a candidate looks at, (candidate, element) int; rows may be
+            empty.
+    """
+
+    elements: int
+    candidates: int
+    figures: int
+    pairs: tuple[tuple[int, ...], ...]
+
+    @classmethod
+    def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
+        """That of an environment of a system."""
+        own, count = len(system.elements), int(actions.n)
+        return cls(own, count, (observation.shape[0] - own) // count, pairs(system))
+
+
+def pairs(system: System) -> tuple[tuple[int, ...], ...]:
+    """Where the elements of a candidate's targets stand: those whose names end with the target's number from 1.
+
+    A number after it tells of one sensor, as in ``snr_2_1``.
+    """
+    if system.aims is None:
+        return ((),) * len(system.candidates())
+    of_target: dict[int, list[int]] = {}
+    for n, element in enumerate(system.elements):
+        if named := re.fullmatch(r".*?_(\d+)(_\d+)?", element.name):
+            of_target.setdefault(int(named[1]) - 1, []).append(n)
+    return tuple(tuple(n for target in aims for n in of_target[target]) for aims in system.aims.tolist())
+
+
+class Trunk(nn.Module):
+    """What is made of each candidate, (env, candidate, width), of observations as ``Layout`` has them."""
+
+    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.layout, self.activation = layout, activation()
+        self.context = nn.Sequential(*_layers((layout.elements, width, width), activation))
+        self.shared = nn.Linear(width, width)
+        self.register_buffer("pairs", torch.tensor(layout.pairs, dtype=torch.int64))
+        inputs = layout.figures + len(layout.pairs[0])
+        self.own = nn.Linear(inputs, width, bias=False) if inputs else None
+        self.offset = nn.Parameter(torch.zeros(layout.candidates, width))
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """See above."""
+        elements, candidates, figures, _ = self.layout
+        hidden = self.shared(self.context(observation[:, :elements]))[:, None] + self.offset
+        if self.own is not None:
+            foreseen = observation[:, elements:].reshape(len(observation), candidates, figures)
+            of_pairs: Any = self.pairs
+            hidden = hidden + self.own(torch.cat([foreseen, observation[:, of_pairs]], dim=2))
+        return self.activation(hidden)
+
+
+class Exchange(nn.Module):
+    """A round in which every candidate learns of the others; what it was stays, where the widths are the same."""
+
+    def __init__(self, inputs: int, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.own, self.others = nn.Linear(inputs, width), nn.Linear(2 * inputs, width, bias=False)
+        self.activation = activation()
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        """(env, candidate, width) of (env, candidate, inputs)."""
+        told = self.activation(self.own(hidden) + self.others(pooled(hidden))[:, None])
+        return hidden + told if told.shape == hidden.shape else told
+
+
+class Scorer(nn.Module):
+    """Scores (env, candidate) of observations (env, elements + candidates * figures).
+
+    Args:
+        layout: of the observations.
+        widths: of the trunk, and of each round after it.
+        activation: of all layers.
+    """
+
+    def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.trunk = Trunk(layout, widths[0], activation)
+        self.rounds = nn.Sequential(*(Exchange(*pair, activation) for pair in pairwise(widths)))
+        self.score = nn.Linear(widths[-1], 1, bias=False)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """See above."""
+        return self.score(self.rounds(self.trunk(observation)))[..., 0]
+
+
+class Critic(nn.Module):
+    """A summary, (env, width), of what the candidates have in common."""
+
+    def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.trunk = Trunk(layout, width, activation)
+        self.summary = nn.Sequential(*_layers((2 * width, width), activation))
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """See above."""
+        return self.summary(pooled(self.trunk(observation)))
+
+
+def pooled(hidden: Tensor) -> Tensor:
+    """What candidates have in common, (env, 2 * width): means and greatest over (env, candidate, width)."""
+    return torch.cat([hidden.mean(dim=1), hidden.amax(dim=1)], dim=1)
+
+
+class ActorAndCritic(nn.Module):
+    """What Stable-Baselines3 calls an extractor: the actor's scores, and the critic's hidden layers."""
+
+    def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.latent_dim_pi, self.latent_dim_vf = layout.candidates, widths[0]
+        self.policy_net, self.value_net = Scorer(layout, widths, activation), Critic(layout, widths[0], activation)
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Scores and the critic's last hidden layer."""
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: Tensor) -> Tensor:
+        """(env, candidate)."""
+        return self.policy_net(features)
+
+    def forward_critic(self, features: Tensor) -> Tensor:
+        """(env, width)."""
+        return self.value_net(features)
+
+
+class _Scoring:
+    """Puts the scorer in the place of the MLP; the scores are the logits, nothing follows them."""
+
+    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
+        self.layout = Layout(*layout)
+        super().__init__(*args, **settings)
+
+    def _build_mlp_extractor(self) -> None:
+        own: Any = self
+        own.mlp_extractor = ActorAndCritic(self.layout, own.net_arch, own.activation_fn)
+
+    def _build(self, lr_schedule: Callable[[float], float]) -> None:
+        own: Any = self
+        super()._build(lr_schedule)  # type: ignore[misc]
+        own.action_net = nn.Identity()
+        nn.init.orthogonal_(own.mlp_extractor.policy_net.score.weight, 0.01)
+        own.optimizer = own.optimizer_class(own.parameters(), lr=lr_schedule(1), **own.optimizer_kwargs)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "layout": tuple(self.layout)}  # type: ignore[misc]
+
+
+class ScorerPolicy(_Scoring, ActorCriticPolicy):
+    """For PPO."""
+
+
+class MaskableScorerPolicy(_Scoring, MaskableActorCriticPolicy):
+    """For MaskablePPO."""
+
+
+class Dueling(nn.Module):
+    """Q = V + scores less their mean (Wang et al., 2016)."""
+
+    def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
+        super().__init__()
+        self.scorer = Scorer(layout, widths, activation)
+        self.value = nn.Sequential(Critic(layout, widths[0], activation), nn.Linear(widths[0], 1))
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """(env, candidate)."""
+        scores = self.scorer(observation)
+        return self.value(observation) + scores - scores.mean(dim=1, keepdim=True)
+
+
+class ScorerQNetwork(QNetwork):
+    """DQN's network with the scorer in the place of the MLP."""
+
+    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.layout = Layout(*layout)
+        self.q_net: Any = Dueling(self.layout, self.net_arch, self.activation_fn)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "layout": tuple(self.layout)}
+
+
+class ScorerDQNPolicy(DQNPolicy):
+    """For DQN."""
+
+    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
+        self.layout = Layout(*layout)
+        super().__init__(*args, **settings)
+
+    def make_q_net(self) -> QNetwork:
+        """A network; Stable-Baselines3 asks for two."""
+        settings = self._update_features_extractor(self.net_args, features_extractor=None)
+        return ScorerQNetwork(**settings, layout=self.layout).to(self.device)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        return {**super()._get_constructor_parameters(), "layout": tuple(self.layout)}
+
+
+def _layers(widths: tuple[int, ...], activation: type[nn.Module]) -> list[nn.Module]:
+    """Linear layers, each followed by the activation."""
+    layers: list[nn.Module] = []
+    for inputs, outputs in pairwise(widths):
+        layers += [nn.Linear(inputs, outputs), activation()]
+    return layers

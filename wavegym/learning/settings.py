@@ -1,0 +1,194 @@
+"""Training settings: one readable file (settings.toml), closed and checked, with changes from the command line."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
+from wavegym.core.errors import InputError, choice
+from wavegym.core.parameters import make_checked
+from wavegym.registration import list_envs
+
+# What gymnasium.make_vec takes besides parameters of the environment, and what to do about it here.
+SHELL = {
+    "num_envs": "--set num_envs=N",
+    "reward": "--set reward=NAME",
+    "forecasts": "--set forecasts=true",
+    "autoreset_mode": "none: training needs SameStep",
+    "render_mode": "none: training shows nothing",
+    "vectorization_mode": "none: training uses the native batch",
+    "vector_kwargs": "none: training uses the native batch",
+    "wrappers": "none: training uses the native batch",
+    "system": "another environment id",
+    "id": "another environment id",
+    "env": "another environment id",
+}
+FILE = Path(__file__).with_name("settings.toml")
+
+Count = Annotated[int, Field(ge=1)]
+NonNegativeCount = Annotated[int, Field(ge=0)]
+Several = Annotated[int, Field(ge=2)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+@dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class Settings:
+    """What all algorithms share. Values stand in settings.toml, so there are no defaults here but ``environment``'s.
+
+    Attributes:
+        steps: environment steps in a whole training, over all environments together.
+        num_envs: environments in the batch.
+        reward: the environment's training reward.
+        forecasts: whether the observation holds forecasts of each candidate.
+        policy: "mlp", or "scorer": one network that scores every candidate alike (``learning.policies.scorer``).
+        network: widths of the hidden layers; of a scorer, of what is made of a candidate and of the rounds after it.
+        activation: of the hidden layers.
+        learning_rate: Adam's, at the start; falls linearly to 0.
+        gamma: discount; 0 learns the one-step scheduler.
+        batch_size: transitions in a gradient step.
+        max_grad_norm: longer gradients are shortened to it.
+        teacher: a scheduler that the learner imitates before it learns by itself; "" for none. Of a planner that
+            follows its base in rollouts ("rollout:H") it learns what each candidate saves.
+        teacher_futures: of each candidate, where the teacher is such a planner.
+        lessons: episodes in which the teacher is asked, in each round.
+        rounds: of lessons; in all but the first the learner acts and the teacher says what it would do (DAgger).
+        lesson_every: steps from one question to the teacher to the next, on average, after as many first steps; where
+            it plays itself, it stays with its answer in between. More than 1 only where it needs no memory.
+        lesson_epochs: passes over all lessons so far, after each round.
+        warm_up: rollouts after the lessons (of DQN: steps of the batch) in which only the critic learns; where they are
+            all the steps there are, the actor stays as it was taught.
+        environment: parameters of the environment other than its defaults.
+    """
+
+    steps: Count
+    num_envs: Count
+    reward: str
+    forecasts: bool
+    policy: Literal["mlp", "scorer"]
+    network: tuple[Count, ...]
+    activation: Literal["tanh", "relu"]
+    learning_rate: Positive
+    gamma: Share
+    batch_size: Count
+    max_grad_norm: Positive
+    teacher: str
+    teacher_futures: Count
+    lessons: Count
+    rounds: Count
+    lesson_every: Count
+    lesson_epochs: Count
+    warm_up: NonNegativeCount
+    environment: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class PPOSettings(Settings):
+    """Proximal policy optimisation; see Stable-Baselines3's PPO. ``n_steps`` is the rollout of each environment.
+
+    Advantages are divided by their standard deviation over a batch, so that one transition is too few.
+
+    Attributes:
+        masks: whether actions that are not allowed are never tried (sb3-contrib's MaskablePPO).
+        modes: of a box, how many points a choice is made of (``learning.policies.mixture``); 1: a plain Gaussian.
+    """
+
+    masks: bool
+    modes: Count
+    batch_size: Several
+    n_steps: Count
+    n_epochs: Count
+    gae_lambda: Share
+    clip_range: Positive
+    ent_coef: NonNegative
+    vf_coef: NonNegative
+
+
+@dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class DQNSettings(Settings):
+    """Deep Q-learning; see Stable-Baselines3's DQN. ``gradient_steps`` follow every step of the batch.
+
+    Attributes:
+        n_steps: of the returns.
+    """
+
+    n_steps: Count
+
+    buffer_size: Count
+    learning_starts: NonNegativeCount
+    gradient_steps: Count
+    target_update_interval: Count
+    exploration_initial_eps: Share
+    exploration_fraction: Share
+    exploration_final_eps: Share
+
+
+ALGORITHMS: dict[str, type[Settings]] = {"ppo": PPOSettings, "dqn": DQNSettings}
+
+
+def load_settings(
+    env_id: str,
+    algo: str,
+    changes: Mapping[str, Any] | None = None,
+    environment: Mapping[str, Any] | None = None,
+    file: Path = FILE,
+) -> Settings:
+    """Settings of ``algo`` in ``env_id``: the algorithm's, those of the table it is ``like``, its own, ``changes``.
+
+    Args:
+        env_id: a registered id; one without a table of its own takes the algorithm's settings.
+        algo: "ppo" or "dqn".
+        changes: settings by name.
+        environment: parameters of the environment by name.
+        file: the settings file.
+
+    Raises:
+        InputError: an unknown table, algorithm or setting (nearest named), or a value out of range.
+    """
+    choice("algorithm", algo, ALGORITHMS)
+    tables = _tables(file)
+    own = dict(tables.get(env_id, {}).get(algo, {}))
+    layers = [tables.get(algo, {}), own, changes or {}]
+    if "like" in own:
+        shared = choice(
+            f"like in table {env_id!r} of {file.name}", own.pop("like"), tables.keys() - {*ALGORITHMS, env_id}
+        )
+        layers.insert(1, tables[shared].get(algo, {}))
+    values = {key: value for layer in layers for key, value in layer.items()}
+    parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
+    values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
+    for name in SHELL.keys() & values["environment"].keys():
+        raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
+    settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
+    if settings.policy == "scorer" and not settings.network:
+        raise InputError("network is (), expected at least one width for a scorer (nearest: (64,))")
+    if isinstance(settings, PPOSettings) and settings.n_steps * settings.num_envs < 2:
+        raise InputError("n_steps times num_envs is 1, expected >= 2 transitions in a rollout (nearest: n_steps=2)")
+    return settings
+
+
+def _tables(file: Path) -> dict[str, Any]:
+    try:
+        tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"settings file {file} cannot be read: {error}") from None
+    for name, table in tables.items():
+        if name not in ALGORITHMS:
+            if name not in _shared(tables):
+                choice(f"table of {file.name}", name, [*ALGORITHMS, *list_envs()])
+            for algo in table:
+                choice(f"table {name!r} of {file.name}", algo, ALGORITHMS)
+    return tables
+
+
+def _shared(tables: dict[str, Any]) -> set[str]:
+    """Names of the tables that others are ``like``."""
+    groups = (table for name, table in tables.items() if name not in ALGORITHMS)
+    return {own["like"] for table in groups for own in table.values() if isinstance(own, dict) and "like" in own}

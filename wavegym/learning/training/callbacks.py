@@ -1,0 +1,100 @@
+"""What accompanies a training run: learning curve, progress bar, TensorBoard, checkpoints."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+from torch.utils.tensorboard import SummaryWriter
+from tqdm import tqdm
+
+from wavegym.evaluation.files import write_whole
+from wavegym.learning.training.checkpoints import save_checkpoint
+from wavegym.learning.training.curve import LearningCurve
+from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.snapshots import snapshot
+from wavegym.policies.runs import BOARD, CHECKPOINTS, CURVE
+
+ROWS = 100  # of the learning curve in a whole training
+
+
+class Keeper(BaseCallback):
+    """Keeps account of every step, and saves at the start of rollouts, where a run can be taken up (``snapshots``).
+
+    Args:
+        plan: what is being trained.
+        folder: of the run.
+        curve: the learning curve so far.
+        every: environment steps that a kill may cost, at most (or one rollout, if that is longer).
+        saved: steps at the checkpoint from which the run was taken up; None for a new run.
+        progress: show a bar on standard error.
+    """
+
+    def __init__(
+        self, plan: Plan, folder: Path, curve: LearningCurve, every: int, saved: int | None, progress: bool
+    ) -> None:
+        super().__init__()
+        settings: Any = plan.settings
+        self.folder, self.curve, self.every, self.saved = folder, curve, every, saved
+        self.spacing = settings.steps // ROWS
+        self.rollout = settings.num_envs * (settings.n_steps if plan.algo == "ppo" else 1)
+        self.bar = tqdm(
+            total=settings.steps,
+            initial=saved or 0,
+            unit=" steps",
+            unit_scale=True,
+            desc=f"{plan.algo} seed {plan.seed}",
+            mininterval=0.5 if sys.stderr.isatty() else 10.0,
+            disable=not progress,
+        )
+
+    def _on_rollout_start(self) -> None:
+        steps = self.model.num_timesteps
+        self.curve.close_row(steps, self.spacing)
+        if self.curve.rows:
+            cost = self.curve.rows[-1].cost
+            self.logger.record("rollout/cost", cost)
+            self.bar.set_postfix(cost=f"{cost:.4g}", refresh=False)
+        if self.saved is None or (steps != self.saved and steps + self.rollout - self.saved > self.every):
+            save_checkpoint(self.folder / CHECKPOINTS, steps, snapshot(self.model, self.curve))
+            write_whole(self.folder, {CURVE: self.curve.csv().encode()})
+            self.saved = steps
+
+    def _on_step(self) -> bool:
+        infos = self.locals["infos"]
+        self.curve.add(np.array([info["cost"] for info in infos]), self.locals["dones"])
+        self.bar.update(min(len(infos), self.bar.total - self.bar.n))  # the last rollout may go past the end
+        return True
+
+
+@contextmanager
+def tensorboard(folder: Path, steps: int) -> Iterator[Logger]:
+    """A logger into the run's folder; what a killed run had logged after ``steps`` is struck out."""
+    logger = Logger(str(folder / BOARD), [_Board(folder / BOARD, steps)])
+    before, threading.excepthook = threading.excepthook, _raised_again
+    try:
+        yield logger
+    finally:
+        threading.excepthook = before
+        logger.close()
+
+
+def _raised_again(failure: threading.ExceptHookArgs) -> None:
+    """TensorBoard writes in a thread and raises its OSError (a full disk) once more in ours, where it is reported."""
+    if not issubclass(failure.exc_type, OSError):
+        threading.__excepthook__(failure)
+
+
+class _Board(TensorBoardOutputFormat):
+    """Stable-Baselines3's TensorBoard output, but one that can begin in the middle."""
+
+    def __init__(self, folder: Path, steps: int) -> None:
+        self.writer = SummaryWriter(str(folder), purge_step=steps or None)
+        self._is_closed = False

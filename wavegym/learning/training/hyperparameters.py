@@ -1,0 +1,150 @@
+"""A search for training settings with Optuna: ``train.py ENV --algo ALGO --tune N --out DIR``.
+
+Every trial trains with settings that the search proposes, and is judged on worlds for tuning, never on those of a test:
+by the mean logarithm of its cost over that of the best simple rule on the same worlds. Trials are kept in
+DIR/trials.log; the same command goes on where an earlier one stopped.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.errors import InputError, whole
+from wavegym.evaluation import make_task, world_seeds
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.play import play
+from wavegym.evaluation.worlds import draw_worlds
+from wavegym.learning.settings import load_settings
+from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.train import train
+from wavegym.policies.runs import load_policy
+from wavegym.schedulers.registry import make_policy
+from wavegym.schedulers.tuned_constants import SIMPLE
+
+TRIALS, TABLE, BEST = "trials.log", "trials.csv", "best.toml"
+ROOT = 1  # of the worlds on which trials are judged; rules are tuned on those of root 0
+WORLDS = 200
+RULE_WORLDS = 50  # for a rule that has no constants on record
+
+# What is searched: of each setting a range (low, high), on a logarithmic scale, or a list of values.
+SPACE: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
+    "ppo": {
+        "learning_rate": (1e-4, 3e-3),
+        "gamma": [0.9, 0.95, 0.97, 0.98, 0.99],
+        "gae_lambda": [0.8, 0.9, 0.95, 0.98],
+        "n_steps": [25, 50, 100],
+        "n_epochs": [4, 6, 10],
+        "clip_range": [0.1, 0.2, 0.3],
+        "ent_coef": (1e-5, 1e-2),
+    },
+    "dqn": {
+        "learning_rate": (1e-4, 3e-3),
+        "gamma": [0.9, 0.95, 0.97, 0.98, 0.99],
+        "n_steps": [1, 3, 5],
+        "batch_size": [128, 256, 512],
+        "gradient_steps": [2, 4, 8],
+        "target_update_interval": [1_600, 6_400, 25_600],
+        "exploration_fraction": [0.1, 0.2, 0.4],
+    },
+}
+
+
+def tune(
+    env_id: str,
+    algo: str,
+    trials: int,
+    seed: int,
+    changes: Mapping[str, Any],
+    environment: Mapping[str, Any],
+    out: Path,
+) -> str:
+    """Search until there are ``trials`` trials in ``out``; the best settings as TOML, which is best.toml too.
+
+    Args:
+        env_id: the environment's full id.
+        algo: "ppo" or "dqn".
+        trials: how many, those of earlier commands included.
+        seed: of the search and of every training.
+        changes: settings held fixed, by name.
+        environment: parameters of the environment.
+        out: folder of the results.
+
+    Raises:
+        InputError: a setting out of range, no trial, or Optuna is not installed.
+    """
+    try:
+        import optuna
+        from optuna.storages.journal import JournalFileBackend, JournalStorage
+    except ImportError as error:
+        raise InputError(f"--tune needs Optuna: {error}; pip install 'wavegym[tune]'") from None
+    whole("tune", trials, 1)
+    load_settings(env_id, algo, changes, environment)  # a mistake shows before anything is trained
+    out.mkdir(parents=True, exist_ok=True)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(
+        storage=JournalStorage(JournalFileBackend(str(out / TRIALS))),
+        study_name=f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}",
+        sampler=optuna.samplers.TPESampler(seed=seed),
+        load_if_exists=True,
+    )
+    space = {name: values for name, values in SPACE[algo].items() if name not in changes}
+
+    def objective(trial: Any) -> float:
+        proposed = {name: _proposed(trial, name, values) for name, values in space.items()}
+        settings = load_settings(env_id, algo, {**changes, **proposed}, environment)
+        return judge(Plan(env_id, algo, seed, settings))
+
+    def save(study: Any, trial: Any) -> None:
+        write_whole(out, {TABLE: _table(study.trials).encode(), BEST: _toml(env_id, algo, study).encode()})
+        print(f"trial {trial.number}: {100 * (np.exp(trial.value) - 1):+.2f} % of {SIMPLE}", flush=True)
+
+    left = trials - len([t for t in study.trials if t.state.is_finished()])
+    if left > 0:
+        study.optimize(objective, n_trials=left, callbacks=[save])
+    return _toml(env_id, algo, study)
+
+
+def judge(plan: Plan) -> float:
+    """Train, and compare: the mean logarithm of the cost over the best simple rule's on worlds for tuning."""
+    task = make_task(plan.env, dict(plan.settings.environment))
+    rule = make_policy(SIMPLE, task.system, draw_worlds(task.system, world_seeds(0, "tune", RULE_WORLDS)))
+    seeds = world_seeds(ROOT, "tune", WORLDS)
+    with tempfile.TemporaryDirectory() as folder:
+        train(plan, Path(folder) / "run", plan.settings.steps, progress=False)
+        (policy,) = load_policy(Path(folder) / "run", plan.env, task.system)
+    cost, reference = (play(task, p, seeds).episode_cost() for p in (policy, rule))
+    return float(np.log(cost / reference).mean())
+
+
+def _proposed(trial: Any, name: str, values: tuple[float, float] | list[Any]) -> Any:
+    if isinstance(values, tuple):
+        return float(f"{trial.suggest_float(name, *values, log=True):.3g}")
+    suggest: Callable[..., Any] = trial.suggest_categorical
+    return suggest(name, values)
+
+
+def _table(trials: list[Any]) -> str:
+    """A row for each finished trial: its number, its judgement, its settings."""
+    text = io.StringIO()
+    names = sorted({name for trial in trials for name in trial.params})
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["trial", "log_ratio", *names])
+    for trial in trials:
+        if trial.value is not None:
+            writer.writerow([trial.number, trial.value, *(trial.params.get(name, "") for name in names)])
+    return text.getvalue()
+
+
+def _toml(env_id: str, algo: str, study: Any) -> str:
+    """The best settings as a table for wavegym/learning/settings.toml."""
+    percent = 100 * (np.exp(study.best_value) - 1)
+    lines = [f"# {percent:+.2f} % of {SIMPLE} on worlds for tuning, the best of {len(study.trials)} trials"]
+    values = {k: float(f"{v:.3g}") if isinstance(v, float) else v for k, v in study.best_params.items()}
+    return "\n".join([*lines, f'["{env_id}".{algo}]', *(f"{name} = {value}" for name, value in values.items())]) + "\n"

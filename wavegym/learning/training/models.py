@@ -1,0 +1,122 @@
+"""From a plan to an untrained Stable-Baselines3 model with its environments."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from sb3_contrib import MaskablePPO
+from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.utils import LinearSchedule
+
+from wavegym.core.errors import InputError
+from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.evaluation import training_seeds
+from wavegym.learning.policies.mixture import MixturePolicy
+from wavegym.learning.policies.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
+from wavegym.learning.settings import PPOSettings, Settings
+from wavegym.learning.training.run_spec import Plan
+
+ROOT = 0  # of the training worlds' seeds; test worlds differ from them whatever their root is
+ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+# Settings that are not Stable-Baselines3's own.
+OURS = (
+    *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
+    *("masks", "modes", "teacher", "teacher_futures", "lessons", "rounds", "lesson_every", "lesson_epochs", "warm_up"),
+)
+POLICIES = {PPO: ScorerPolicy, MaskablePPO: MaskableScorerPolicy, DQN: ScorerDQNPolicy}
+
+
+def model_class(settings: Settings) -> type[BaseAlgorithm]:
+    """The algorithm that these settings are for."""
+    if not isinstance(settings, PPOSettings):
+        return DQN
+    return MaskablePPO if settings.masks else PPO
+
+
+def build_model(plan: Plan) -> BaseAlgorithm:
+    """The model, every generator seeded.
+
+    Raises:
+        InputError: a setting that the environment does not know, or actions that the algorithm cannot choose.
+    """
+    settings, algorithm = plan.settings, model_class(plan.settings)
+    env = _environments(plan, settings.num_envs)
+    own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in OURS}
+    if algorithm is DQN:
+        own["train_freq"] = 1
+    policy, network = _network(settings, env)
+    model = algorithm(
+        policy,
+        env,
+        learning_rate=LinearSchedule(settings.learning_rate, 0.0, 1.0),
+        policy_kwargs=network,
+        seed=plan.seed,
+        device="cpu",
+        **own,
+    )
+    env.seed(training_seeds(ROOT, plan.seed, settings.num_envs))
+    return model
+
+
+def _network(settings: Settings, env: SB3VecEnv) -> tuple[Any, dict[str, Any]]:
+    """Stable-Baselines3's policy and what it is to be made with."""
+    network = {"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]}
+    if settings.policy == "scorer":
+        system = env.get_attr("system", 0)[0]
+        network["layout"] = tuple(Layout.of(env.observation_space, env.action_space, system))  # type: ignore[arg-type]
+        return POLICIES[model_class(settings)], network
+    if _modes(settings) > 1:
+        return MixturePolicy, {**network, "modes": _modes(settings)}
+    return "MlpPolicy", network
+
+
+def _modes(settings: Settings) -> int:
+    return settings.modes if isinstance(settings, PPOSettings) else 1
+
+
+def _environments(plan: Plan, count: int) -> SB3VecEnv:
+    """A batch of the plan's environments; InputError where the algorithm or the policy cannot choose there."""
+    settings = plan.settings
+    env = SB3VecEnv(plan.env, count, reward=settings.reward, forecasts=settings.forecasts, **settings.environment)
+    if not isinstance(env.action_space, spaces.Discrete):
+        for name, asked in (("dqn", plan.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
+            if asked:
+                wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
+                raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
+    if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):
+        raise InputError(f"modes is {modes}, expected 1: the actions of {plan.env} are {env.action_space}, no box")
+    return env
+
+
+def try_out(plan: Plan) -> None:
+    """One step of the plan's environment, apart from the training's own environments and generators.
+
+    Raises:
+        InputError: a setting that the environment does not know, a missing file of recorded targets and the like, or a
+            reward that its system cannot give.
+    """
+    settings = plan.settings
+    env = _environments(plan, 1)
+    env.seed(training_seeds(ROOT, plan.seed, 1))
+    env.action_space.seed(0)
+    try:
+        env.reset()
+        env.step(np.array([env.action_space.sample()]))
+    except NotImplementedError as error:
+        missing = f"its system does not offer what reward {settings.reward!r} needs"
+        raise InputError(f"{plan.env} cannot be trained in: {missing}, expected another reward") from error
+    finally:
+        env.close()
+
+
+def model_bytes(model: BaseAlgorithm) -> bytes:
+    """What ``model.save`` writes: weights, optimiser, counters, last observations, settings."""
+    file = io.BytesIO()
+    model.save(file)
+    return file.getvalue()

@@ -1,0 +1,69 @@
+"""What a training run is to do, written into its folder before it begins, so that nothing else is resumed there."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import wavegym
+from wavegym.core.errors import InputError
+from wavegym.learning.settings import Settings
+from wavegym.policies.records import difference, read_record
+from wavegym.policies.runs import CONTENTS, PLAN
+
+PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3", "sb3-contrib")
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """What is to be trained; two runs of one plan end with the same weights.
+
+    Attributes:
+        env: the environment's full id.
+        algo: "ppo" or "dqn".
+        seed: number of the run, 0 to 2^32 - 1.
+        settings: of the algorithm, ``steps`` among them.
+    """
+
+    env: str
+    algo: str
+    seed: int
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.seed < 2**32:
+            raise InputError(f"seed is {self.seed}, expected an integer in [0, {2**32 - 1}]")
+
+    def record(self) -> dict[str, Any]:
+        """The plan as JSON holds it, with the versions that the last bits depend on."""
+        python = ".".join(platform.python_version_tuple()[:2])
+        versions = {"python": python, "wavegym": wavegym.__version__, **{name: _version(name) for name in PACKAGES}}
+        return json.loads(json.dumps({**dataclasses.asdict(self), "versions": versions}))
+
+
+def check_unused(folder: Path) -> None:
+    """Raise an InputError if the folder holds a run: nothing is ever overwritten."""
+    for name in CONTENTS:
+        if (folder / name).exists():
+            raise InputError(f"{folder} already holds a run ({name}), expected a new folder or --resume")
+
+
+def check_same(plan: Plan, folder: Path) -> None:
+    """Raise an InputError that names the difference if the run in the folder is of another plan, or there is none."""
+    if not (folder / PLAN).exists():
+        raise InputError(f"{folder} holds no run to resume, expected {PLAN} in it")
+    unlike = difference(plan.record(), read_record(folder / PLAN))
+    if unlike:
+        name, here, there = unlike
+        raise InputError(f"{name} is {here!r}, but the run in {folder} has {there!r}: it cannot be resumed")
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from a source tree, say
+        return "unknown"

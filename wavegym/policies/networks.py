@@ -1,0 +1,137 @@
+"""Trained networks in plain NumPy: some ten microseconds a decision, and no torch.
+
+A network is a kind and its arrays, float32. ``learning.policies.export`` makes them of Stable-Baselines3's policies.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.system import System
+from wavegym.envs.forecasts import Forecasts
+
+
+class Network(NamedTuple):
+    """What a policy file holds.
+
+    Attributes:
+        kind: "mlp", "mixture" (an MLP too) or "scorer".
+        activation: "tanh" or "relu".
+        heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box; of a
+            mixture the number of points from which that of the box is chosen.
+        arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
+            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as ``learning.policies.scorer`` has
+            them.
+    """
+
+    kind: str
+    activation: str
+    heads: tuple[int, ...]
+    arrays: dict[str, Array]
+
+    def outputs(self, observation: Array) -> Array:
+        """Logits, values or means (env, outputs) of observations (env, elements) float32; see ``Mixture``."""
+        activate = np.tanh if self.activation == "tanh" else _relu
+        return (self._scores if self.kind == "scorer" else self._mlp)(observation, activate)
+
+    def _mlp(self, hidden: Array, activate: Any) -> Array:
+        given = list(self.arrays.values())  # W0, b0, W1, ...
+        for weight, offset in zip(given[:-2:2], given[1:-2:2], strict=True):
+            hidden = hidden @ weight.T  # an array of its own, that may be written over
+            hidden += offset
+            activate(hidden, out=hidden)
+        return np.asarray(hidden @ given[-2].T + given[-1])
+
+    def _scores(self, observation: Array, activate: Any) -> Array:
+        given, layers = self.arrays, self._count("W")
+        elements, (candidates, _) = given["W0"].shape[1], given["offset"].shape
+        context = observation[:, :elements]
+        for n in range(layers):
+            context = activate(context @ given[f"W{n}"].T + given[f"b{n}"])
+        hidden = (context @ given["shared"].T + given["shared_bias"])[:, None] + given["offset"]
+        if "own" in given:
+            foreseen = observation[:, elements:].reshape(
+                len(observation), candidates, (observation.shape[1] - elements) // candidates
+            )
+            hidden = hidden + np.concatenate([foreseen, observation[:, given["pairs"]]], axis=2) @ given["own"].T
+        hidden = activate(hidden)
+        for n in range(self._count("round") // 3):
+            pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
+            others = (pooled @ given[f"round{n}_others"].T)[:, None]
+            told = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
+            hidden = hidden + told if told.shape == hidden.shape else told
+        return (hidden @ given["score"].T)[..., 0]
+
+    def _count(self, start: str) -> int:
+        """Number of arrays whose names begin like this."""
+        return sum(name.startswith(start) for name in self.arrays)
+
+    def to_bytes(self) -> bytes:
+        """As an .npz file, the same bytes for the same network."""
+        file = io.BytesIO()
+        about = {"kind": self.kind, "activation": self.activation, "heads": np.array(self.heads, np.int64)}
+        content: dict[str, Any] = {**{f"_{key}": np.asarray(value) for key, value in about.items()}, **self.arrays}
+        np.savez(file, **content)
+        return file.getvalue()
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> Network:
+        """The network of such a file. Raises ValueError, KeyError or OSError where it is none; runs no code of it."""
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        kind, activation, heads = (arrays.pop(f"_{name}") for name in ("kind", "activation", "heads"))
+        return cls(str(kind), str(activation), tuple(heads.tolist()), arrays)
+
+
+def _likeliest(outputs: Array, modes: int) -> Array:
+    """Of a mixture's outputs the mean (env, parameter) of its likeliest mode."""
+    points = outputs[:, modes:].reshape(len(outputs), modes, -1)
+    return points[np.arange(len(outputs)), outputs[:, :modes].argmax(axis=1)]
+
+
+def _relu(values: Array, out: Array | None = None) -> Array:
+    return np.maximum(values, 0.0, out=out)
+
+
+class LearnedPolicy:
+    """A trained network as a policy: deterministic, a batch at a time.
+
+    Args:
+        network: what was learned.
+        forecasts: whether it was shown forecasts of each candidate beside the system's own elements.
+    """
+
+    def __init__(self, network: Network, forecasts: bool = False) -> None:
+        self.network, self.forecasts = network, forecasts
+        self._foresee: Forecasts | None = None
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self._foresee = Forecasts(system) if self.forecasts else None
+        self._elements = len(system.elements)
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``: the likeliest action, or the one of highest value, among those allowed.
+
+        Forecasts that the observation lacks are made of ``public``.
+        """
+        if observation is None:
+            raise InputError("a learned policy was shown no observation, expected an environment's")
+        if self._foresee and observation.shape[1] == self._elements:
+            observation = np.concatenate([observation, self._foresee(public)], axis=1)
+        outputs, heads = self.network.outputs(observation), self.network.heads
+        if self.network.kind == "mixture":
+            outputs, heads = _likeliest(outputs, *heads), ()
+        if not heads:
+            return np.maximum(np.minimum(outputs, 1.0), -1.0)  # np.clip takes four times as long
+        if mask is not None:
+            outputs = np.where(mask, outputs, -np.inf)
+        if len(heads) == 1:
+            return outputs.argmax(axis=1)
+        edges = np.cumsum(heads)[:-1]
+        return np.stack([part.argmax(axis=1) for part in np.split(outputs, edges, axis=1)], axis=1)

@@ -1,0 +1,85 @@
+"""The JSON records plan.json and run.json: read, checked, compared."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from wavegym.core.errors import InputError
+
+# What a finished run's record must hold to be played.
+RUN_FIELDS: dict[str, type] = {
+    "env": str,
+    "algo": str,
+    "seed": int,
+    "settings": dict,
+    "observation": list,
+    "scaling": list,
+    "actions": dict,
+    "actions.form": str,
+    "actions.count": int,
+    "actions.sha256": str,
+    "policy_sha256": str,
+}
+
+
+class Unlike(NamedTuple):
+    """An entry in which two records differ; None where one has no such entry."""
+
+    name: str
+    here: Any
+    there: Any
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """A JSON object that a training run wrote.
+
+    Raises:
+        InputError: the file is missing or is no such thing.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {error}") from None
+    if not isinstance(record, dict):
+        raise InputError(f"{path} holds no JSON object, expected what train.py wrote")
+    return record
+
+
+def read_run(path: Path) -> dict[str, Any]:
+    """The record of a finished run, with every field that playing it needs.
+
+    Raises:
+        InputError: the file is missing, no JSON object, or an entry is missing or of another kind (named).
+    """
+    run = read_record(path)
+    for name, kind in RUN_FIELDS.items():
+        value: Any = run
+        for key in name.split("."):
+            if key not in value:
+                raise InputError(f"{path} is not what train.py wrote: {name!r} is missing")
+            value = value[key]
+        if not isinstance(value, kind):
+            raise InputError(f"{path} is not what train.py wrote: {name!r} is {value!r}, expected {kind.__name__}")
+    if not all(isinstance(element, str) for element in run["observation"]):
+        raise InputError(f"{path} is not what train.py wrote: 'observation' is {run['observation']!r}, expected names")
+    return run
+
+
+def difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> Unlike | None:
+    """The first entry, in alphabetical order, in which two records differ, such as ``settings.gamma``."""
+    mine, other = _flat(here), _flat(there)
+    for name in sorted({*mine, *other}):
+        if mine.get(name) != other.get(name):
+            return Unlike(name, mine.get(name), other.get(name))
+    return None
+
+
+def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """{"settings.gamma": 0.9, ...} of a nested record."""
+    flat: dict[str, Any] = {}
+    for key, value in record.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return flat

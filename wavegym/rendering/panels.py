@@ -1,0 +1,83 @@
+"""Axes that live as long as a film: made and captioned once, wiped and filled for each frame.
+
+Making axes and ticks and measuring text is where matplotlib's time goes; this halves it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+SMALL = 7.5  # points
+LINE = 13.0  # pixels between lines of small print
+
+
+def caption(axes: Axes, title: str, x: str = "", y: str = "") -> None:
+    """Title and axis labels in small print at set places."""
+    axes.set_title(title, fontsize=SMALL + 0.5, y=1.0 + 0.4 * LINE / axes.bbox.height, pad=0.0)
+    axes.set_xlabel(x, fontsize=SMALL)
+    axes.set_ylabel(y, fontsize=SMALL)
+    axes.xaxis.set_label_coords(0.5, -1.8 * LINE / axes.bbox.height)
+    axes.yaxis.set_label_coords(-2.6 * LINE / axes.bbox.width, 0.5)
+    axes.tick_params(labelsize=SMALL - 0.5)
+
+
+def few_ticks(axes: Axes, most: int = 4) -> None:
+    """At most so many intervals between round ticks along linear axes."""
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(_round_ticks(most))
+
+
+def wipe(axes: Axes) -> None:
+    """Remove what the last frame drew; captions, ticks and legend stay."""
+    for artist in [*axes.lines, *axes.patches, *axes.collections, *axes.images, *axes.texts]:
+        artist.remove()
+    axes.relim()  # of nothing: the next frame's limits owe nothing to the last one's data
+    axes.set_prop_cycle(None)
+
+
+def steps_along(axes: Axes, horizon: int) -> None:
+    """The episode's steps along x."""
+    axes.set_xlim(-0.02 * horizon, 1.02 * horizon)
+
+
+def fit_y(axes: Axes, values: Array) -> None:
+    """Limits around ``values``; a logarithmic axis where they are positive and span more than a factor of three."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    low, high = float(np.min(values)), float(np.max(values))
+    if low > 0 and high > 3.0 * low:
+        axes.set_yscale("log")
+        spare = (high / low) ** 0.08
+        axes.set_ylim(low / spare, high * spare)
+        subs = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)
+        axes.yaxis.set_major_locator(LogLocator(subs=subs, numticks=6))
+        axes.yaxis.set_minor_locator(NullLocator())
+    else:
+        axes.set_yscale("linear")
+        spare = 0.08 * (high - low) or 0.1 * abs(high) or 1.0
+        axes.set_ylim(low - spare, high + spare)
+        axes.yaxis.set_major_locator(_round_ticks(4))
+    axes.yaxis.set_major_formatter("{x:g}")
+
+
+def _round_ticks(most: int) -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(most, steps=[1, 2, 5, 10])
+
+
+def legend(axes: Axes, place: Any, columns: int = 1, /, **entries: dict[str, Any]) -> None:
+    """A lasting legend: a name and the line properties of each entry."""
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], label=name.replace("_", " "), **style) for name, style in entries.items()]
+    style = {"fontsize": SMALL - 1, "handlelength": 1.2, "columnspacing": 1.2, "borderpad": 0.3, "framealpha": 0.7}
+    axes.legend(handles=handles, loc=place, ncols=columns, **style)

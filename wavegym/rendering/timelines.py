@@ -1,0 +1,140 @@
+"""The part of a frame that any system can show: cost, foreseen costs, choices."""
+
+from __future__ import annotations
+
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavegym.core.action_labels import by_sensor, sensor_count, waveform_labels
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
+from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+
+COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
+MOST_LABELS = 7
+WIDEST = 26  # characters of a label's line
+MOST_NAMED = 6  # lines of a box that have a name: as many as there is room for
+APART = 0.2  # rows between two sensors' marks where both transmit the same waveform
+
+
+class Timelines:
+    """Three panels, one below the other.
+
+    Args:
+        system: the closed loop.
+        figure: where to draw.
+    """
+
+    def __init__(self, system: System, figure: SubFigure) -> None:
+        place = {"left": 0.31, "right": 0.97, "top": 0.87, "bottom": 0.08, "hspace": 0.55}
+        self._cost, self._foreseen, self._choices = figure.subplots(3, 1, gridspec_kw=place)
+        for axes in (self._cost, self._foreseen, self._choices):
+            few_ticks(axes)
+        caption(self._cost, "cost after each step", "step")
+        caption(self._foreseen, "", "candidate, one step ahead")
+        for axes in (self._cost, self._choices):
+            steps_along(axes, system.horizon)
+        if isinstance(system.actions, ParameterBox):
+            caption(self._choices, "choices: share of each parameter's range", "step")
+            names = list(system.actions.names)[:MOST_NAMED]
+            self._choices.set_ylim(-0.05, 1.1 + 0.25 * -(-len(names) // 2))
+            _name_lines(self._choices, names)
+        else:
+            caption(self._choices, "choices", "step")
+            sensors = sensor_count(system.actions)
+            if sensors > 1:
+                _name_lines(self._choices, [f"sensor {i + 1}" for i in range(sensors)])
+
+    def draw(self, moment: Moment) -> None:
+        """Fill the panels."""
+        for axes in (self._cost, self._foreseen, self._choices):
+            wipe(axes)
+        self._cost.plot(moment.costs, color=COST, linewidth=1.2)
+        self._cost.plot([len(moment.costs) - 1], moment.costs[-1:], "o", color=COST, markersize=4)
+        fit_y(self._cost, moment.costs)
+        draw_foreseen(self._foreseen, moment)
+        if isinstance(moment.system.actions, ParameterBox):
+            draw_parameters(self._choices, moment)
+        else:
+            draw_choices(self._choices, moment)
+
+
+def draw_foreseen(axes: Axes, moment: Moment) -> None:
+    """What could be foreseen of each candidate one step ahead, the least of it, and what was chosen."""
+    public = (moment.states[-2] if moment.actions else moment.states[-1]).public
+    try:
+        candidates = moment.system.candidates()
+        foreseen = moment.system.cost(moment.system.imagine(public, candidates[None]))[0]
+    except NotImplementedError:
+        axes.set_visible(False)
+        return
+    least = int(np.argmin(foreseen))
+    axes.plot(foreseen, ".", color=OTHERS, markersize=3)
+    axes.plot([least], [foreseen[least]], "o", color=LEAST, markersize=6, fillstyle="none")
+    title = "foreseen cost: least ○"
+    shown = foreseen
+    if moment.actions:
+        action = moment.actions[-1]
+        cost = moment.system.cost(moment.system.imagine(public, action[:, None]))[0]
+        same = np.flatnonzero((candidates.reshape(len(candidates), -1) == action.reshape(1, -1)).all(axis=1))[:1]
+        if same.size:
+            axes.plot(same, cost, "o", color=CHOSEN, markersize=4)
+        else:
+            axes.axhline(cost[0], color=CHOSEN, linewidth=1)
+        title += f", chosen ● {_above(float(cost[0]), float(foreseen[least]))}"
+        shown = np.append(foreseen, cost)
+    axes.title.set_text(title)
+    axes.set_xlim(-1, len(foreseen))
+    fit_y(axes, shown)
+
+
+def draw_choices(axes: Axes, moment: Moment) -> None:
+    """A row for every waveform used since the reset, a line for each of several sensors."""
+    actions: Any = moment.system.actions
+    if not moment.actions:
+        axes.set(yticks=[], ylim=(-0.7, 0.7))
+        return
+    chosen = by_sensor(actions, np.concatenate(moment.actions))  # (step, sensor)
+    sensors = chosen.shape[1]
+    line = "s-" if sensors > 1 else "s"
+    used, rank = np.unique(chosen, return_inverse=True)
+    steps = np.arange(1, len(chosen) + 1)
+    for sensor, column in enumerate(rank.reshape(chosen.shape).T):
+        rows = column + APART * (sensor - 0.5 * (sensors - 1))
+        axes.plot(steps, rows, line, color=f"C{sensor}", linewidth=0.7, markersize=3, markeredgewidth=0)
+        axes.plot(steps[-1:], rows[-1:], "o", color=CHOSEN, markersize=5)
+    axes.set_ylim(-0.7, len(used) - 0.3 if sensors == 1 else 1.4 * len(used))  # room for the legend
+    labelled = np.arange(len(used))[:: -(-len(used) // MOST_LABELS)]
+    labels = waveform_labels(actions)
+    axes.set_yticks(labelled, [fill(labels[i], WIDEST) for i in used[labelled]], fontsize=SMALL - 1.5)
+
+
+def draw_parameters(axes: Axes, moment: Moment) -> None:
+    """A line for every parameter of the box."""
+    if moment.actions:
+        chosen = np.concatenate(moment.actions)  # (step, d)
+        axes.plot(np.arange(1, len(chosen) + 1), 0.5 * (chosen + 1.0), ".-", linewidth=0.7, markersize=3)
+
+
+def _name_lines(axes: Axes, names: list[str]) -> None:
+    """A lasting legend of lines in the order of the colour cycle."""
+    legend(
+        axes,
+        "upper left",
+        min(len(names), 2),
+        **{name: {"color": f"C{i}", "marker": "."} for i, name in enumerate(names)},
+    )
+
+
+def _above(cost: float, least: float) -> str:
+    """How far ``cost`` lies above ``least``."""
+    percent = 100.0 * (cost / least - 1.0) if least > 0 else 0.0
+    return "the same" if abs(percent) < 0.05 else f"{percent:+.1f} %"

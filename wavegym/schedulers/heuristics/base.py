@@ -1,0 +1,95 @@
+"""What all rules share: constants settled once, then a choice that planners may make for thousands of beliefs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.schedulers.myopic import impossible
+
+
+class Rule:
+    """The allowed candidate of the greatest value.
+
+    A planner that follows a rule in simulated futures calls ``settle`` once, at the belief it starts from, and
+    ``choose`` at every simulated one.
+
+    Attributes:
+        name: what it is called on command lines.
+        needs: what the system must offer.
+    """
+
+    name: str = "rule"
+    needs: tuple[str, ...] = ()
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``. Raises an InputError where the system lacks what the rule needs."""
+        for method in self.needs:
+            if not hasattr(system, method):
+                raise impossible(self.name, system, f"it has no {method}")
+        self.system: Any = system
+        self.candidates = system.candidates()
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        return self.choose(public, mask, self.settle(public))
+
+    def settle(self, public: Any) -> Array | None:
+        """What is settled at a belief and held in the futures simulated from it, (env, ...); None for nothing."""
+        return None
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """Actions (env, ...).
+
+        Args:
+            public: beliefs, axis 0 = environment.
+            mask: allowed actions (env, candidate), or None.
+            settled: what ``settle`` returned, a row for each environment.
+        """
+        raise NotImplementedError
+
+
+class Held(Rule):
+    """Any policy that reads nothing but the belief, with the two methods of a rule.
+
+    Args:
+        policy: whose choices are taken.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self.policy.begin(system, num_envs, rng)
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``."""
+        return self.policy.act(public, None, mask)
+
+
+def greatest(values: Array, mask: Array | None, burden: Array) -> Array:
+    """Index (env,) of the greatest value allowed; of equal ones that of least ``burden``, of those the first.
+
+    Args:
+        values: (env, candidate).
+        mask: (env, candidate) bool, or None.
+        burden: (env, candidate) or (candidate,), such as the delay: where nothing gains anything, nothing is changed.
+    """
+    if mask is not None:
+        values = np.where(mask, values, -np.inf)
+    is_best = values == values.max(axis=1, keepdims=True)
+    if mask is not None:
+        is_best = is_best & mask
+    return np.argmin(np.where(is_best, burden, np.inf), axis=1)
+
+
+def delays(system: Any, public: Any) -> Array:
+    """The system's delays (env, candidate); 0 where it has none."""
+    if hasattr(system, "delay"):
+        return system.delay(public)
+    return np.zeros((len(public.step), len(system.actions.labels)), np.int64)

@@ -1,0 +1,44 @@
+"""Looks that have to last: what a target's look is worth until the next one is possible."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.schedulers.heuristics.base import Rule, greatest
+from wavegym.schedulers.heuristics.index_policies import delays
+
+FAR = 32  # steps out of sight that are told apart
+
+
+class UntilSeen(Rule):
+    """The greatest gain, summed for each target over ``ahead`` steps and those in which it is hidden after the look.
+
+    A look at a target that stays in sight has to last until its next turn, one before it hides until it is back. For
+    systems whose belief has ``visible``, (env, H, target), and whose ``gain`` takes a number of steps for every target,
+    which they tell by ``gain_by_target``.
+
+    Args:
+        ahead: steps over which the gain of a look is summed where the target stays in sight.
+
+    Raises:
+        InputError: fewer than one step.
+    """
+
+    name = "until-seen"
+    needs = ("gain", "gain_by_target")
+
+    def __init__(self, ahead: int = 4) -> None:
+        self.ahead = whole("ahead", ahead, 1)
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``."""
+        visible, rows = public.visible, np.arange(len(public.step))[:, None]
+        when = public.step[:, None] + np.arange(1, FAR + 1)
+        back = visible[rows, np.minimum(when, visible.shape[1] - 1)]  # (env, step, target)
+        hidden = np.where(back.any(axis=1), back.argmax(axis=1), FAR)
+        values = self.system.gain(public, 0, self.ahead + hidden)
+        return self.candidates[greatest(values, mask, delays(self.system, public))]

@@ -1,0 +1,102 @@
+"""Index rules: one number for each candidate, of what its pulse will be worth and of how long that takes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import non_negative, whole
+from wavegym.core.system import System
+from wavegym.schedulers.heuristics.base import Rule, delays, greatest
+
+
+class Greedy(Rule):
+    """The candidate of the greatest gain, as if every set-up took no time.
+
+    Args:
+        ahead: steps over which the gain of a look is summed.
+
+    Raises:
+        InputError: fewer than one step.
+    """
+
+    name = "greedy"
+    needs = ("gain",)
+
+    def __init__(self, ahead: int = 1) -> None:
+        self.ahead = whole("ahead", ahead, 1)
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``."""
+        return self.candidates[greatest(self.system.gain(public, 0, self.ahead), mask, delays(self.system, public))]
+
+
+class AwareGreedy(Rule):
+    """The greatest gain at the time of the pulse, divided by 1 + kappa * delay.
+
+    Args:
+        kappa: weight of a step of delay, >= 0.
+        ahead: steps over which the gain of a look is summed.
+
+    Raises:
+        InputError: a kappa that is negative or not finite, fewer than one step.
+    """
+
+    name = "aware-greedy"
+    needs = ("gain", "delay")
+
+    def __init__(self, kappa: float = 0.4, ahead: int = 1) -> None:
+        self.kappa, self.ahead = non_negative("kappa", kappa), whole("ahead", ahead, 1)
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``."""
+        delay = self.system.delay(public)
+        values = self.system.gain(public, delay, self.ahead) / (1.0 + self.kappa * delay)
+        return self.candidates[greatest(values, mask, delay)]
+
+
+class CostOfDelay(Rule):
+    """What is lost if a candidate's pulse comes later, per time that it takes.
+
+    The value is gain(delay) - alpha * gain(delay + later), divided by (1 + delay)^power, and times 1 + bonus where the
+    delay is 0, so that what is set up stays set up. A target about to hide gains nothing later, so it comes first; one
+    that can as well be served later waits.
+
+    Args:
+        alpha: weight of the gain that the same pulse would have later.
+        later: steps by which it would be later.
+        ahead: steps over which the gain of a look is summed.
+        power: of the time that a candidate takes.
+        bonus: for staying with the set-up.
+
+    Raises:
+        InputError: a constant that is negative or not finite, no step.
+    """
+
+    name = "cost-of-delay"
+    needs = ("gain",)
+
+    def __init__(
+        self, alpha: float = 0.6, later: int = 9, ahead: int = 14, power: float = 1.3, bonus: float = 0.3
+    ) -> None:
+        self.alpha, self.power = non_negative("alpha", alpha), non_negative("power", power)
+        self.bonus = non_negative("bonus", bonus)
+        self.later, self.ahead = whole("later", later, 1), whole("ahead", ahead, 1)
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        super().begin(system, num_envs, rng)
+        # A table, because NumPy's powers of long and of short arrays may differ in the last bit.
+        self._scale = (1.0 + np.arange(system.horizon + 1)) ** -self.power
+        self._scale[0] *= 1.0 + self.bonus
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``."""
+        delay = delays(self.system, public)
+        gain = self.system.gain(public, delay, self.ahead)
+        if self.alpha:
+            gain = gain - self.alpha * self.system.gain(public, delay + self.later, self.ahead)
+        scale = self._scale[np.minimum(delay, self.system.horizon)]
+        return self.candidates[greatest(np.where(gain > 0, gain * scale, gain / scale), mask, delay)]

@@ -1,0 +1,62 @@
+"""L-step gain by one step of foresight: for any system with a linear motion model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.core.horizon_weights import horizon_weights
+from wavegym.core.system import System
+from wavegym.schedulers.heuristics.base import Rule
+from wavegym.schedulers.myopic import impossible
+
+BELIEFS = 200_000  # imagined at a time
+
+
+class Gain(Rule):
+    """L-step gain: the candidate after which the ``ahead`` steps to come cost least if nothing else is ever measured.
+
+    That is the least trace(M P), with P as ``imagine`` expects it after one step and M of ``horizon_weights``, summed
+    over the targets. All it needs is one ``imagine``, so it suits every system with one covariance for each target and
+    a linear motion model. With ``ahead=1`` it is the myopic scheduler. A pulse that comes only after a delay shows no
+    gain here; see ``Greedy`` and its kin.
+
+    Args:
+        ahead: L, steps.
+
+    Raises:
+        InputError: fewer than one step.
+    """
+
+    needs = ("transition", "weights")
+
+    def __init__(self, ahead: int) -> None:
+        self.ahead = whole("ahead", ahead, 1)
+        self.name = f"gain:{self.ahead}"
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        super().begin(system, num_envs, rng)
+        self._weights = horizon_weights(self.system.transition, self.system.weights, self.ahead)
+
+    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Rule``. Raises an InputError where the belief has no covariance."""
+        if not hasattr(public, "covariance"):
+            raise impossible(self.name, self.system, "its belief has no single covariance")
+        count, chunk = len(public.step), max(1, BELIEFS // len(self.candidates))
+        values = np.empty((count, len(self.candidates)))
+        for start in range(0, count, chunk):
+            part = np.arange(start, min(start + chunk, count))
+            imagined = self.system.imagine(trees.take(public, part), self.candidates[None])
+            values[part] = _weighted(imagined.covariance, self._weights)
+        return self.candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]
+
+
+def _weighted(covariance: Array, M: Array) -> Array:
+    """trace(M P) summed over the targets, (env, candidate), of covariances (env, candidate[, target], n, n)."""
+    products = covariance * M
+    return products.reshape(*products.shape[:2], -1).sum(axis=2)

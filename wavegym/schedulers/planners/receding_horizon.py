@@ -1,0 +1,197 @@
+"""Plans improved by local search: made anew at every step, or once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.errors import whole
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.schedulers.planners.base import Planner
+from wavegym.schedulers.planners.pairwise_exchange import exchanged
+from wavegym.schedulers.planners.sampled_futures import Futures, possible
+
+MOVES = 32  # neighbours of a plan that are tried in one round
+
+
+def neighbours(plan: Array, options: Array, steps: Array, moves: int, rng: np.random.Generator) -> Array:
+    """Plans that differ a little from ``plan``, by one move or two.
+
+    A move changes a run of steps to one action, exchanges two steps, or shifts what lies between two steps by one.
+
+    Args:
+        plan: (env, depth, ...).
+        options: actions that may take a step's place, (env, option, ...).
+        steps: of the plan that matter, (env,).
+        moves: how many.
+        rng: where the moves come from.
+
+    Returns:
+        (env, moves, depth, ...).
+    """
+    once = _moved(np.repeat(plan[:, None], moves, axis=1), options, steps, rng)
+    twice = _moved(once, options, steps, rng)
+    return np.where(_as(rng.random(once.shape[:2]) < 0.5, once), once, twice)
+
+
+def _moved(plans: Array, options: Array, steps: Array, rng: np.random.Generator) -> Array:
+    """``plans`` (env, move, depth, ...), each after one move."""
+    shape, depth = plans.shape[:2], plans.shape[2]
+    limit = np.minimum(steps, depth)[:, None]
+    a, b = (np.minimum((rng.random(shape) * limit).astype(np.int64), limit - 1) for _ in range(2))
+    run, kind = rng.geometric(0.4, shape), rng.integers(3, size=shape)[..., None]
+    at = np.broadcast_to(np.arange(depth), (*shape, depth))
+    first, second = a[..., None], b[..., None]
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    swapped = np.where(at == first, second, np.where(at == second, first, at))
+    later = np.where((at > low) & (at <= high), at - 1, at)  # what is at low lasts a step longer, high is dropped
+    sooner = np.where((at >= low) & (at < high), at + 1, at)
+    order = np.where(kind == 1, swapped, np.where(kind == 2, np.where(first < second, later, sooner), at))
+    rows = np.arange(len(plans))[:, None]
+    found: Array = plans[rows[..., None], np.arange(shape[1])[:, None], order]
+    put = options[rows, (rng.random(shape) * options.shape[1]).astype(np.int64)]
+    is_put = (kind == 0) & (at >= first) & (at < first + run[..., None])
+    return np.where(_as(is_put, found), put[:, :, None], found)
+
+
+def searched(
+    futures: Futures, public: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None,
+    rounds: int, rng: np.random.Generator,
+) -> Array:  # fmt: skip
+    """A plan that local search has improved, (env, depth, ...).
+
+    In every round the best of ``MOVES`` neighbours is taken if it costs less. Where actions are paid from an account
+    ``exchanged`` goes before: changes at random would rarely both fit and save.
+    """
+    if hasattr(futures.system, "spending"):
+        plan = exchanged(futures, public, plan, options, settled, draws, rounds)
+    steps = np.maximum(futures.system.horizon - public.step, 1)
+    rows = np.arange(len(plan))
+    cost = futures.costs(public, plan[:, None], settled, draws)[:, 0].mean(axis=1)
+    for _ in range(rounds):
+        tried = neighbours(plan, options, steps, MOVES, rng)
+        values = futures.costs(public, tried, settled, draws).mean(axis=2)
+        best = values.argmin(axis=1)
+        is_less = values[rows, best] < cost
+        cost = np.where(is_less, values[rows, best], cost)
+        plan = np.where(_as(is_less, plan), tried[rows, best], plan)
+    return plan
+
+
+class Replan(Planner):
+    """Receding-horizon replanning: a whole plan is kept, shifted and improved by local search at every step.
+
+    Open-loop feedback control: the plan is made for the expected recursion, or for ``sampled`` futures, as if nothing
+    were learnt on the way, and made anew when something was.
+
+    Args:
+        base, depth, futures, errors: see ``Planner``.
+        rounds: of the local search at every step.
+        first: of that for the first plan of an episode.
+        sampled: futures that a plan is made for; 0 for the expected recursion.
+        asks: whether the plan has to beat the base in sampled futures. There the base goes on looking and the plan does
+            not, though it will be made anew: where few actions can be afforded, good plans would be given up.
+    """
+
+    def __init__(
+        self,
+        base: Policy,
+        depth: int = 20,
+        rounds: int = 4,
+        first: int = 20,
+        sampled: int = 0,
+        asks: bool = True,
+        **settings: Any,
+    ) -> None:
+        super().__init__(base, depth, **settings)
+        self.rounds, self.first, self.sampled = whole("rounds", rounds, 0), whole("first", first, 0), sampled
+        self.asks = asks
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        super().begin(system, num_envs, rng)
+        self._plan: Array | None = None
+        self._made = np.full(num_envs, -2)  # the step that each plan begins at
+
+    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+        """See ``Planner``."""
+        options, _ = self.options(public, mask)
+        draws = self.futures.draw(len(rows), self.sampled) if self.sampled else None
+        plan = self.futures.nominal(public, None, settled)
+        is_old = self._made[rows] == public.step - 1
+        if self._plan is not None and is_old.any():
+            kept = self.futures.nominal(public, np.where(_as(is_old, plan), self._plan[rows], plan)[:, 1:], settled)
+            pair = self.futures.costs(public, np.stack([plan, kept], axis=1), settled, draws).mean(axis=2)
+            plan = np.where(_as(is_old & (pair[:, 1] <= pair[:, 0]), plan), kept, plan)
+        plan = searched(self.futures, public, plan, options, settled, draws, self.rounds, self.rng)
+        if not is_old.all() and self.first > self.rounds:
+            fresh = ~is_old
+            part = trees.take(public, fresh)
+            some = None if settled is None else settled[fresh]
+            drawn = None if draws is None else draws[:, fresh]
+            more = self.first - self.rounds
+            plan[fresh] = searched(self.futures, part, plan[fresh], options[fresh], some, drawn, more, self.rng)
+        if self._plan is None:
+            self._plan = np.zeros((len(self._made), *plan.shape[1:]), plan.dtype)
+        self._plan[rows], self._made[rows] = plan, public.step
+        may = np.ones((len(rows), 1), np.bool_)
+        if mask is not None and plan.ndim == 2:
+            may = np.take_along_axis(mask, plan[:, :1], axis=1)
+        if not self.asks:
+            return np.where(_as(may[:, 0], own), plan[:, 0], own)
+        return self.chosen(public, own, plan[:, None], may, settled)
+
+
+class PlanOnce:
+    """A plan of the whole episode, made at its first step for the expected recursion and then played as it is.
+
+    Args:
+        base: whose own sequence the local search starts from; it also chooses where a plan meets a mask.
+        rounds: of the local search.
+    """
+
+    def __init__(self, base: Policy, rounds: int = 200) -> None:
+        self._base, self.rounds = base, whole("rounds", rounds, 0)
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        self._planner = Planner(self._base, system.horizon)
+        self._planner.begin(system, num_envs, rng)
+        self._system, self._rng = system, rng
+        self._plan: Array | None = None
+
+    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        fresh = np.flatnonzero(public.step == 0) if self._plan is not None else np.arange(len(public.step))
+        if len(fresh):
+            plan = self._planned(trees.take(public, fresh), None if mask is None else mask[fresh])
+            if self._plan is None:
+                self._plan = plan
+            else:
+                self._plan[fresh] = plan
+        assert self._plan is not None
+        at = np.minimum(public.step, self._plan.shape[1] - 1)
+        wanted: Array = self._plan[np.arange(len(at)), at]
+        if mask is None or not self._system.strict or wanted.ndim > 1:
+            return wanted
+        base = self._planner.futures.base
+        return possible(wanted, base.choose(public, mask, base.settle(public)), mask)
+
+    def _planned(self, public: Any, mask: Array | None) -> Array:
+        """Plans (env, horizon, ...) indexed by step; a plan that begins later repeats its first action before."""
+        planner, futures = self._planner, self._planner.futures
+        settled = futures.base.settle(public)
+        plan = futures.nominal(public, None, settled)
+        options, _ = planner.options(public, mask)
+        found = searched(futures, public, plan, options, settled, None, self.rounds, self._rng)
+        late = np.maximum(np.arange(self._system.horizon) - public.step[:, None], 0)
+        return found[np.arange(len(found))[:, None], late]
+
+
+def _as(flags: Array, like: Array) -> Array:
+    """``flags`` with as many axes as ``like``."""
+    return flags.reshape(*flags.shape, *(1,) * (like.ndim - flags.ndim))

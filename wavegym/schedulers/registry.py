@@ -1,0 +1,203 @@
+"""Schedulers by the names that command lines and summaries use."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.errors import InputError, choice, whole
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.schedulers.closed_form import MyopicClosedForm
+from wavegym.schedulers.constrained import Continuous, MyopicInformation
+from wavegym.schedulers.cycle import best_cycle
+from wavegym.schedulers.heuristics.l_step import Gain
+from wavegym.schedulers.heuristics.registry import FAMILIES
+from wavegym.schedulers.lookahead import Lookahead
+from wavegym.schedulers.myopic import Myopic, impossible
+from wavegym.schedulers.optimum import Optimum
+from wavegym.schedulers.planners.beam import BeamSearch
+from wavegym.schedulers.planners.mcts import MonteCarloTree
+from wavegym.schedulers.planners.receding_horizon import PlanOnce, Replan
+from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
+from wavegym.schedulers.progressive import Progressive
+from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
+from wavegym.schedulers.tuned_constants import BASE, PLANNER, SIMPLE, planner_name, recorded, rule
+from wavegym.schedulers.tuning import best_constant, best_fixed
+
+
+def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
+    """The scheduler called ``name``.
+
+    Args:
+        name: ``random``, ``round-robin``, ``fixed:K`` (the constant K), ``fixed:NAME`` (one of the system's named
+            constants), ``best-fixed`` (the best of the constants, found on ``tuning_worlds``), ``tuned-constant`` (the
+            same, polished where actions are a box), ``tuned-cycle`` (the best schedule of one, two or three slots that
+            a search on ``tuning_worlds`` finds), ``myopic``, ``myopic:exhaustive`` (without the system's own search),
+            ``myopic:determinant``, ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for
+            action="box", with Gaussian or generalised chirps), ``myopic:slsqp`` or ``myopic:polish`` (for
+            action="box": a search by gradients from 8 drawn points, or from the grid's choice), ``myopic-information``
+            (the most information of which every target has the system's threshold; also with ``:slsqp`` or
+            ``:polish``), ``myopic-margin:M`` (foresight wants M standard deviations inside the field of view),
+            ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum`` (clairvoyant).
+            Rules, with the constants recorded for the suite's systems (``schedulers.tuned_constants``) and otherwise
+            tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``, ``until-seen``,
+            ``priced``, ``adaptive-price``, ``paced``, ``cycle`` and ``best-simple``, the best of them and of
+            ``myopic``. Planners, with the base policy (``best-simple`` unless another is) and the settings recorded:
+            ``plan-once``, ``rollout:H``, ``replan``, ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the one
+            recorded as the best.
+        system: what it is to schedule.
+        tuning_worlds: tapes, axis 0 = world, that are not those of the test.
+
+    Raises:
+        InputError: an unknown name (nearest named), a number after the colon that is no integer in range, an M that is
+            no number >= 0, a NAME that the system lacks, a scheduler that this system cannot have, or one of its
+            ``named_loops``, which have parameters of their own and are played by ``wavegym.evaluation.compare``.
+    """
+    family, _, argument = name.partition(":")
+    if family == "fixed":
+        return _fixed(name, argument, system)
+    if family == "myopic-margin":
+        return _ready(Myopic(margin=_decimal(name, family, argument)), system)
+    if family in NUMBERED:
+        return NUMBERED[family](_integer(name, family, argument))
+    if family in PLANNERS or name in PLANS:
+        return _planner(name, system, tuning_worlds)
+    loops = system.named_loops()
+    if choice("policy", name, (*FORMS, *loops)) in loops:
+        scheduler, changed = loops[name]
+        raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
+    return PLAIN[name](system, tuning_worlds)
+
+
+def is_scheduler(name: str) -> bool:
+    """Whether ``name`` is a scheduler's rather than, say, a folder's."""
+    return name in PLAIN or name.partition(":")[0] in ("fixed", "myopic-margin", *NUMBERED, *PLANNERS, *PLANS)
+
+
+def _fixed(name: str, argument: str, system: System) -> Policy:
+    """Told apart here and looked up at once: a mistake shows before anything is tuned."""
+    is_name = bool(system.named_constants()) and not INTEGER.fullmatch(argument)
+    if not is_name and argument in _named_in_box(system):
+        raise InputError(f"policy is {name!r}, which is a point of the box, expected an index or action='box'")
+    constant = argument if is_name else _integer(name, "fixed", argument)
+    constant_action(system, constant)
+    return Fixed(constant)
+
+
+def _named_in_box(system: Any) -> dict[str, Any]:
+    """The named constants that the system would have with ``action="box"``."""
+    if getattr(system, "action", "box") == "box" or not dataclasses.is_dataclass(system):
+        return {}
+    with suppress(ValueError):  # a system without that form; pydantic's errors and ours are ValueErrors
+        boxed: Any = dataclasses.replace(system, action="box")  # type: ignore[type-var]
+        return dict(boxed.named_constants())
+    return {}
+
+
+def _integer(name: str, family: str, argument: str) -> int:
+    if not INTEGER.fullmatch(argument):
+        number = float(argument) if re.fullmatch(r"-?\d*\.?\d+", argument) else 2
+        wanted = f"{family}: and an integer (nearest: '{family}:{round(number)}')"
+        raise InputError(f"policy is {name!r}, expected {wanted}")
+    return int(argument)
+
+
+def _decimal(name: str, family: str, argument: str) -> float:
+    if not DECIMAL.fullmatch(argument):
+        nearest = 0 if DECIMAL.fullmatch(argument.removeprefix("-")) else 2
+        raise InputError(f"policy is {name!r}, expected {family}: and a number >= 0 (nearest: '{family}:{nearest}')")
+    return float(argument)
+
+
+def _ready(policy: Policy, system: System) -> Policy:
+    """Begun once, so that a system it is not for shows before anything is played."""
+    policy.begin(system, 1, np.random.default_rng(0))
+    return policy
+
+
+def _determinant(system: System, worlds: Any) -> Policy:
+    if not hasattr(system.begin(worlds).public, "covariance"):
+        raise impossible("myopic:determinant", system, "its belief has no single covariance")
+    return Myopic("determinant")
+
+
+def _gate(system: System, worlds: Any) -> Policy:
+    if not hasattr(system, "innovation_covariance"):
+        raise impossible("myopic:gate", system, "it has no innovation_covariance")
+    return Myopic("gate")
+
+
+def _rule(name: str) -> Callable[[System, Any], Policy]:
+    return lambda system, worlds: _ready(rule(name, system, worlds), system)
+
+
+def _planner(name: str, system: System, worlds: Any) -> Policy:
+    """A planner that simulates futures of its base: the name is looked at before anything is tuned."""
+    build, record = planner_builder(name), recorded(system)
+    return build(rule(record.get(BASE, SIMPLE), system, worlds), **record.get(name.partition(":")[0], {}))
+
+
+def planner_builder(name: str) -> Callable[..., Policy]:
+    """What makes the planner ``name`` of a base policy and settings.
+
+    Raises:
+        InputError: no such planner, or a number after the colon that is no integer >= 1.
+    """
+    family, _, argument = name.partition(":")
+    if family in PLANS:
+        return PLANS[choice("planner", name, PLANS)]
+    make, number = PLANNERS[choice("planner", family, PLANNERS)], _integer(name, family, argument)
+    whole(f"{family}:", number, 1)
+    return lambda base, **settings: make(base, number, **settings)
+
+
+INTEGER, DECIMAL = re.compile(r"-?\d+"), re.compile(r"\d+\.?\d*|\.\d+")
+STARTS = 8  # of SLSQP
+NUMBERED: dict[str, Callable[[int], Policy]] = {"lookahead": Lookahead, "gain": Gain}
+PLANNERS: dict[str, Callable[..., Policy]] = {  # of a base, and the number after the colon
+    "rollout": RolloutPlanner,
+    "tree": TreeSearch,
+    "beam": BeamSearch,
+    "mcts": MonteCarloTree,
+}
+PLANS: dict[str, Callable[..., Policy]] = {"replan": Replan, "plan-once": PlanOnce}
+PLAIN: dict[str, Callable[[System, Any], Policy]] = {
+    "random": lambda system, worlds: RandomChoice(),
+    "round-robin": lambda system, worlds: RoundRobin(),
+    "best-fixed": lambda system, worlds: Fixed(best_fixed(system, worlds)),
+    "tuned-constant": lambda system, worlds: Cycle(best_constant(system, worlds)[None]),
+    "tuned-cycle": lambda system, worlds: Cycle(best_cycle(system, worlds)),
+    "myopic": lambda system, worlds: Myopic(),
+    "myopic:exhaustive": lambda system, worlds: Myopic(fused=False),
+    "myopic:determinant": _determinant,
+    "myopic:gate": _gate,
+    "myopic:closed-form": lambda system, worlds: MyopicClosedForm(),
+    "myopic:progressive": lambda system, worlds: Progressive(),
+    "myopic:slsqp": lambda system, worlds: _ready(Continuous(starts=STARTS), system),
+    "myopic:polish": lambda system, worlds: _ready(Continuous(), system),
+    "myopic-information": lambda system, worlds: _ready(MyopicInformation(), system),
+    "myopic-information:slsqp": lambda system, worlds: _ready(Continuous("information", STARTS), system),
+    "myopic-information:polish": lambda system, worlds: _ready(Continuous("information"), system),
+    "optimum": lambda system, worlds: Optimum(),
+    **{name: _rule(name) for name in (*FAMILIES, SIMPLE) if name not in ("myopic", "gain")},
+    PLANNER: lambda system, worlds: make_policy(planner_name(system), system, worlds),
+}
+FORMS = (
+    *PLAIN,
+    *PLANS,
+    "fixed:K",
+    "fixed:NAME",
+    "myopic-margin:M",
+    "lookahead:H",
+    "gain:L",
+    "rollout:H",
+    "tree:H",
+    "beam:W",
+    "mcts:N",
+)

@@ -1,0 +1,87 @@
+"""Which constants each rule has in each system: recorded for the suite's defaults, tuned on the spot elsewhere."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from wavegym.core.system import System
+from wavegym.schedulers.heuristics.base import Rule
+from wavegym.schedulers.heuristics.registry import FAMILIES, best_simple, tuned_family
+
+FILE = "settled.toml"
+SIMPLE, PLANNER = "best-simple", "best-planner"
+BASE = "planner-base"  # the rule that planners follow in futures, where it is not the best one
+ORDINARY = "rollout:10"  # the best planner of a system without a record
+
+
+@cache
+def records() -> dict[str, dict[str, Any]]:
+    """Everything recorded, by the name of the system's class."""
+    table: dict[str, dict[str, Any]] = tomllib.loads((resources.files("wavegym.schedulers") / FILE).read_text("utf-8"))
+    return table
+
+
+def recorded(system: System) -> dict[str, Any]:
+    """What is recorded for this system: its class has a record and it has the class's defaults; else nothing."""
+    with suppress(TypeError, ValueError):  # a class without defaults
+        if type(system).__name__ in records() and system == type(system)():
+            return records()[type(system).__name__]
+    return {}
+
+
+def rule(name: str, system: System, worlds: Any) -> Rule:
+    """The rule ``name``, or "best-simple", with the constants recorded, or else tuned on ``worlds``.
+
+    Args:
+        name: one of ``FAMILIES``, or "best-simple".
+        system: the closed loop.
+        worlds: tapes for tuning, axis 0 = world; used only where nothing is recorded.
+
+    Raises:
+        InputError: the system cannot have this rule.
+    """
+    record = recorded(system)
+    if name == SIMPLE and SIMPLE in record:
+        name = record[SIMPLE]
+    elif name == SIMPLE:
+        name, constants, _ = best_simple(system, worlds)
+        return FAMILIES[name].make(**constants[name])
+    constants = record[name] if name in record else tuned_family(name, system, worlds)
+    return FAMILIES[name].make(**constants)
+
+
+def planner_name(system: System) -> str:
+    """The name of the best planner: as recorded, or ``ORDINARY``."""
+    name: str = recorded(system).get(PLANNER, ORDINARY)
+    return name
+
+
+def as_toml(table: Mapping[str, Mapping[str, Any]]) -> str:
+    """The records as the text of a TOML file: strings, numbers, flags, lists, and one more level of tables."""
+    lines = ["# Constants of rules, found on worlds for tuning by: python -m wavegym.evaluation.tune_constants"]
+    for system in sorted(table):
+        entries = table[system]
+        lines += ["", f"[{system}]"]
+        lines += [f"{_key(key)} = {_value(value)}" for key, value in entries.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if name.replace("-", "").replace("_", "").isalnum() else f'"{name}"'
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return (
+            "{ " + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + " }" if value else "{}"
+        )
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -1,0 +1,210 @@
+"""A city as data: buildings with walls that reflect, roads, junctions and small things that scatter."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cached_property
+from itertools import combinations
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from pydantic import ConfigDict, FiniteFloat, field_validator, model_validator
+from pydantic.dataclasses import dataclass
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, choice, positive, within
+from wavegym.core.parameters import in_one_line, make_checked
+from wavegym.sensors.checks import shaped
+
+Point = tuple[FiniteFloat, FiniteFloat]
+CITIES = Path(__file__).parent / "cities"
+CLOSED = ConfigDict(extra="forbid")
+
+
+@in_one_line
+@dataclass(frozen=True, config=CLOSED)
+class Building:
+    """A polygon that nothing passes through and whose walls reflect like mirrors.
+
+    Args:
+        corners: (x, y) in m in order, either way round; the last wall leads back to the first corner.
+        reflectivity: part of the power that a wall reflects, in [0, 1].
+
+    Raises:
+        InputError: fewer than three corners, walls that cross, no area, a reflectivity outside [0, 1].
+    """
+
+    corners: tuple[Point, ...]
+    reflectivity: float = 0.4
+
+    @field_validator("corners")
+    @classmethod
+    def _one_area(cls, corners: tuple[Point, ...]) -> tuple[Point, ...]:
+        ring = corners[:-1] if len(corners) > 1 and corners[0] == corners[-1] else corners
+        return _polygon("a building's corners", ring)
+
+    @field_validator("reflectivity")
+    @classmethod
+    def _passive(cls, reflectivity: float) -> float:
+        return within("reflectivity", reflectivity, 0.0, 1.0)
+
+
+@in_one_line
+@dataclass(frozen=True, config=CLOSED)
+class Road:
+    """A strip on which targets may drive.
+
+    Args:
+        centre: (x, y) in m along its middle, at least two points.
+        width: in m.
+
+    Raises:
+        InputError: fewer than two different points, a width that is not > 0.
+    """
+
+    centre: tuple[Point, ...]
+    width: float
+
+    @model_validator(mode="after")
+    def _leads_somewhere(self) -> Self:
+        positive("a road's width", self.width, "m")
+        if not shapely.LineString(self.centre if len(self.centre) > 1 else self.centre * 2).length > 0.0:
+            raise InputError(f"a road's centre is {self.centre}, expected at least two different points")
+        return self
+
+
+@in_one_line
+@dataclass(frozen=True, config=CLOSED)
+class City:
+    """Everything a radar in a street has to know of it (Barbosa et al., figure 3).
+
+    Args:
+        buildings: not overlapping.
+        roads: where targets are to be expected.
+        junctions: polygons, corners (x, y) in m, inside which targets are expected to turn.
+        discretes: (x, y) in m of small things that scatter, e.g. trees.
+
+    Raises:
+        InputError: two buildings that overlap, a polygon that is none.
+    """
+
+    buildings: tuple[Building, ...] = ()
+    roads: tuple[Road, ...] = ()
+    junctions: tuple[tuple[Point, ...], ...] = ()
+    discretes: tuple[Point, ...] = ()
+
+    @model_validator(mode="after")
+    def _apart(self) -> Self:
+        for junction in self.junctions:
+            _polygon("a junction's corners", junction)
+        for one, other in combinations(self.buildings, 2):
+            shared = shapely.Polygon(one.corners).intersection(shapely.Polygon(other.corners)).area
+            if shared > 0.0:
+                raise InputError(
+                    f"the buildings with corners {one.corners[0]} and {other.corners[0]} overlap by {shared:g} m²,"
+                    " expected buildings that stand apart"
+                )
+        return self
+
+    @classmethod
+    def load(cls, source: str | Path) -> City:
+        """A city from a TOML file whose tables are this class's fields, or one that comes with wavegym by its name.
+
+        >>> len(City.load("intersection").walls)
+        16
+
+        Raises:
+            InputError: no such city or file, or one that holds something else.
+        """
+        own = {file.stem: file for file in sorted(CITIES.glob("*.toml"))}
+        file = own.get(str(source), Path(source))
+        if not file.suffix:
+            choice("city", str(source), own)
+        try:
+            table = tomllib.loads(file.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise InputError(f"the city file {file} cannot be read: {error}") from None
+        return make_checked(cls, table, f" in {file}")
+
+    @cached_property
+    def walls(self) -> Array:
+        """From where to where each wall leads, x0, y0, x1, y1 in m, (wall, 4): the street is on its right-hand side."""
+        rows = [(*a, *b) for each in self.buildings for a, b in _sides(each.corners)]
+        return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+    @cached_property
+    def reflectivity(self) -> Array:
+        """Part of the power that each wall reflects, (wall,)."""
+        return np.array([each.reflectivity for each in self.buildings for _ in each.corners], dtype=np.float64)
+
+    def indoors(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Which points (x, y) in m, (..., 2), lie inside a building, (...); InputError where shapes do not fit."""
+        points = shaped("points", points, 2)
+        return np.asarray(shapely.contains_xy(self._built, points[..., 0], points[..., 1]))
+
+    def on_road(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Which points (x, y) in m, (..., 2), lie on a road, (...); InputError where shapes do not fit."""
+        points = shaped("points", points, 2)
+        return np.asarray(shapely.contains_xy(self.paved, points[..., 0], points[..., 1]))
+
+    def check_outdoors(self, name: str, point: Point) -> None:
+        """InputError if an antenna stands inside a building; the nearest point outside is named."""
+        if self.indoors(point):
+            wall = self._built.boundary
+            out = wall.interpolate(wall.project(shapely.Point(point)))
+            raise InputError(
+                f"{name} is {tuple(point)} m, inside a building, expected a place in the street"
+                f" (nearest wall: ({out.x:g}, {out.y:g}))"
+            )
+
+    def check_drivable(self, name: str, points: ArrayLike) -> None:
+        """InputError if a path through the points (x, y) in m, (time, 2), leads through a wall; says where."""
+        crossed = shapely.LineString(shaped(name, points, 2)).intersection(self._built)
+        if crossed.length > 0.0:
+            x, y = shapely.get_coordinates(crossed)[0]
+            raise InputError(f"{name} leads into a building at ({x:g}, {y:g}) m, expected a path through the streets")
+
+    def check_roads(self) -> None:
+        """InputError if a road leads through a building."""
+        for road, strip in zip(self.roads, self._strips, strict=True):
+            if strip.intersection(self._built).area > 0.0:
+                raise InputError(f"the road along {road.centre} leads into a building, expected roads in the open")
+
+    @cached_property
+    def _built(self) -> shapely.Geometry:
+        return _prepared([shapely.Polygon(each.corners) for each in self.buildings])
+
+    @cached_property
+    def paved(self) -> shapely.Geometry:
+        """All roads as one area."""
+        return _prepared(self._strips)
+
+    @property
+    def _strips(self) -> list[shapely.Geometry]:
+        return [
+            shapely.LineString(r.centre).buffer(r.width / 2, cap_style="flat", join_style="mitre") for r in self.roads
+        ]
+
+
+def _polygon(name: str, corners: tuple[Point, ...]) -> tuple[Point, ...]:
+    """The corners anticlockwise; InputError where they bound no single area."""
+    if len(set(corners)) < 3:
+        raise InputError(f"{name} are {corners}, expected at least three different ones")
+    polygon = shapely.Polygon(corners)
+    if not polygon.is_valid or not polygon.area > 0.0:
+        reason = shapely.is_valid_reason(polygon)
+        raise InputError(f"{name} are {corners}, expected walls that do not cross and bound an area ({reason})")
+    return corners if shapely.is_ccw(polygon.exterior) else corners[::-1]
+
+
+def _sides(corners: tuple[Point, ...]) -> list[tuple[Point, Point]]:
+    return list(zip(corners, (*corners[1:], corners[0]), strict=True))
+
+
+def _prepared(parts: list[shapely.Geometry]) -> shapely.Geometry:
+    whole = shapely.union_all(parts)
+    shapely.prepare(whole)
+    return whole

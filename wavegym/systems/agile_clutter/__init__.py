@@ -1,0 +1,7 @@
+"""Sira et al.: several targets in clutter, agile chirps at two sensors."""
+
+from __future__ import annotations
+
+from wavegym.systems.agile_clutter.system import AgileClutter
+
+__all__ = ["AgileClutter"]

@@ -1,0 +1,137 @@
+"""What radars with generalised FM chirps may transmit: a library per sensor, a joint sub-library, or a box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.arrays import Array
+from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.waveforms import Library, chirp_law, chirp_measurement_covariance, parse_law, trapezoid_chirp_library
+
+
+@dataclass(frozen=True)
+class ChirpMenu:
+    """Every phase law with every duration, sweep and direction, at each of several sensors.
+
+    Args:
+        laws: phase functions: ``"lfm"``, ``"pfm:3"``, ``"hfm:0.5"``, ``"efm:0.5"``; the shape may be left out.
+        durations: lam in seconds.
+        sweeps: in Hz, > 0.
+        carrier_hz: fc.
+        sensors: how many.
+        form: "library" (an index per sensor), "joint" (one index for all sensors, over every law and direction at the
+            longest duration and the widest sweep) or "box" (the parameters of every sensor).
+    """
+
+    laws: tuple[str, ...]
+    durations: tuple[float, ...]
+    sweeps: tuple[float, ...]
+    carrier_hz: float
+    sensors: int
+    form: str
+
+    @cached_property
+    def library(self) -> Library:
+        """One sensor's waveforms: law, duration, sweep, direction, the last fastest."""
+        return trapezoid_chirp_library(self.laws, self.durations, self.sweeps)
+
+    @cached_property
+    def widest(self) -> Library:
+        """Every law and direction at the longest duration and the widest sweep."""
+        return trapezoid_chirp_library(self.laws, (max(self.durations),), (max(self.sweeps),))
+
+    @cached_property
+    def joint(self) -> JointLibrary:
+        """The widest waveforms in all combinations of the sensors."""
+        return JointLibrary(self.widest, self.sensors)
+
+    @cached_property
+    def box(self) -> ParameterBox:
+        """Per sensor: the law (rounded down to an index; left out where there is one only), duration, signed sweep."""
+        widest = max(self.sweeps)
+        parameters = []
+        for i in range(1, self.sensors + 1):
+            if len(self.laws) > 1:
+                parameters.append(Parameter(f"law_{i}", "1", 0.0, float(len(self.laws)), "linear"))
+            parameters.append(Parameter(f"duration_{i}", "s", min(self.durations), max(self.durations), "log"))
+            parameters.append(Parameter(f"sweep_{i}", "Hz", -widest, widest, "linear"))
+        return ParameterBox(tuple(parameters))
+
+    @property
+    def actions(self) -> PerSensor | JointLibrary | ParameterBox:
+        """What an action means."""
+        if self.form == "box":
+            return self.box
+        return self.joint if self.form == "joint" else PerSensor(self.library, self.sensors)
+
+    @property
+    def options(self) -> Library:
+        """What one sensor may transmit in an enumerating scheduler's eyes."""
+        return self.widest if self.form == "joint" else self.library
+
+    @cached_property
+    def option_covariances(self) -> Array:
+        """C (option, 2, 2): measurement covariances of ``options`` at unit SNR."""
+        return self.options.measurement_covariances(self.carrier_hz)
+
+    @cached_property
+    def _option_chirps(self) -> Array:
+        """(3, option): law, duration and signed sweep of the library, as ``encode_chirps`` takes them."""
+        chirps = product(range(len(self.laws)), self.durations, self.sweeps, (1.0, -1.0))
+        return np.array([(law, duration, sign * sweep) for law, duration, sweep, sign in chirps]).T
+
+    def encode(self, choices: Array) -> Array:
+        """Actions of one option per sensor, (..., sensor) int."""
+        if self.form == "library":
+            return choices
+        if self.form == "joint":
+            return self.joint.encode(choices)
+        return self.encode_chirps(*self._option_chirps[:, choices])
+
+    def encode_chirps(self, law: Array, duration: Array, sweep: Array) -> Array:
+        """Box actions of any chirps, each (..., sensor): index of the law, s, signed Hz."""
+        parts = [law + 0.5, duration, sweep] if len(self.laws) > 1 else [duration, sweep]
+        values = np.stack(parts, axis=-1)
+        return self.box.encode(values.reshape(*values.shape[:-2], -1))
+
+    def decode_chirps(self, actions: Array) -> tuple[Array, Array, Array]:
+        """Index of the law, duration (s) and signed sweep (Hz) of box actions, each (..., sensor)."""
+        values = self.box.decode(actions)
+        values = values.reshape(*values.shape[:-1], self.sensors, -1)
+        law = values[..., 0].astype(np.int64) if len(self.laws) > 1 else np.zeros(values.shape[:-1], np.int64)
+        return np.minimum(law, len(self.laws) - 1), values[..., -2], values[..., -1]
+
+    @cached_property
+    def constants(self) -> Array:
+        """Fixed schedules worth trying: one law, duration and sweep for all sensors, each sensor up or down."""
+        pairs = len(self.options) // 2
+        directions = np.array(list(product((0, 1), repeat=self.sensors)))
+        choices = 2 * np.arange(pairs)[:, None, None] + directions
+        return self.encode(choices.reshape(-1, self.sensors))
+
+    @cached_property
+    def candidates(self) -> Array:
+        """Every combination of one option per sensor, as actions."""
+        return self.encode(PerSensor(self.options, self.sensors).combinations())
+
+    def unit_covariance(self, actions: Array) -> Array:
+        """C (..., sensor, 2, 2) of the waveforms that ``actions`` name."""
+        if self.form == "library":
+            return self.option_covariances.take(actions, axis=0)
+        if self.form == "joint":
+            return self.option_covariances.take(self.joint.indices.take(actions, axis=0), axis=0)
+        return self.chirp_covariance(*self.decode_chirps(actions))
+
+    def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:
+        """C (..., 2, 2) of any chirps: index of the law, duration (s) and signed sweep (Hz), each (...)."""
+        return chirp_measurement_covariance(self._moments[law], duration, sweep, self.carrier_hz)
+
+    @cached_property
+    def _moments(self) -> Array:
+        """(law, 4)."""
+        return np.array([chirp_law(*parse_law(law)).moments for law in self.laws])

@@ -1,0 +1,224 @@
+"""One step of the agile-clutter loop in compiled form: predict, transmit, detect, associate, update.
+
+Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state).
+``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
+``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability);
+``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
+``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0 that multiplies the SNR, chance (e, i, t) that a sensor
+looks at a target and can see it); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.counter_rng_kernels import stream
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.clutter_kernels import add_clutter, room
+from wavegym.sensors.detection_kernels import detection
+from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
+from wavegym.sensors.geometry_kernels import range_and_rate
+from wavegym.sensors.kernels import inverse_snr
+from wavegym.trackers.jpda_kernels import factor_one, update_targets
+from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_particles, resample, update_particles
+from wavegym.trackers.ukf_kernels import foresee_measurement_one
+
+MOST_CLUTTER = 1e6
+"""Points in one gate; a step that would need more is not made, and its clutter count is NaN."""
+LEAST_DENSITY = 1e-20
+"""The tracker's clutter density where there is none: every return must then be a target's, if one can explain it."""
+
+
+@inlined
+def row(e, array):
+    """Where ``array`` holds what belongs to environment e."""
+    return e if len(array) > 1 else 0
+
+
+@inlined
+def weakness_one(e, i, r, strength, radar):
+    """1 / eta of a target at range r."""
+    return inverse_snr(r, radar[1], radar[2]) / strength[row(e, strength), i]
+
+
+@kernel
+def is_lit(e, i, present, chance, lit):
+    """lit (t,): whether sensor i looks at each slot and a target may be seen there."""
+    for t in range(len(present)):
+        lit[t] = present[t] and chance[row(e, chance), i, t] > 0.0
+
+
+@kernel
+def is_present(step, birth, lifetime, present):
+    """present (t,): whether each slot holds a target at ``step``."""
+    for t in range(len(birth)):
+        present[t] = birth[t] < step <= birth[t] + lifetime
+
+
+@kernel
+def predict_targets(e, mean, covariance, present, F, Q, x, P, nn):
+    """x (t, n), P (t, n, n): the belief of environment e one step on; slots without a target keep theirs."""
+    n = len(nn)
+    T = np.empty((n, n))
+    for t in range(len(present)):
+        for i in range(n):
+            x[t, i] = mean[e, t, i]
+            for j in range(n):
+                P[t, i, j] = covariance[e, t, i, j]
+        if present[t]:
+            y = x.copy()
+            predict_mean_one(t, y, F, 0, x, nn)
+            predict_covariance_one(t, P, F, Q, 0, T, P, nn)
+
+
+@kernel
+def workspace(count_t, nn):
+    """Arrays of one sensor's scan: (predicted measurement, S, its factor L, Pxz, N, Pd, scratch), t first."""
+    n = len(nn)
+    return (
+        np.empty((count_t, 2)), np.empty((count_t, 2, 2)), np.empty((count_t, 2, 2)), np.empty((count_t, n, 2)),
+        np.empty((count_t, 2, 2)), np.empty(count_t), np.empty((count_t, n, n)),
+    )  # fmt: skip
+
+
+@kernel
+def foresee_scan(e, i, x, P, lit, pulse, radar, work, nn):
+    """Fill ``work`` with what sensor i expects of its pulse: S = Pzz + N, N = C / eta, at predicted ranges."""
+    centre, S, L, G, N, pd, scratch = work
+    sensors, log_pf = radar[0], radar[3]
+    C, strength, chance = pulse
+    for t in range(len(lit)):
+        if lit[t]:
+            foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
+            weakness = weakness_one(e, i, centre[t, 0], strength, radar)
+            pd[t] = chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf)
+            for a in range(2):
+                for b in range(2):
+                    N[t, a, b] = weakness * C[row(e, C), i, a, b]
+                    S[t, a, b] += N[t, a, b]
+            factor_one(t, S, L)
+
+
+@kernel
+def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan):
+    """Fill z with the targets' returns that lie in a gate; how many.
+
+    outside[e, t] counts returns outside their own target's gate, scan[e, 0] detections. The truth sets eta, Pd and
+    the error's covariance.
+    """
+    sensors, log_pf, gate = radar[0], radar[3], radar[5]
+    centre, L = work[0], work[2]
+    C, strength, chance = pulse
+    own_row = row(e, C)
+    c0 = np.sqrt(C[own_row, i, 0, 0])
+    c1 = C[own_row, i, 1, 0] / c0
+    c2 = np.sqrt(C[own_row, i, 1, 1] - c1 * c1)
+    count = 0
+    for t in range(len(lit)):
+        if not lit[t]:
+            continue
+        age = k - birth[t]
+        r, v = range_and_rate(
+            path[e, t, age, 0], path[e, t, age, 1], path[e, t, age, 2], path[e, t, age, 3], sensors[i, 0], sensors[i, 1]
+        )
+        weakness = weakness_one(e, i, r, strength, radar)
+        if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf):
+            continue
+        scan[e, 0] += 1
+        spread = np.sqrt(weakness)
+        z0 = r + spread * c0 * error[e, k - 1, i, t, 0]
+        z1 = v + spread * (c1 * error[e, k - 1, i, t, 0] + c2 * error[e, k - 1, i, t, 1])
+        own, some = False, False
+        for s in range(len(lit)):
+            if lit[s] and in_gate(s, z0, z1, centre, L, gate):
+                some = True
+                own = own or s == t
+        outside[e, t] += not own
+        if some:
+            z[count, 0], z[count, 1] = z0, z1
+            count += 1
+    return count
+
+
+@kernel
+def advance(step, mean, covariance, X, V, path, first, uniform, error, key, pulse, targets, F, Q, radar,
+            mean_out, covariance_out, X_out, V_out, truth, outside, scan, nn):  # fmt: skip
+    """One step of every environment, sensor after sensor; tapes read at [e, step].
+
+    X (e, particle, t, n), V (e, particle, t, n, n): where there are particles they are the tracker, and mean and
+    covariance are their moments; otherwise JPDA is. outside (e, t) is counted up; scan (e, 4): detections, clutter
+    points (NaN for too many), effective sample size, distinct ancestors.
+    """
+    (birth, lifetime), sensors = targets, radar[0]
+    count_t, particles, n = len(birth), X.shape[1], len(nn)
+    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    work, z = workspace(count_t, nn), np.empty((64, 2))
+    x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
+    Y, U = np.empty((particles, count_t, n)), np.empty((particles, count_t, n, n))
+    weight = np.empty(particles)
+    for e in range(len(step)):
+        k = step[e] + 1
+        own = stream(key[e], k)
+        is_present(k, birth, lifetime, present)
+        predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
+        predict_particles(X[e], V[e], present, F, Q, Y, U, nn)
+        log_weight = np.zeros(particles)
+        for i in range(len(sensors)):
+            is_lit(e, i, present, pulse[2], lit)
+            foresee_scan(e, i, x, P, lit, pulse, radar, work, nn)
+            z = room(z, count_t)
+            returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan)
+            if not most_clutter(lit, work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
+                scan[e, 1] = np.nan
+                break
+            z, count = add_clutter(stream(own, i), work[0], work[2], lit, radar[5], radar[4], z, returns)
+            scan[e, 1] += count - returns
+            track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
+        if particles:
+            scan[e, 2] = normalise(log_weight, weight)
+            scan[e, 3] = resample(stream(own, 2 * len(sensors)), weight, Y, U, X_out[e], V_out[e], nn)
+        for t in range(count_t):
+            copy_one(t, x, P, mean_out[e], covariance_out[e], nn)
+            age = min(max(k - birth[t], 0), lifetime)
+            for a in range(n):
+                truth[e, t, a] = path[e, t, age, a]
+            if k == birth[t]:
+                hand_over(e, t, first, mean_out, X_out, nn)
+
+
+@kernel
+def hand_over(e, t, first, mean, X, nn):
+    """The first estimate of target t, first[e, t], becomes the belief's mean and every particle's."""
+    for a in range(len(nn)):
+        mean[e, t, a] = first[e, t, a]
+        for j in range(X.shape[1]):
+            X[e, j, t, a] = first[e, t, a]
+
+
+@kernel
+def most_clutter(present, L, gate, density):
+    """The greatest number of clutter points expected in a present gate; NaN where a gate's volume is."""
+    most = 0.0
+    for t in range(len(present)):
+        if present[t]:
+            expected = density * gate_volume_one(t, L, gate)
+            most = expected if expected > most or np.isnan(expected) else most
+    return most
+
+
+@kernel
+def track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn):
+    """Update the belief x (t, n), P (t, n, n) with sensor i's scan z[: count]; particles Y, U if there are any."""
+    centre, S, L, G, N, pd, _ = work
+    sensors, density, gate, gate_probability = radar[0], max(radar[4], LEAST_DENSITY), radar[5], radar[6]
+    if len(weight):
+        update_particles(
+            stream(own, len(sensors) + i), lit, Y, U, log_weight, z, count, pd, N,
+            sensors[i, 0], sensors[i, 1], (centre, L, gate, gate_probability), density, nn
+        )  # fmt: skip
+        normalise(log_weight, weight)
+        mixture(weight, Y, U, present, x, P, nn)
+    else:
+        update_targets(lit, x, P, z, count, pd, centre, L, S, G, gate, gate_probability, density, nn)

@@ -1,0 +1,210 @@
+"""What a scheduler of the agile-clutter loop foresees: covariances by the unscented transform, sensors in sequence.
+
+Sira et al., eqs. (13) and (14) with the bracket mended: P - q2 Pxz (Pzz + N)^-1 Pxz', N = C / eta at the predicted
+range, q2 the information reduction factor. Axes and argument groups as in ``agile_clutter_kernels``; c candidate.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import kernel
+from wavegym.sensors.detection_kernels import detection
+from wavegym.sensors.kernels import inverse_snr
+from wavegym.systems.agile_clutter.kernels import is_lit, is_present, predict_targets, row, weakness_one
+from wavegym.trackers.information_reduction_kernels import GATE, reduction_one
+from wavegym.trackers.jpda_kernels import gain_one, shrink_one
+from wavegym.trackers.kernels import squared_mahalanobis_one
+from wavegym.trackers.ukf_kernels import foresee_measurement_one
+
+
+@kernel
+def reduction(pd, S, radar, q2):
+    """The factor q2 where S is the innovation covariance, a tuple of its three entries.
+
+    It belongs to the clutter's density: the table, made for one gate, holds for others with that gate's area.
+    """
+    area = np.pi * GATE * GATE * np.sqrt(S[0] * S[2] - S[1] * S[1])
+    return reduction_one(pd, np.log(radar[4] * area), q2[0], q2[1], q2[2])
+
+
+@kernel
+def information(pd, chance, S, radar, q2, draw):
+    """The share of the full update foreseen: q2 times the chance to see, or, of a uniform draw, q2 / Pd or nothing.
+
+    Without clutter a detection is the whole update: q2 / Pd is less by what a gate loses on average.
+    """
+    if draw < 0.0:
+        return chance * reduction(pd, S, radar, q2)
+    if draw >= chance * pd:
+        return 0.0
+    return reduction(pd, S, radar, q2) / pd if radar[4] > 0.0 else 1.0
+
+
+@kernel
+def foresee_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
+    """P (t, n, n) after sensor i's pulse; draws[e, i, t]: uniform, or negative for the expected outcome."""
+    sensors, log_pf = radar[0], radar[3]
+    C, strength, chance = pulse
+    for t in range(len(lit)):
+        if lit[t]:
+            foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+            weakness = weakness_one(e, i, z[t, 0], strength, radar)
+            for a in range(2):
+                for b in range(2):
+                    S[t, a, b] += weakness * C[row(e, C), i, a, b]
+            entries = (S[t, 0, 0], S[t, 0, 1], S[t, 1, 1])
+            pd, seen = detection(1.0 / weakness, log_pf), chance[row(e, chance), i, t]
+            share = information(pd, seen, entries, radar, q2, draws[row(e, draws), i, t])
+            gain_one(t, G, S, K, nn)
+            shrink_one(t, P, K, share * entries[0], share * entries[1], share * entries[2], nn)
+
+
+@kernel
+def imagine(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_out, P_out, nn):
+    """One step ahead: predicted means, covariances after all sensors' pulses. All arrays with one flat axis e."""
+    birth, lifetime = targets
+    count_t, n = len(birth), len(nn)
+    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
+    A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
+    G, K = np.empty((count_t, n, 2)), np.empty((n, 2))
+    for e in range(len(step)):
+        is_present(step[e] + 1, birth, lifetime, present)
+        predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
+        for i in range(len(radar[0])):
+            is_lit(e, i, present, pulse[2], lit)
+            foresee_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn)
+        for t in range(count_t):
+            for a in range(n):
+                x_out[e, t, a] = x[t, a]
+                for b in range(n):
+                    P_out[e, t, a, b] = P[t, a, b]
+
+
+@kernel
+def predict(step, mean, covariance, targets, F, Q, x_out, P_out, present_out, nn):
+    """The belief (e, t, ...) that the next pulse meets, before any sensor has measured."""
+    birth, lifetime = targets
+    for e in range(len(step)):
+        is_present(step[e] + 1, birth, lifetime, present_out[e])
+        predict_targets(e, mean, covariance, present_out[e], F, Q, x_out[e], P_out[e], nn)
+
+
+@kernel
+def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
+    """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR.
+
+    What does not depend on the pulse (the unscented transform, eta, Pd) is done once; a candidate costs one 2 x 2
+    inverse and one interpolation a target.
+    """
+    sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
+    count_t, n = present.shape[1], len(nn)
+    A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
+    G = np.empty((count_t, n, 2))
+    for e in range(len(x)):
+        row = e if len(C) > 1 else 0
+        for c in range(C.shape[1]):
+            cost[e, c] = 0.0
+        for t in range(count_t):
+            if not present[e, t]:
+                continue
+            foresee_measurement_one(t, t, x[e], P[e], sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+            weakness = inverse_snr(z[t, 0], reference, nearest)
+            pd = detection(1.0 / weakness, log_pf)
+            before = g00 = g01 = g11 = 0.0
+            for a in range(n):
+                before += weights[a] * P[e, t, a, a]
+                g00 += weights[a] * G[t, a, 0] * G[t, a, 0]
+                g01 += weights[a] * G[t, a, 0] * G[t, a, 1]
+                g11 += weights[a] * G[t, a, 1] * G[t, a, 1]
+            for c in range(C.shape[1]):
+                s0 = S[t, 0, 0] + weakness * C[row, c, 0, 0]
+                s1 = S[t, 0, 1] + weakness * C[row, c, 0, 1]
+                s2 = S[t, 1, 1] + weakness * C[row, c, 1, 1]
+                gained = (g00 * s2 - 2.0 * g01 * s1 + g11 * s0) / (s0 * s2 - s1 * s1)
+                cost[e, c] += before - reduction(pd, (s0, s1, s2), radar, q2) * gained
+
+
+@kernel
+def after_sensor(i, x, P, present, C, radar, q2, P_out, nn):
+    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2): what the next sensor's choice starts from."""
+    count_t, n = present.shape[1], len(nn)
+    A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
+    G, K = np.empty((count_t, n, 2)), np.empty((n, 2))
+    draws = np.full((1, i + 1, count_t), -1.0)
+    own = np.empty((1, i + 1, 2, 2))
+    pulse = (own, np.ones((1, i + 1)), np.ones((1, i + 1, count_t)))
+    for e in range(len(x)):
+        for a in range(2):
+            for b in range(2):
+                own[0, i, a, b] = C[e, a, b]
+        for t in range(count_t):
+            for a in range(n):
+                for b in range(n):
+                    P_out[e, t, a, b] = P[e, t, a, b]
+        foresee_sensor(0, i, x[e], P_out[e], present[e], pulse, draws, radar, q2, A, z, S, G, K, nn)
+
+
+@kernel
+def weighted_trace(step, covariance, targets, weights, cost):
+    """cost (e,) = trace(Lambda P) summed over the targets present at ``step`` (e,)."""
+    birth, lifetime = targets
+    for e in range(len(step)):
+        cost[e] = 0.0
+        for t in range(len(birth)):
+            if birth[t] < step[e] <= birth[t] + lifetime:
+                for a in range(len(weights)):
+                    cost[e] += weights[a] * covariance[e, t, a, a]
+
+
+@kernel
+def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
+    """out (e, elements) as ``AgileClutter.elements`` lists them, of the belief that the next pulse meets.
+
+    Zeros stand for a slot that the next pulse will not find a target in.
+    """
+    birth, lifetime = targets
+    sensors, reference, nearest = radar[0], radar[1], radar[2]
+    count_t, n = len(birth), len(nn)
+    present = np.empty(count_t, np.bool_)
+    x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
+    A, z, S, G = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2)), np.empty((count_t, n, 2))
+    for e in range(len(step)):
+        is_present(step[e] + 1, birth, lifetime, present)
+        predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
+        out[e, 0] = 1.0 - step[e] / horizon
+        column = 1
+        for t in range(count_t):
+            out[e, column] = present[t]
+            for c in range(1, 3 + 4 * len(sensors)):
+                out[e, column + c] = 0.0
+            if present[t]:
+                out[e, column + 1] = 0.5 * np.log10(P[t, 0, 0] + P[t, 1, 1])
+                out[e, column + 2] = 0.5 * np.log10(P[t, 2, 2] + P[t, 3, 3])
+                for i in range(len(sensors)):
+                    foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+                    c = column + 3 + 4 * i
+                    out[e, c] = -10.0 * np.log10(inverse_snr(z[t, 0], reference, nearest))
+                    out[e, c + 1], out[e, c + 2] = 0.5 * np.log10(S[t, 0, 0]), 0.5 * np.log10(S[t, 1, 1])
+                    out[e, c + 3] = S[t, 0, 1] / np.sqrt(S[t, 0, 0] * S[t, 1, 1])
+            column += 3 + 4 * len(sensors)
+
+
+@kernel
+def measure(step, mean, covariance, truth, targets, weights, present, squared, position, nees):
+    """Of every target (e, t): whether it is present, weighted squared error, position error and NEES; else 0."""
+    birth, lifetime = targets
+    n = len(weights)
+    L, d = np.empty((n, n)), np.empty(n)
+    for e in range(len(step)):
+        is_present(step[e], birth, lifetime, present[e])
+        for t in range(len(birth)):
+            squared[e, t] = position[e, t] = nees[e, t] = 0.0
+            if present[e, t]:
+                for a in range(n):
+                    d[a] = mean[e, t, a] - truth[e, t, a]
+                    squared[e, t] += weights[a] * d[a] * d[a]
+                position[e, t] = np.sqrt(d[0] * d[0] + d[1] * d[1])
+                nees[e, t] = squared_mahalanobis_one(t, d, covariance[e], L, (0, 0, 0, 0))

@@ -1,0 +1,172 @@
+"""The scene of targets that come and go before several sensors: map, errors, gates, pulses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavegym.core.action_labels import by_sensor
+from wavegym.core.arrays import Array
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, draw_pulse, ellipse, fill
+from wavegym.rendering.maps import PLANE, colour, cross, draw_map, draw_particles, known_targets
+from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, legend, wipe
+from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.systems.agile_clutter.state import Public
+from wavegym.systems.agile_clutter.system import AgileClutter
+from wavegym.waveforms import TrapezoidChirp, Waveform, parse_law
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+
+SHOWN = 2  # sensors that have panels of their own
+GATE: dict[str, Any] = {"linewidth": 1.2}
+PULSE: dict[str, Any] = {"linewidth": 1.2, "linestyle": ":"}
+UPDATED: dict[str, Any] = {"alpha": 0.35}
+
+
+class TargetScene:
+    """Map, position errors, and of the first sensors the validation gates and the ambiguity function.
+
+    Args:
+        system: the closed loop.
+        figure: where to draw.
+    """
+
+    def __init__(self, system: AgileClutter, figure: SubFigure) -> None:
+        self.system = system
+        shown = min(len(system.sensors), SHOWN)
+        place: dict[str, Any] = {"top": 0.865, "bottom": 0.075}
+        left = figure.add_gridspec(2, 1, left=0.09, right=0.4, hspace=0.26, height_ratios=(2.3, 1.0), **place)
+        place["top"] = 0.835
+        right = figure.add_gridspec(shown + 1, shown, left=0.53, right=0.975, hspace=0.5, wspace=0.5, **place)
+        self._map, self._errors = figure.add_subplot(left[0]), figure.add_subplot(left[1])
+        self._gates = [figure.add_subplot(right[i, :]) for i in range(shown)]
+        self._pulses = [figure.add_subplot(right[-1, i]) for i in range(shown)]
+        self._scan = figure.text(0.033, 0.918, "", fontsize=SMALL + 0.5, va="center")
+        for axes in (self._map, self._errors, *self._gates):
+            few_ticks(axes, 3)
+        caption(self._map, "targets: true ×, estimated ·", "x [km]", "y [km]")
+        caption(self._errors, f"estimated minus true, {SIGMAS:g}σ", "x [m]", "y [m]")
+        for axes in self._gates:
+            caption(axes, "", "range minus predicted [m]", "range-rate [m/s]")
+            axes.yaxis.set_label_coords(-3.2 * LINE / axes.bbox.width, 0.5)
+        lines: dict[str, dict[str, Any]] = {
+            f"gate {system.gate:g}σ": {"color": TRUTH, **GATE},
+            f"pulse alone {SIGMAS:g}σ": {"color": TRUTH, **PULSE},
+            f"updated {SIGMAS:g}σ": {"color": TRUTH, "linewidth": 5, **UPDATED},
+            "truth": CROSS,
+        }
+        legend(self._gates[0], (-0.12, 1.0 + 1.6 * LINE / self._gates[0].bbox.height), len(lines), **lines)
+        self._on_show: list[Waveform | None] = [None] * shown
+
+    def draw(self, moment: Moment) -> None:
+        """See ``Scene``."""
+        for axes in (self._map, self._errors, *self._gates):
+            wipe(axes)
+        self._scan.set_text(scan_caption(self.system, moment))
+        draw_map(self._map, self.system, moment)
+        self._draw_errors(moment)
+        for axes in (*self._gates, *self._pulses):
+            axes.set_visible(bool(moment.actions))
+        if moment.actions:
+            for i, pulse in enumerate(transmitted(self.system, moment.actions[-1])[: len(self._gates)]):
+                self._gates[i].title.set_text(f"sensor {i + 1}: {pulse.label if pulse else 'silent'}")
+                self._draw_gates(self._gates[i], moment, i)
+                self._pulses[i].set_visible(pulse is not None)
+                self._show_pulse(i, pulse)
+
+    def _show_pulse(self, sensor: int, pulse: Waveform | None) -> None:
+        """The ambiguity function, which takes longest of all: left as it is while the pulse stays the same."""
+        if pulse != self._on_show[sensor]:
+            wipe(self._pulses[sensor])
+            if pulse:
+                draw_pulse(self._pulses[sensor], pulse, f"|χ| of sensor {sensor + 1}", small=True)
+            self._on_show[sensor] = pulse
+
+    def _draw_errors(self, moment: Moment) -> None:
+        """Estimates around the truth, across and along the lines of sight at different scales."""
+        axes, now = self._errors, moment.states[-1]
+        axes.axhline(0.0, color=TRUTH, linewidth=0.5)
+        axes.axvline(0.0, color=TRUTH, linewidth=0.5)
+        reach = np.full(2, 1e-3)
+        for t in known_targets(self.system, len(moment.actions)):
+            truth = now.hidden.truth[0, t, PLANE]
+            error = now.public.mean[0, t, PLANE] - truth
+            outline = error[:, None] + ellipse(now.public.covariance[0, t, PLANE, PLANE])
+            draw_particles(axes, now, t, truth)
+            axes.plot(*outline, color=colour(t), linewidth=1.2)
+            axes.plot(*error[:, None], "o", color=colour(t), markersize=3)
+            reach = np.maximum(reach, 1.15 * np.abs(outline).max(axis=1))
+        axes.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
+
+    def _draw_gates(self, axes: Axes, moment: Moment, sensor: int) -> None:
+        """What is looked at for each target's return: around the predicted measurement, with pulse, update and truth.
+
+        The gates are those of a tracker that has not heard any sensor of this step yet: a later sensor's own gate is
+        smaller by then, but what lies between two sensors is not part of the state. Covariances are carried to the
+        measurement by the Jacobian, where the tracker takes the unscented transform: they agree at such distances.
+        """
+        system, now, position = self.system, moment.states[-1], np.array(self.system.sensors[sensor])
+        before = moment.states[-2].public
+        ahead, C, strength, lit = system.ahead(before), *lighted(system, before, moment.actions[-1])
+        reach = np.full(2, 1e-3)
+        for t in np.flatnonzero(ahead.present[0] & lit[sensor]).tolist():
+            predicted = range_and_rate(ahead.mean[0, t], position)
+            eta = strength[sensor] * range_law_snr(predicted[0], system.reference_range, system.nearest_range)
+            N = C[sensor] / eta
+            S = _projected(ahead.mean[0, t], ahead.covariance[0, t], position) + N
+            gate = ellipse(S, system.gate)
+            updated = range_and_rate(now.public.mean[0, t], position) - predicted
+            truth = range_and_rate(now.hidden.truth[0, t], position) - predicted
+            P = _projected(now.public.mean[0, t], now.public.covariance[0, t], position)
+            axes.plot(*gate, color=colour(t), **GATE)
+            axes.plot(*ellipse(N), color=colour(t), **PULSE)
+            fill(axes, updated[:, None] + ellipse(P), color=colour(t), **UPDATED)
+            axes.plot(*truth[:, None], **cross(t))
+            for points in (gate, truth[:, None]):
+                reach = np.maximum(reach, 1.1 * np.abs(points).max(axis=1))
+        axes.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
+
+
+def _projected(mean: Array, covariance: Array, sensor: Array) -> Array:
+    """Covariance of (range, range-rate) that an estimate implies, (2, 2)."""
+    H = range_and_rate_jacobian(mean, sensor)
+    return H @ covariance @ H.T
+
+
+def scan_caption(system: AgileClutter, moment: Moment) -> str:
+    """What all sensors received in this step; the points themselves are not part of the state."""
+    if not moment.actions:
+        return ""
+    detections, clutter, effective, ancestors = moment.states[-1].hidden.scan[0]
+    before, sensors = moment.states[-2].public, len(system.sensors)
+    looks = int((system.ahead(before).present[0] & lighted(system, before, moment.actions[-1])[2]).sum())
+    who = f"{sensors} sensors" if sensors > 1 else "1 sensor"
+    text = f"{who}: {detections:.0f} of {looks} returns detected, {clutter:.0f} clutter points in gates"
+    if system.tracker == "particle":
+        text += f"  ·  {system.particles} particles: {effective:.0f} effective, {ancestors:.0f} ancestors"
+    return text
+
+
+def lighted(system: AgileClutter, before: Public, action: Array) -> tuple[Array, Array, Array]:
+    """Of a step: C (sensor, 2, 2), strength (sensor,), and where each sensor looks, (sensor, target) bool."""
+    pulse = system.pulse(before, action[:, None])
+    return pulse.C[0, 0], pulse.strength[0, 0], pulse.chance[0, 0] > 0.0
+
+
+def transmitted(system: AgileClutter, action: Array) -> list[Waveform | None]:
+    """Each sensor's pulse for ``action``, (1,) or (1, ...); None where it is silent."""
+    menu = system.menu
+    if not isinstance(system.actions, ParameterBox):
+        return [menu.options[i] for i in by_sensor(system.actions, action)[0]]
+    pulses: list[Waveform | None] = []
+    for law, duration, sweep in zip(*(values[0].tolist() for values in menu.decode_chirps(action)), strict=True):
+        kind, shape = parse_law(menu.laws[law])
+        direction = "down" if sweep < 0 else "up"
+        pulses.append(TrapezoidChirp(kind=kind, shape=shape, duration=duration, sweep=abs(sweep), direction=direction))
+    return pulses

@@ -1,0 +1,7 @@
+"""A camera that takes time to slew."""
+
+from __future__ import annotations
+
+from wavegym.systems.camera_slew.system import CameraSlew
+
+__all__ = ["CameraSlew"]

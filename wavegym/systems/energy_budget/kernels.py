@@ -1,0 +1,100 @@
+"""What a pulse sent after a pause is worth, for the rules that price energy: compiled.
+
+Axes and argument groups as in ``agile_clutter_kernels``; c candidate. ``pulse`` has an entry for each candidate.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import kernel
+from wavegym.sensors.detection_kernels import detection
+from wavegym.systems.agile_clutter.kernels import is_lit, is_present, predict_targets, weakness_one
+from wavegym.systems.agile_clutter.prediction_kernels import foresee_sensor, information
+from wavegym.trackers.ukf_kernels import foresee_measurement_one
+
+
+@kernel
+def gain(step, mean, covariance, wait, sight, left, M, pulse, choices, targets, F, Q, radar, q2, out, nn):
+    """out (e, c) = trace(M (P without - P with)), summed over targets, of candidate c's pulse after wait[e, c] steps.
+
+    sight (e, c): chance that the slot is not occluded; 0 gives 0. left (e, c): steps that the episode has from that
+    pulse's on. M (l, n, n) of 1, 2, ... steps: that of ``left``, or the last. choices (c, sensor): neighbours that
+    differ at the last sensor only share all that comes before it, so the order of a joint library costs least.
+    """
+    count_t, n, last = len(targets[0]), len(nn), choices.shape[1] - 1
+    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    x, seen = np.empty((count_t, n)), np.empty(pulse[2].shape)
+    P = np.empty((last + 1, count_t, n, n))  # before the first sensor's pulse, and after each but the last
+    A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
+    G, K, draws = np.empty((count_t, n, 2)), np.empty((n, 2)), np.full((1, last + 1, count_t), -1.0)
+    for e in range(len(step)):
+        before, fallen = -1, 0.0  # the candidate whose preparation is still there
+        for c in range(len(choices)):
+            if sight[e, c] <= 0.0:
+                out[e, c] = 0.0
+                continue
+            start, own = 0, M[min(left[e, c], len(M)) - 1]
+            if before < 0 or wait[e, c] != wait[e, before]:
+                predict_later(e, step[e], mean, covariance, wait[e, c], targets, F, Q, present, x, P[0], nn)
+                before = -1
+            else:
+                while start < last and choices[c, start] == choices[before, start]:
+                    start += 1
+            seen[c] = sight[e, c] * pulse[2][c]
+            for i in range(start, last):
+                P[i + 1] = P[i]
+                is_lit(c, i, present, seen, lit)
+                foresee_sensor(c, i, x, P[i + 1], lit, (pulse[0], pulse[1], seen), draws, radar, q2, A, z, S, G, K, nn)
+            if before < 0 or start < last:
+                fallen = fall(P[0], P[last], present, own)
+                for t in range(count_t):
+                    if present[t]:
+                        foresee_measurement_one(t, t, x, P[last], radar[0][last, 0], radar[0][last, 1], A, z, S, G, nn)
+            out[e, c] = fallen + last_fall(c, last, present, pulse, seen, z, S, G, own, radar, q2)
+            before = c
+
+
+@kernel
+def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
+    """What the last sensor's pulse takes off trace(M P), summed over the targets: z, S, G as it foresees them."""
+    total = 0.0
+    for t in range(len(present)):
+        if present[t] and seen[c, i, t] > 0.0:
+            weakness = weakness_one(c, i, z[t, 0], pulse[1], radar)
+            s0 = S[t, 0, 0] + weakness * pulse[0][c, i, 0, 0]
+            s1 = S[t, 0, 1] + weakness * pulse[0][c, i, 0, 1]
+            s2 = S[t, 1, 1] + weakness * pulse[0][c, i, 1, 1]
+            share = information(detection(1.0 / weakness, radar[3]), seen[c, i, t], (s0, s1, s2), radar, q2, -1.0)
+            g00 = g01 = g11 = 0.0
+            for a in range(len(M)):
+                for b in range(len(M)):
+                    g00 += M[a, b] * G[t, a, 0] * G[t, b, 0]
+                    g01 += M[a, b] * G[t, a, 0] * G[t, b, 1]
+                    g11 += M[a, b] * G[t, a, 1] * G[t, b, 1]
+            total += share * (g00 * s2 - 2.0 * g01 * s1 + g11 * s0) / (s0 * s2 - s1 * s1)
+    return total
+
+
+@kernel
+def predict_later(e, step, mean, covariance, wait, targets, F, Q, present, x, P, nn):
+    """x (t, n), P (t, n, n): the belief of environment e that a pulse after ``wait`` more steps meets; who is there."""
+    birth, lifetime = targets
+    y, V = mean[e : e + 1].copy(), covariance[e : e + 1].copy()
+    for k in range(wait + 1):
+        is_present(step + 1 + k, birth, lifetime, present)
+        predict_targets(0, y, V, present, F, Q, x, P, nn)
+        y[0], V[0] = x, P
+
+
+@kernel
+def fall(before, after, present, M):
+    """trace(M (before - after)) summed over the targets present."""
+    total = 0.0
+    for t in range(len(present)):
+        if present[t]:
+            for a in range(len(M)):
+                for b in range(len(M)):
+                    total += M[a, b] * (before[t, b, a] - after[t, b, a])
+    return total

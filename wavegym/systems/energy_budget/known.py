@@ -1,0 +1,126 @@
+"""The energy budget with occlusions that are known from the beginning."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.system import Element
+from wavegym.systems.energy_budget.state import World
+from wavegym.systems.energy_budget.system import EnergyBudget
+from wavegym.systems.visibility_windows import alternating_windows, given_windows, window_draws
+
+FAR = 40  # steps: a change of the occlusion further ahead is shown as this
+CHANGES = 3  # of the occlusion that are shown
+
+
+class Public(NamedTuple):
+    """The belief, the account and the occlusions of the whole episode."""
+
+    step: Array  # (env,) int
+    mean: Array  # (env, target, 4)
+    covariance: Array  # (env, target, 4, 4)
+    particles: None
+    energy: Array  # (env,) left; the longest pulse of one sensor takes 1
+    visible: Array  # (env, H) bool: whether slot k, from step k to k + 1, is clear
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class EnergyBudgetKnown(EnergyBudget):
+    """Two radars share an energy budget for a whole episode; when they are blinded is known from the beginning.
+
+    Description
+        As wavegym/EnergyBudget-v0 with a stronger target, which is nearly always detected, and with clear and occluded
+        spells that are drawn for each world and known from its first step, as of a sector that is blanked by a schedule
+        or of terrain along a planned path. The choice at a step knows whether its slot is occluded. The spells are long
+        and the account, a battery's, pays four longest pulses: each has to be placed.
+
+    Rewards
+        As wavegym/AgileClutter-v0: -trace(Lambda P).
+
+    Starting state
+        As wavegym/EnergyBudget-v0; the episode begins anywhere in a clear spell and the occluded one that follows it.
+
+    Episode end
+        Terminates after ``horizon`` steps; the time left is observed.
+
+    Arguments
+        shown, hidden: least and greatest number of steps of clear and of occluded spells, each length equally likely.
+        windows: (first, last), steps in which both radars are occluded, both included, the same in every world, in
+        place of drawn spells; () draws them. mean_clear, mean_occluded are not used. All others as
+        wavegym/EnergyBudget-v0.
+
+    References
+        As wavegym/EnergyBudget-v0.
+    """
+
+    reference_range: float = 100e3
+    budget: float = 0.06
+    shown: tuple[int, int] = (8, 20)
+    hidden: tuple[int, int] = (8, 20)
+    windows: tuple[tuple[int, int], ...] = ()
+
+    def _check_occlusions(self) -> None:
+        """InputError for windows outside the episode, spells that cannot be, or nothing that is ever seen."""
+        _ = self._occlusion_draws
+        if self.windows and not self._given().any():
+            raise InputError(f"windows is {self.windows}, expected at least one step of the episode outside them")
+
+    def _given(self) -> Array:
+        """Whether each slot is clear where windows are given, (H,) bool."""
+        return given_windows([(0, *window) for window in self.windows], 1, self.horizon)[:, 0]
+
+    @property
+    def _occlusion_draws(self) -> int:
+        return window_draws(self.horizon, self.shown, self.hidden)
+
+    def _at_first(self, world: World) -> Array:
+        if self.windows:
+            return np.tile(self._given(), (len(world.occlusion), 1))
+        return alternating_windows(world.occlusion, self.horizon, self.shown, self.hidden)
+
+    def _public(self, base: Any, energy: Array, air: Array) -> Any:
+        return Public(base.step, base.mean, base.covariance, None, energy, air)
+
+    def _lived(self, public: Any, world: World) -> tuple[Array, Array]:
+        return public.visible[np.arange(len(public.step)), public.step], public.visible.copy()
+
+    def _clear(self, public: Any) -> Array:
+        slot = np.minimum(public.step, self.horizon - 1)
+        return public.visible[np.arange(len(slot)), slot].astype(np.float64)
+
+    def _sight(self, public: Any, wait: Array) -> Array:
+        slot = np.minimum(public.step[:, None] + wait, self.horizon - 1)
+        return np.take_along_axis(public.visible, slot, axis=1).astype(np.float64)
+
+    @property
+    def chances(self) -> tuple[int, ...]:  # type: ignore[override]
+        """A draw for every sensor and target, sensor by sensor: whether it is detected."""
+        return (len(self.sensors) * len(self.starts),)
+
+    def _foreseen(self, public: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
+        return self._clear(public), public.visible, None if outcome is None else self._by_sensor(outcome)
+
+    def _air_elements(self) -> tuple[Element, ...]:
+        return (
+            Element("occluded", "1", 0.5, 0.5, "whether the next slot is occluded"),
+            *(
+                Element(f"change_{k}", "steps", 10.0 * k, 10.0, f"steps until that has changed {k} x, at most {FAR}")
+                for k in range(1, CHANGES + 1)
+            ),
+            Element("visible_ahead", "1", 0.5, 0.3, "share of the slots still to come that are clear"),
+        )
+
+    def _air(self, public: Any) -> tuple[Array, ...]:
+        slots, step = np.arange(self.horizon), public.step[:, None]
+        is_change = np.diff(public.visible, axis=1, prepend=public.visible[:, :1]) & (slots > step)
+        nth = np.cumsum(is_change, axis=1) * is_change
+        at = [nth == k for k in range(1, CHANGES + 1)]
+        changes = [np.where(k.any(axis=1), np.minimum(k.argmax(axis=1) - public.step, FAR), FAR) for k in at]
+        ahead = (public.visible & (slots >= step)).sum(axis=1) / np.maximum(self.horizon - public.step, 1)
+        return 1.0 - self._clear(public), *changes, ahead

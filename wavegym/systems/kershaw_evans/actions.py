@@ -1,0 +1,70 @@
+"""What a radar with Gaussian chirps may transmit: a library, or the box that the library spans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.waveforms import Library, chirp_rate_for_sweep, gaussian_chirp_library, gaussian_measurement_covariance
+
+
+@dataclass(frozen=True)
+class GaussianMenu:
+    """Every duration with every sweep, at the chirp rate g = pi |sweep| / (2 k).
+
+    Args:
+        durations: k in seconds.
+        sweeps: in Hz, negative = down.
+        carrier_hz: fc.
+        continuous: actions are points of the box instead of indices.
+    """
+
+    durations: tuple[float, ...]
+    sweeps: tuple[float, ...]
+    carrier_hz: float
+    continuous: bool
+
+    @cached_property
+    def library(self) -> Library:
+        """The waveforms, duration-major."""
+        return gaussian_chirp_library(self.durations, self.sweeps)
+
+    @cached_property
+    def box(self) -> ParameterBox:
+        """Log duration, and the sweep that sets the chirp rate; the largest |sweep| is the radar's bandwidth."""
+        largest = max(abs(s) for s in self.sweeps)
+        return ParameterBox(
+            (
+                Parameter("duration", "s", min(self.durations), max(self.durations), "log"),
+                Parameter("sweep", "Hz", -largest, largest, "linear"),
+            )
+        )
+
+    @property
+    def actions(self) -> Library | ParameterBox:
+        """What an action means."""
+        return self.box if self.continuous else self.library
+
+    @cached_property
+    def candidates(self) -> Array:
+        """The library as actions: indices (A,), or points of the box (A, 2)."""
+        if not self.continuous:
+            return np.arange(len(self.library))
+        return self.box.encode(np.array([(k, s) for k in self.durations for s in self.sweeps]))
+
+    @cached_property
+    def covariances(self) -> Array:
+        """C (A, 2, 2): measurement covariances of the library at unit SNR."""
+        return self.library.measurement_covariances(self.carrier_hz)
+
+    def unit_covariance(self, actions: Array) -> Array:
+        """C (..., 2, 2) of the waveforms that ``actions`` name."""
+        if not self.continuous:
+            return self.covariances.take(actions, axis=0)
+        values = self.box.decode(actions)
+        duration, sweep = values[..., 0], values[..., 1]
+        return gaussian_measurement_covariance(duration, chirp_rate_for_sweep(sweep, duration), self.carrier_hz)

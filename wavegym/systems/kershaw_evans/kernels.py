@@ -1,0 +1,141 @@
+"""The Kershaw-Evans loop in compiled form: one pass over the batch for each function of the system.
+
+Shapes: e environments, c candidates, H steps, n states (r, rdot[, rddot]), m = 2 measurements (r, rdot); C is the
+measurement covariance at unit SNR, R = C / eta. F, Q and M (the measurement matrix [I 0]) come as (1, n, n), (1, 2, n).
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import kernel
+from wavegym.sensors.kernels import inverse_snr
+from wavegym.trackers.kernels import (
+    factor_innovation_one,
+    predict_covariance_one,
+    predict_mean_one,
+    update_covariance_one,
+    update_mean_one,
+)
+
+
+@kernel
+def advance(mean, P, step, path, normal, C, F, Q, M, r0, nearest, nn, mm, x, P_out, truth):
+    """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n) and truth (e, n)."""
+    count, n = mean.shape[0], len(nn)
+    y = np.empty((count, 2))
+    T, L, D, V, w = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2)), np.empty(2)
+    for e in range(count):
+        k = step[e] + 1
+        for i in range(n):
+            truth[e, i] = path[e, k, i]
+        predict_mean_one(e, mean, F, 0, x, nn)
+        predict_covariance_one(e, P, F, Q, 0, T, P_out, nn)
+        scale = inverse_snr(truth[e, 0], r0, nearest)
+        # measurement error with covariance R = C / eta: its Cholesky factor times two standard normal draws
+        first = np.sqrt(C[e, 0, 0] * scale)
+        cross = C[e, 1, 0] * scale / first
+        rest = np.sqrt(C[e, 1, 1] * scale - cross * cross)
+        y[e, 0] = truth[e, 0] + first * normal[e, k, n] - x[e, 0]
+        y[e, 1] = truth[e, 1] + cross * normal[e, k, n] + rest * normal[e, k, n + 1] - x[e, 1]
+        factor_innovation_one(e, P_out, M, 0, C, e, scale, L, D, V, nn, mm)
+        update_mean_one(e, x, y, L, D, V, w, x, nn, mm)
+        update_covariance_one(e, P_out, D, V, e, P_out, nn, mm)
+
+
+@kernel
+def imagine(mean, P, C, F, Q, M, r0, nearest, nn, mm):
+    """Predicted mean (e, c, n), updated covariance (e, c, n, n) for C (e or 1, c, 2, 2); SNR at the predicted range."""
+    count, candidates, n = mean.shape[0], C.shape[1], len(nn)
+    x, out = np.empty((count, candidates, n)), np.empty((count, candidates, n, n))
+    T, L, D, V = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2))
+    ahead, predicted = np.empty((count, n)), np.empty((count, n, n))
+    for e in range(count):
+        predict_mean_one(e, mean, F, 0, ahead, nn)
+        predict_covariance_one(e, P, F, Q, 0, T, predicted, nn)
+        scale = inverse_snr(ahead[e, 0], r0, nearest)
+        C_own, out_own = C[e if C.shape[0] > 1 else 0], out[e]
+        for c in range(candidates):
+            factor_innovation_one(e, predicted, M, 0, C_own, c, scale, L, D, V, nn, mm)
+            update_covariance_one(e, predicted, D, V, c, out_own, nn, mm)
+            for i in range(n):
+                x[e, c, i] = ahead[e, i]
+    return x, out
+
+
+@kernel
+def observe(mean, P, step, horizon, r0, nearest, nn, out):
+    """out (e, elements), in physical units: SNR dB, rdot, log10 of deviations, correlations, time left."""
+    n = len(nn)
+    for e in range(mean.shape[0]):
+        out[e, 0] = -10.0 * np.log10(inverse_snr(mean[e, 0], r0, nearest))
+        out[e, 1] = mean[e, 1]
+        column = 2
+        for i in range(n):
+            out[e, column] = 0.5 * np.log10(P[e, i, i])
+            column += 1
+        for i in range(n):
+            for j in range(i):
+                out[e, column] = P[e, i, j] / np.sqrt(P[e, i, i] * P[e, j, j])
+                column += 1
+        out[e, column] = 1.0 - step[e] / horizon
+
+
+@kernel
+def measure(mean, P, truth, out):
+    """out (3, e): |range error|, |range-rate error|, and the NEES over both (2 degrees of freedom)."""
+    for e in range(mean.shape[0]):
+        a, b = mean[e, 0] - truth[e, 0], mean[e, 1] - truth[e, 1]
+        determinant = P[e, 0, 0] * P[e, 1, 1] - P[e, 0, 1] * P[e, 1, 0]
+        out[0, e], out[1, e] = abs(a), abs(b)
+        out[2, e] = (a * a * P[e, 1, 1] - 2.0 * a * b * P[e, 0, 1] + b * b * P[e, 0, 0]) / determinant
+
+
+@kernel
+def foreseen_scales(e, mean, levels, F, r0, nearest, scale, nn):
+    """scale[l] = 1 / eta at the mean predicted l + 1 steps ahead of mean[e]."""
+    now, ahead = mean[e : e + 1].copy(), np.empty((1, len(nn)))
+    for level in range(levels):
+        predict_mean_one(0, now, F, 0, ahead, nn)
+        now, ahead = ahead, now
+        scale[level] = inverse_snr(now[0, 0], r0, nearest)
+
+
+@kernel
+def lookahead(mean, P, C, step, horizon, depth, weights, F, Q, M, r0, nearest, nn, mm):
+    """First action of the best sequence of ``depth`` steps (fewer at the episode's end), and that sequence's cost.
+
+    Depth first, so the memory is one covariance a level; a branch ends where its cost so far reaches the best total
+    (costs are not negative). C (c, 2, 2) is shared. The SNR follows the predicted mean, as in ``imagine``.
+    """
+    count, n = mean.shape[0], len(nn)
+    best, first = np.full(count, np.inf), np.zeros(count, np.int64)
+    T, L, D, V = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2))
+    updated, predicted = np.empty((depth + 1, n, n)), np.empty((depth, n, n))
+    spent, scale, tried = np.zeros(depth + 1), np.empty(depth), np.empty(depth, np.int64)
+    for e in range(count):
+        levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action nobody will use
+        foreseen_scales(e, mean, levels, F, r0, nearest, scale, nn)
+        updated[0] = P[e]
+        level = 0
+        tried[0] = -1
+        while level >= 0:
+            if tried[level] < 0:
+                predict_covariance_one(level, updated, F, Q, 0, T, predicted, nn)
+            tried[level] += 1
+            if tried[level] == C.shape[0]:
+                level -= 1
+                continue
+            factor_innovation_one(level, predicted, M, 0, C, tried[level], scale[level], L, D, V, nn, mm)
+            update_covariance_one(level, predicted, D, V, level + 1, updated, nn, mm)
+            total = spent[level]
+            for i in range(n):
+                total += weights[i] * updated[level + 1, i, i]
+            if total < best[e] and level + 1 == levels:
+                best[e], first[e] = total, tried[0]
+            elif total < best[e]:
+                level += 1
+                spent[level] = total
+                tried[level] = -1
+    return first, best

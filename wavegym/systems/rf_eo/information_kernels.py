@@ -1,0 +1,142 @@
+"""The paper's scheduler in compiled form: the most weighted information of which every target has its share.
+
+Shapes and arguments as in ``rf_eo_search_kernels.py``. Weighted with the predicted covariance, information adds up over
+platforms and quantities, so a platform's settings are worth the same whatever the others do.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import kernel
+from wavegym.systems.rf_eo.prediction_kernels import foresee
+from wavegym.systems.rf_eo.search_kernels import SWEEPS, tabulate
+
+STARTS = 12  # platforms' own best, forwards from nothing, backwards, and own best for other weights of the targets
+FORWARDS, BACKWARDS = 1, 2
+LEAST_SHARE = 1e-6  # a target with less counts as one with this much
+
+
+@kernel
+def worth(totals, threshold):
+    """Least share and sum of the targets' totals (t,): what is compared, the least share only up to the threshold."""
+    least, total = np.inf, 0.0
+    for t in range(totals.shape[0]):
+        least = min(least, totals[t])
+        total += totals[t]
+    return min(least, threshold), total
+
+
+@kernel
+def best_addition(others, radar, camera, sizes, threshold, totals):
+    """The points of one platform's axes that are best beside ``others`` (t,): feasible first, then the greatest sum.
+
+    radar, camera (t, g): information of range and range-rate, and of the azimuth.
+    """
+    share, gain, prf, angle = -np.inf, -np.inf, 0, 0
+    for f in range(sizes[0]):
+        for m in range(sizes[1]):
+            for t in range(totals.shape[0]):
+                totals[t] = others[t] + radar[t, f] + camera[t, m]
+            least, total = worth(totals, threshold)
+            if least > share or (least == share and total > gain):
+                share, gain, prf, angle = least, total, f, m
+    return prf, angle
+
+
+@kernel
+def sums(radar, camera, chosen, without, totals):
+    """totals (t,): every target's information from the platforms that have chosen, ``without`` one of them."""
+    totals[:] = 0.0
+    for j in range(chosen.shape[0]):
+        if j != without and chosen[j, 0] >= 0:
+            for t in range(totals.shape[0]):
+                totals[t] += radar[j, t, chosen[j, 0]] + camera[j, t, chosen[j, 1]]
+
+
+@kernel
+def own_best(radar, camera, sizes, weights, chosen):
+    """Every platform's greatest weighted sum, which PRF and pixel angle settle apart: ``chosen`` (p, 2)."""
+    for j in range(chosen.shape[0]):
+        for axis, table in enumerate((radar, camera)):
+            most = -np.inf
+            for g in range(sizes[axis]):
+                value = 0.0
+                for t in range(weights.shape[0]):
+                    value += weights[t] * table[j, t, g]
+                if value > most:
+                    most, chosen[j, axis] = value, g
+
+
+@kernel
+def ascend(radar, camera, sizes, threshold, backwards, chosen, others, totals):
+    """Platform after platform, each best given the others, until none changes: ``chosen`` (p, 2), -1 for not yet.
+
+    radar, camera (p, t, g).
+    """
+    platforms = chosen.shape[0]
+    for _ in range(SWEEPS):
+        changed = False
+        for order in range(platforms):
+            j = platforms - 1 - order if backwards else order
+            sums(radar, camera, chosen, j, others)
+            prf, angle = best_addition(others, radar[j], camera[j], sizes, threshold, totals)
+            changed = changed or prf != chosen[j, 0] or angle != chosen[j, 1]
+            chosen[j, 0], chosen[j, 1] = prf, angle
+        if not changed:
+            break
+
+
+@kernel
+def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, totals):
+    """The best ``chosen`` (p, 2) of all STARTS; returns its least share, up to the threshold.
+
+    The first start has the greatest sum that there is, so nothing else is tried where that is feasible. The later ones
+    give more weight to targets that got less before (a Lagrangian's multipliers, by and by).
+    """
+    share, gain = -np.inf, -np.inf
+    weights[:] = 1.0
+    for start in range(STARTS):
+        if start in (FORWARDS, BACKWARDS):
+            tried[:] = -1
+        else:
+            own_best(radar, camera, sizes, weights, tried)
+            sums(radar, camera, tried, -1, totals)
+            for t in range(totals.shape[0]):
+                weights[t] /= np.sqrt(max(totals[t], LEAST_SHARE))
+        ascend(radar, camera, sizes, threshold, start == BACKWARDS, tried, others, totals)
+        sums(radar, camera, tried, -1, totals)
+        least, total = worth(totals, threshold)
+        if least > share or (least == share and total > gain):
+            share, gain = least, total
+            chosen[:] = tried
+        if start == 0 and share >= threshold:
+            break
+    return share
+
+
+@kernel
+def most_information(mean, P, axes, sizes, threshold, F, Q, places, fence, rules, chosen, feasible, nn):
+    """chosen (e, p, 2): nearly the most information among what gives every target ``threshold`` of it.
+
+    ``feasible`` (e,): whether such a choice was found. Where none was, what gives the worst-off target most.
+    """
+    (count, platforms), targets, n = chosen.shape[:2], mean.shape[1], len(nn)
+    rows, points = 3 * platforms, axes.shape[1]
+    x, V = np.empty((targets, n)), np.empty((targets, n, n))
+    h, H, spread = np.empty((targets, rows)), np.empty((targets, rows, n)), np.empty((targets, rows))
+    R, tried = np.empty((targets, rows, points)), np.empty((platforms, 2), np.int64)
+    radar, camera = np.empty((platforms, targets, points)), np.empty((platforms, targets, points))
+    weights, others, totals = np.empty(targets), np.empty(targets), np.empty(targets)
+    for e in range(count):
+        foresee(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
+        tabulate(V, h, H, axes, fence, rules, R, spread)
+        for j in range(platforms):
+            for t in range(targets):
+                for g in range(points):
+                    a = 3 * j
+                    radar[j, t, g] = spread[t, a] / R[t, a, g] + spread[t, a + 1] / R[t, a + 1, g]
+                    camera[j, t, g] = spread[t, a + 2] / R[t, a + 2, g]
+        share = choose(radar, camera, sizes, threshold, tried, chosen[e], weights, others, totals)
+        feasible[e] = share >= threshold

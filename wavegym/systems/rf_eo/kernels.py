@@ -1,0 +1,282 @@
+"""The RF/EO loop in compiled form: move, look, track.
+
+Shapes: e environments, t targets, p platforms, a = 3 p measured quantities, (r, rdot, azimuth) of platform after
+platform. ``settings`` (e, p, 3) are PRF, bandwidth and pixel angle; variance, low and high (p, 3) are what those of one
+environment are worth. ``places`` (p, 3): platforms and look directions; ``fence`` (2, 3): sharpness and height of the
+penalties; ``rules``: the scalars of ``Rules``.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
+from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
+from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
+
+SECOND_ORDER = 0.1  # of a standard deviation: what linearising may leave out before the update is iterated
+CONVERGED = 1e-3  # of a standard deviation: how little the estimate moves when the iteration ends
+PLACE = (0, 2)  # of [x xdot y ydot], what range and azimuth depend on
+ALL = (0, 1, 2, 3)  # and range-rate
+FAINT = 1e-6  # the least that is observed of a quantity or its spread: log10 has to end somewhere
+
+
+class Rules(NamedTuple):
+    """Scalars of the scenario; see ``RfEo``."""
+
+    penalty: int
+    nearest: float
+    margin: float
+    printed: bool
+    wavelength: float
+    fft_length: int
+    pixels: int
+    inflated: bool
+    iterations: int
+
+
+@inlined
+def view_all(e, settings, rules, variance, low, high):
+    """What the settings of environment e are worth."""
+    for j in range(settings.shape[1]):
+        view_one(
+            settings[e, j, 0], settings[e, j, 1], settings[e, j, 2], rules.wavelength, rules.fft_length, rules.pixels,
+            rules.printed, j, variance, low, high
+        )  # fmt: skip
+
+
+@inlined
+def look_one(i, x, places, rules, h, H):
+    """Predicted measurements h (a,) and Jacobian H (a, n) of x[i] at all platforms."""
+    for j in range(places.shape[0]):
+        sx, sy = places[j, 0], places[j, 1]
+        r, rdot, azimuth = polar(x[i, 0], x[i, 1], x[i, 2], x[i, 3], sx, sy, places[j, 2], rules.printed)
+        polar_rows(x[i, 0], x[i, 1], x[i, 2], x[i, 3], sx, sy, r, rdot, rules.printed, 3 * j, H)
+        h[3 * j], h[3 * j + 1], h[3 * j + 2] = r, rdot, azimuth
+
+
+@inlined
+def spread_of(q, i, P, H, a):
+    """h'P[i] h of row a, which is a range, range-rate or azimuth by q."""
+    return spread_one(i, P, H, a, ALL) if q == 1 else spread_one(i, P, H, a, PLACE)
+
+
+@inlined
+def gain_of(q, i, P, H, a, v, nn):
+    """The same, and v (n,) = P[i] h."""
+    return gain_one(i, P, H, a, v, nn, ALL) if q == 1 else gain_one(i, P, H, a, v, nn, PLACE)
+
+
+@inlined
+def foreseen_variance(value, spread, variance, low, high, q, fence, rules):
+    """R~ of quantity q: plain variance and penalty at the predicted value, ``margin`` deviations nearer to the edge."""
+    if rules.margin == 0.0:
+        return variance + penalty_one(rules.penalty, value, low, high, fence[0, q], fence[1, q])
+    reach = rules.margin * np.sqrt(spread)
+    upper = penalty_one(rules.penalty, value + reach, low, high, fence[0, q], fence[1, q])
+    lower = penalty_one(rules.penalty, value - reach, low, high, fence[0, q], fence[1, q])
+    return variance + max(upper, lower)
+
+
+@inlined
+def information_one(i, P, h, H, variance, low, high, fence, rules):
+    """tr(P C' R~^-1 C) of target i as foreseen: the information that the settings bring, weighted with P[i]."""
+    total = 0.0
+    for j in range(variance.shape[0]):
+        if h[3 * j] >= rules.nearest:
+            for q in range(3):
+                a = 3 * j + q
+                g = spread_of(q, i, P, H, a)
+                total += g / foreseen_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+    return total
+
+
+@inlined
+def measure_one(e, k, t, i, truth, h, error, places, variance, low, high, fence, rules, z, R):
+    """Measure truth[i]: z (a,) and the variances R (a,) that the tracker takes, infinite for what is out of view.
+
+    Returns how many quantities were received; h (a,) are the predicted ones.
+    """
+    received = 0
+    for j in range(places.shape[0]):
+        sx, sy = places[j, 0], places[j, 1]
+        true = polar(truth[i, 0], truth[i, 1], truth[i, 2], truth[i, 3], sx, sy, places[j, 2], rules.printed)
+        blind = true[0] < rules.nearest or h[3 * j] < rules.nearest
+        for q in range(3):
+            a, lo, hi, drawn = 3 * j + q, low[j, q], high[j, q], variance[j, q]
+            R[a] = np.inf
+            if blind or not (rules.inflated or lo <= true[q] <= hi):
+                continue
+            R[a] = drawn
+            if rules.inflated:
+                R[a] += penalty_one(rules.penalty, h[a], lo, hi, fence[0, q], fence[1, q])
+                drawn += penalty_one(rules.penalty, true[q], lo, hi, fence[0, q], fence[1, q])
+            z[a] = true[q] + np.sqrt(drawn) * error[e, k, j, t, q]
+            received += 1
+    return received
+
+
+@inlined
+def curved_one(i, x, P, h, R):
+    """Whether the measurement's second-order terms matter over the prior's spread: then the update is iterated.
+
+    Over a displacement d across the line of sight, r bends by d^2 / 2r and the azimuth by as much per r; the range-rate
+    by d times the velocity's spread per r, and by the speed times d^2 / 2 r^2.
+    """
+    spread = P[i, 0, 0] + P[i, 2, 2]
+    restless = P[i, 1, 1] + P[i, 3, 3]
+    squared_speed = x[i, 1] * x[i, 1] + x[i, 3] * x[i, 3]
+    most = SECOND_ORDER * SECOND_ORDER
+    for j in range(h.shape[0] // 3):
+        r = h[3 * j]
+        bend = 0.5 * spread / r
+        turn = bend / r
+        if bend * bend > most * R[3 * j] or turn * turn > most * R[3 * j + 2]:
+            return True
+        if spread * restless / (r * r) + squared_speed * turn * turn > most * R[3 * j + 1]:
+            return True
+    return False
+
+
+@inlined
+def absorb_one(i, P, H, y, R, d, v, nn):
+    """d (n,) = K y and P[i] = [P[i]^-1 + H' R^-1 H]^-1, row after row of those received."""
+    for k in range(len(nn)):
+        d[k] = 0.0
+    for j in range(R.shape[0] // 3):
+        for q in range(3):
+            a = 3 * j + q
+            if R[a] < np.inf:
+                s = gain_of(q, i, P, H, a, v, nn) + R[a]
+                correct_one(d, H, a, v, s, y[a], nn)
+                shrink_one(i, P, v, s, nn)
+
+
+@inlined
+def residual_one(z, h, y):
+    """y (a,) = z - h, azimuths wrapped."""
+    for j in range(h.shape[0] // 3):
+        y[3 * j] = z[3 * j] - h[3 * j]
+        y[3 * j + 1] = z[3 * j + 1] - h[3 * j + 1]
+        y[3 * j + 2] = wrapped(z[3 * j + 2] - h[3 * j + 2])
+
+
+@kernel
+def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
+    """Gauss-Newton: linearise at the estimate again and again, from the prediction x[i], P[i] and h, H there.
+
+    Until the estimate moves by less than CONVERGED of its standard deviations, or ``rules.iterations`` are spent.
+    """
+    n = len(nn)
+    prior, at = P[i].copy(), x[i : i + 1].copy()
+    for spent in range(1, rules.iterations + 1):
+        P[i] = prior
+        absorb_one(i, P, H, y, R, d, v, nn)
+        moved = 0.0
+        for k in range(n):
+            step = x[i, k] + d[k] - at[0, k]
+            moved = max(moved, step * step / P[i, k, k])
+            at[0, k] = x[i, k] + d[k]
+        if moved < CONVERGED * CONVERGED or spent == rules.iterations:
+            break
+        look_one(0, at, places, rules, h, H)
+        residual_one(z, h, y)
+        for a in range(h.shape[0]):
+            for k in range(n):
+                y[a] += H[a, k] * (at[0, k] - x[i, k])
+    for k in range(n):
+        x[i, k] = at[0, k]
+
+
+@inlined
+def move_one(e, k, t, i, truth, F, L, process, truth_out, nn):
+    """truth_out[i] = F truth[i] + L process[e, k, t]: target t moves."""
+    predict_mean_one(i, truth, F, 0, truth_out, nn)
+    for a in range(len(nn)):
+        for b in range(a + 1):
+            truth_out[i, a] += L[a, b] * process[e, k, t, b]
+
+
+@inlined
+def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
+    """Update the prediction x[i], P[i], whose measurements would be h with Jacobian H, with z and variances R (a,)."""
+    residual_one(z, h, y)
+    if rules.iterations > 1 and curved_one(i, x, P, h, R):
+        iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn)
+    else:
+        absorb_one(i, P, H, y, R, d, v, nn)
+        for a in range(len(nn)):
+            x[i, a] += d[a]
+
+
+@kernel
+def advance(
+    step, mean, P, truth, unseen, process, error, settings, F, Q, L, places, fence, rules, x, P_out, truth_out,
+    received, unseen_out, share, nn
+):  # fmt: skip
+    """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen (e, t), share (e,)."""
+    (count, targets, n), platforms = mean.shape, places.shape[0]
+    rows, flat = 3 * platforms, count * targets
+    variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
+    T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows)
+    y, d, v = np.empty(rows), np.empty(n), np.empty(n)
+    mean, truth, x, truth_out = (
+        mean.reshape((flat, n)), truth.reshape((flat, n)), x.reshape((flat, n)), truth_out.reshape((flat, n))
+    )  # fmt: skip
+    P, P_out = P.reshape((flat, n, n)), P_out.reshape((flat, n, n))
+    for e in range(count):
+        k, share[e] = step[e], np.inf
+        view_all(e, settings, rules, variance, low, high)
+        for t in range(targets):
+            i = e * targets + t
+            move_one(e, k, t, i, truth, F, L, process, truth_out, nn)
+            predict_mean_one(i, mean, F, 0, x, nn)
+            predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
+            look_one(i, x, places, rules, h, H)
+            share[e] = min(share[e], information_one(i, P_out, h, H, variance, low, high, fence, rules))
+            count_in = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
+            received[e, t], unseen_out[e, t] = count_in, 0 if count_in > 0 else unseen[e, t] + 1
+            track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
+
+
+@kernel
+def observe(mean, P, F, Q, places, rules, out, nn):
+    """out (e, elements): what is observed, before its logarithm is taken; variances where it is a spread.
+
+    Of every target the position's and velocity's variance, and of each platform |(r, rdot, azimuth)|, each followed by
+    its variance, as predicted one step ahead.
+    """
+    n, rows = len(nn), 3 * places.shape[0]
+    T, H, h = np.empty((n, n)), np.empty((rows, n)), np.empty(rows)
+    x, V = np.empty((mean.shape[1], n)), np.empty((mean.shape[1], n, n))
+    for e in range(mean.shape[0]):
+        column = 0
+        for t in range(mean.shape[1]):
+            predict_mean_one(t, mean[e], F, 0, x, nn)
+            predict_covariance_one(t, P[e], F, Q, 0, T, V, nn)
+            look_one(t, x, places, rules, h, H)
+            out[e, column] = V[t, 0, 0] + V[t, 2, 2]
+            out[e, column + 1] = V[t, 1, 1] + V[t, 3, 3]
+            column += 2
+            for j in range(places.shape[0]):
+                for q in range(3):
+                    a = 3 * j + q
+                    out[e, column] = max(abs(h[a]), FAINT)
+                    out[e, column + 1] = max(spread_of(q, t, V, H, a), FAINT * FAINT)
+                    column += 2
+
+
+@kernel
+def measure(mean, P, truth, position, nees, nn):
+    """Of every target (e, t): position error, and e' P^-1 e by Cholesky factors."""
+    L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
+    for e in range(mean.shape[0]):
+        for t in range(mean.shape[1]):
+            for a in range(len(nn)):
+                d[a] = mean[e, t, a] - truth[e, t, a]
+            position[e, t] = np.sqrt(d[0] * d[0] + d[2] * d[2])
+            nees[e, t] = squared_mahalanobis_one(t, d, P[e], L, nn)

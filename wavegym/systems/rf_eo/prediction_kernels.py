@@ -1,0 +1,66 @@
+"""What settings of RF/EO platforms will be worth, in compiled form.
+
+Shapes and arguments as in ``rf_eo_kernels.py``; c candidates.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import kernel
+from wavegym.systems.rf_eo.kernels import foreseen_variance, gain_of, information_one, look_one, spread_of, view_all
+from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+from wavegym.trackers.rank_one_kernels import shrink_one
+
+
+@kernel
+def foresee(mean, P, F, Q, places, rules, x, V, h, H, nn):
+    """Predict all targets: mean x (t, n), covariance V (t, n, n), measurements h (t, a), Jacobians H (t, a, n)."""
+    T = np.empty((len(nn), len(nn)))
+    for t in range(mean.shape[0]):
+        predict_mean_one(t, mean, F, 0, x, nn)
+        predict_covariance_one(t, P, F, Q, 0, T, V, nn)
+        look_one(t, x, places, rules, h[t], H[t])
+
+
+@kernel
+def imagine(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
+    """Predicted means x (e, c, t, n), updated covariances P_out (e, c, t, n, n), settings (e or 1, c, p, 3)."""
+    (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
+    variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
+    ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
+    h, H, spread = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), 0.0
+    for e in range(count):
+        foresee(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
+        own = settings[e if settings.shape[0] > 1 else 0]
+        for c in range(candidates):
+            view_all(c, own, rules, variance, low, high)
+            out = P_out[e, c]
+            for t in range(targets):
+                x[e, c, t], out[t] = ahead[t], V[t]
+                for a in range(3 * platforms):
+                    j, q = a // 3, a % 3
+                    if h[t, 3 * j] < rules.nearest:
+                        continue
+                    if rules.margin > 0.0:
+                        spread = spread_of(q, t, V, H[t], a)
+                    R = foreseen_variance(h[t, a], spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                    s = gain_of(q, t, out, H[t], a, v, nn) + R
+                    shrink_one(t, out, v, s, nn)
+
+
+@kernel
+def information(mean, P, settings, F, Q, places, fence, rules, out, nn):
+    """out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 3)."""
+    (count, candidates, targets), n, platforms = out.shape, len(nn), places.shape[0]
+    variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
+    ahead, V = np.empty((targets, n)), np.empty((targets, n, n))
+    h, H = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n))
+    for e in range(count):
+        foresee(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
+        own = settings[e if settings.shape[0] > 1 else 0]
+        for c in range(candidates):
+            view_all(c, own, rules, variance, low, high)
+            for t in range(targets):
+                out[e, c, t] = information_one(t, V, h[t], H[t], variance, low, high, fence, rules)

@@ -1,0 +1,198 @@
+"""The scene of RF/EO platforms: map, position errors, what each platform sees and how it was set."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.units import quantity
+from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, fill
+from wavegym.rendering.maps import colour
+from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.sensors import platform_measurement
+from wavegym.systems.rf_eo.map import DART, IMAGE, PLANE, UNAMBIGUOUS, draw_platform_map
+from wavegym.systems.rf_eo.system import RfEo
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+
+SHOWN = 2  # platforms that have a panel of their own
+ROWS = (("range", "m"), ("rate", "m/s"), ("azimuth", "rad"))
+DECADE = 0.35  # of the distance from the centre to the edge: how far apart 1, 10, 100 are drawn
+MOST = 1000.0  # times the edge: what lies farther out is drawn here
+TICKS = np.array([-100.0, -1.0, 0.0, 1.0, 100.0])
+LEAST = 1e-3  # m: where an error of exactly 0 stands on a logarithmic axis
+INSIDE, EDGE = "0.92", "0.6"
+SCALES = (1e-3, 1e3)  # Hz -> kHz, rad -> mrad
+SEEN: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 4.5, "markeredgewidth": 1.1}
+MISSED: dict[str, Any] = {**SEEN, "markerfacecolor": "white"}
+LEFT: dict[str, Any] = {"left": 0.09, "right": 0.47, "top": 0.85, "bottom": 0.075}
+RIGHT: dict[str, Any] = {"left": 0.62, "right": 0.975, "top": 0.825, "bottom": 0.075}
+LEGEND: dict[str, dict[str, Any]] = {
+    "target": CROSS,
+    "estimates": {"color": TRUTH, "marker": ".", "markersize": 3.5, "linestyle": ""},
+    f"{SIGMAS:g}σ": {"color": TRUTH, "linewidth": 1.4},
+    "platform": {"color": "C0", "marker": DART, "markersize": 8, "markeredgewidth": 0, "linestyle": ""},
+    "its image": {"color": "C0", "linewidth": 5, "alpha": 2.0 * IMAGE["alpha"]},
+    "range limit": {"color": "C0", **UNAMBIGUOUS},
+    "in view": {"color": "0.3", **SEEN},
+    "out of view": {"color": "0.3", **MISSED},
+}
+
+
+class PlatformScene:
+    """Map, position errors, what the first platforms see, and all platforms' PRFs and pixel angles.
+
+    Args:
+        system: the closed loop.
+        figure: where to draw.
+    """
+
+    def __init__(self, system: RfEo, figure: SubFigure) -> None:
+        self.system = system
+        shown = min(len(system.platforms), SHOWN)
+        left = figure.add_gridspec(2, 1, **LEFT, hspace=0.26, height_ratios=(2.2, 1.0))
+        split = RIGHT["top"] - 0.225 * shown
+        views = figure.add_gridspec(shown, 1, **{**RIGHT, "bottom": split + 0.01}, hspace=0.45)
+        settings = figure.add_gridspec(2, 1, **{**RIGHT, "top": split - 0.095}, hspace=0.45)
+        self._map, self._errors = figure.add_subplot(left[0]), figure.add_subplot(left[1])
+        self._views = [figure.add_subplot(views[i]) for i in range(shown)]
+        self._settings = [figure.add_subplot(settings[i]) for i in range(2)]
+        self._received = figure.text(0.033, 0.918, "", fontsize=SMALL + 0.5, va="center")
+        few_ticks(self._map)
+        caption(self._map, "", "x [km]", "y [km]")
+        legend(self._map, (-0.13, 1.0 + 0.45 * LINE / self._map.bbox.height), len(LEGEND), **LEGEND)
+        caption(self._errors, "position error, 1σ of the belief dashed", "step", "[m]")
+        few_ticks(self._errors)
+        steps_along(self._errors, system.horizon)
+        for axes in self._views:
+            _prepare_view(axes)
+        self._views[-1].set_xlabel("relative to the edge of the field of view")
+        names, ranges = ("PRF [kHz]", "pixel angle α [mrad]"), (system.prf, system.pixel_angle)
+        for axes, name, scale, values in zip(self._settings, names, SCALES, ranges, strict=True):
+            caption(axes, name, "step" if axes is self._settings[-1] else "")
+            few_ticks(axes)
+            steps_along(axes, system.horizon)
+            fit_y(axes, scale * np.array(values))
+        self._settings[0].tick_params(labelbottom=False)
+
+    def draw(self, moment: Moment) -> None:
+        """See ``Scene``."""
+        for axes in (self._map, self._errors, *self._views, *self._settings):
+            wipe(axes)
+        self._received.set_text(received_caption(self.system, moment))
+        draw_platform_map(self._map, self.system, moment)
+        self._draw_errors(moment)
+        for axes in self._views:
+            axes.set_visible(bool(moment.actions))
+        if moment.actions:
+            settings = self.system.menu.settings(np.concatenate(moment.actions))  # (step, platform, 3)
+            self._draw_settings(settings)
+            sight = in_view(self.system, moment)
+            for j, axes in enumerate(self._views):
+                draw_view(axes, sight, settings[-1], j)
+
+    def _draw_errors(self, moment: Moment) -> None:
+        """Distance from the estimate to the truth, and its root mean square as the belief has it."""
+        errors = [state.public.mean[0] - state.hidden.truth[0] for state in moment.states]
+        distance = np.maximum(np.hypot(*np.array(errors)[..., PLANE].T), LEAST)  # (target, step)
+        variances = np.array([np.diagonal(state.public.covariance[0], axis1=1, axis2=2) for state in moment.states])
+        sigma = np.sqrt(variances[..., PLANE].sum(axis=-1)).T
+        for t, (error, spread) in enumerate(zip(distance, sigma, strict=True)):
+            self._errors.plot(error, color=colour(t), linewidth=0.8, alpha=0.6)
+            self._errors.plot(spread, color=colour(t), linewidth=1.3, linestyle=(0, (3, 2)))
+            self._errors.plot([len(error) - 1], error[-1:], "o", color=colour(t), markersize=3)
+        fit_y(self._errors, np.stack([distance, sigma]))
+
+    def _draw_settings(self, settings: Array) -> None:
+        """PRF and pixel angle of every platform after each step."""
+        steps = np.arange(1, len(settings) + 1)
+        for axes, values, scale in zip(self._settings, (settings[..., 0], settings[..., 2]), SCALES, strict=True):
+            for j, column in enumerate(scale * values.T):
+                axes.plot(steps, column, ".-", color=f"C{j}", linewidth=0.7, markersize=2.5, markeredgewidth=0)
+                axes.plot(steps[-1:], column[-1:], "o", color=f"C{j}", markersize=4)
+
+
+class Sight(NamedTuple):
+    """What every platform's field of view held in the last step, at the truth."""
+
+    value: Array  # (platform, target, 3): range in m, range-rate in m/s, azimuth from the look direction in rad
+    low: Array  # (platform, 3): edges of the field of view
+    high: Array  # (platform, 3)
+    seen: Array  # (platform, target, 3) bool
+
+
+def in_view(system: RfEo, moment: Moment) -> Sight:
+    """Where each target truly was before each platform in the last step, and which quantities were in view."""
+    places = system.places
+    value = platform_measurement(moment.states[-1].hidden.truth[0], places[:, None], system.as_printed)
+    _, low, high = system.menu.view(system.menu.settings(moment.actions[-1])[0])
+    low[:, 2], high[:, 2] = np.maximum(low[:, 2], -np.pi), np.minimum(high[:, 2], np.pi)  # the full circle
+    ahead = moment.states[-2].public.mean[0] @ system.motion.F.T
+    predicted = platform_measurement(ahead, places[:, None], system.as_printed)
+    blind = np.minimum(value[..., :1], predicted[..., :1]) < system.nearest_range
+    seen = (value >= low[:, None]) & (value <= high[:, None]) & ~blind
+    return Sight(value, low, high, seen)
+
+
+def draw_view(axes: Axes, sight: Sight, settings: Array, platform: int) -> None:
+    """Each quantity of each target as a share of the field of view's upper edge; the field of view is shaded.
+
+    Args:
+        axes: the platform's panel.
+        sight: of all platforms.
+        settings: PRF in Hz, bandwidth in Hz and pixel angle in rad of every platform, (platform, 3).
+        platform: which.
+    """
+    prf, bandwidth, angle = settings[platform].tolist()
+    words = f"PRF {quantity(prf, 'Hz')}, B {quantity(bandwidth, 'Hz')}, α {quantity(angle, 'rad')}"
+    axes.title.set(text=f"P{platform + 1}: {words}", color=f"C{platform}")
+    value, low, high, seen = (field[platform] for field in sight)
+    targets = len(value)
+    names = []
+    for q, (name, unit) in enumerate(ROWS):
+        left = low[q] / high[q] if np.isfinite(low[q]) else 0.0
+        names.append(f"{name}\n{'±' if left < 0.0 else '≤'} {quantity(float(high[q]), unit)}")
+        box = np.array([[left, left, 1.0, 1.0], [q - 0.46, q + 0.46, q + 0.46, q - 0.46]])
+        fill(axes, box, facecolor=INSIDE, edgecolor=EDGE, linewidth=0.6)
+    axes.plot([0.0, 0.0], [-0.5, 2.5], color=EDGE, linewidth=0.6)
+    for t in range(targets):
+        rows = np.arange(3) + 0.8 * ((t + 0.5) / targets - 0.5)
+        at, inside, shade = place_of(value[t] / high), seen[t], colour(t)
+        axes.plot(np.stack([0.0 * at, at]), np.stack([rows, rows]), color=shade, linewidth=0.9)
+        axes.plot(at[inside], rows[inside], color=shade, **SEEN)
+        axes.plot(at[~inside], rows[~inside], color=shade, **MISSED)
+    axes.set_yticks(range(3), names)
+
+
+def place_of(ratio: Any) -> Any:
+    """Where a share of the edge is drawn: in proportion up to the edge, logarithmically beyond."""
+    size = np.clip(np.abs(ratio), 1e-12, MOST)
+    return np.sign(ratio) * np.where(size <= 1.0, size, 1.0 + DECADE * np.log10(size))
+
+
+def _prepare_view(axes: Axes) -> None:
+    """What stays the same in all frames."""
+    reach = 1.05 * float(place_of(MOST))
+    caption(axes, "")
+    axes.title.set_x(0.36)
+    axes.set(xlim=(-reach, reach), ylim=(2.55, -0.55))
+    axes.set_xticks(place_of(TICKS), [f"{tick:g}" for tick in TICKS])
+    axes.tick_params(axis="y", length=0)
+
+
+def received_caption(system: RfEo, moment: Moment) -> str:
+    """How much of each target was measured in this step, and since when nothing was."""
+    if not moment.actions:
+        return ""
+    hidden, most = moment.states[-1].hidden, 3 * len(system.platforms)
+    counts = []
+    for t, (received, unseen) in enumerate(zip(hidden.received[0].tolist(), hidden.unseen[0].tolist(), strict=True)):
+        known = f"{received} of {most}" if received else f"nothing for {unseen} step{'s' * (unseen > 1)}"
+        counts.append(f"target {t + 1}: {known}")
+    return "quantities measured:  " + "  ·  ".join(counts)

@@ -1,0 +1,231 @@
+"""What looks of one illuminator will be worth, in compiled form. Shapes and arguments as in its loop's kernels.
+
+c candidates; ``target`` and ``waveform`` (c,) or (e, c) are theirs.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.systems.sector_setup.kernels import (
+    ALL,
+    PLACE,
+    can_be_seen,
+    coast_mean_one,
+    coast_one,
+    look_one,
+    probability,
+    shrink_by,
+    turn,
+)
+from wavegym.trackers.rank_one_kernels import spread_one
+
+FAINT = 1e-6  # the least that is observed of a spread: log10 has to end somewhere
+
+
+@inlined
+def workspace(receivers, n):
+    """(eta, Pd, predicted measurements, their Jacobian, scratch covariance, scratch vector)."""
+    rows = 2 * receivers
+    return (
+        np.empty(receivers), np.empty(receivers), np.empty(rows), np.empty((rows, n)), np.empty((1, n, n)), np.empty(n)
+    )  # fmt: skip
+
+
+@inlined
+def copy_one(i, P, o, P_out, nn):
+    """P_out[o] = P[i], faster than by slices."""
+    for a in range(len(nn)):
+        for b in range(len(nn)):
+            P_out[o, a, b] = P[i, a, b]
+
+
+@inlined
+def look_all(i, x, radar, work):
+    """What every receiver can expect of x[i], into ``work``."""
+    eta, pd, h, H, _, _ = work
+    for j in range(len(eta)):
+        eta[j] = look_one(i, x, j, radar, h, H)
+        pd[j] = probability(eta[j], radar)
+
+
+@kernel
+def expect(i, P, w, accuracy, work, o, P_out, nn):
+    """P_out[o]: the mean of P[i] over every combination of receivers that may detect waveform w."""
+    eta, pd, _, H, V, v = work
+    P_out[o] = 0.0
+    for combination in range(1 << len(eta)):
+        copy_one(i, P, 0, V, nn)
+        chance = 1.0
+        for j in range(len(eta)):
+            if combination >> j & 1:
+                chance *= pd[j]
+                shrink_by(0, j, V, H, w, accuracy, eta[j], v, nn)
+            else:
+                chance *= 1.0 - pd[j]
+        for a in range(len(nn)):
+            for b in range(len(nn)):
+                P_out[o, a, b] += chance * V[0, a, b]
+
+
+@kernel
+def imagine(
+    step, mean, P, pointed, dead, q, visible, target, waveform, draws, accuracy, radar, x_out, P_out, pointed_out,
+    dead_out, nn
+):  # fmt: skip
+    """One step ahead of every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out (e, c).
+
+    target, waveform (e or 1, c); draws (e, c or 1, j) uniform, or (e, c or 1, 0) for the expected outcome.
+    """
+    (count, candidates, targets, n), receivers = x_out.shape, len(radar.sites) - 1
+    ahead, V, work = np.empty((targets, n)), np.empty((targets, n, n)), workspace(receivers, n)
+    for e in range(count):
+        own = e if len(target) > 1 else 0
+        for t in range(targets):
+            coast_mean_one(t, mean[e], radar.dt, t, ahead)
+            coast_one(t, P[e], radar.dt, q[e, t], t, V)
+        last = -1
+        for c in range(candidates):
+            t, w = target[own, c], waveform[own, c]
+            pointed_out[e, c], dead_out[e, c], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
+            for i in range(targets):
+                copy_one(i, V, i, P_out[e, c], nn)
+                for a in range(n):
+                    x_out[e, c, i, a] = ahead[i, a]
+            if not (sent and can_be_seen(e, step[e], t, visible)):
+                continue
+            if t != last:
+                look_all(t, ahead, radar, work)
+                last = t
+            if draws.shape[2] == 0:
+                expect(t, V, w, accuracy, work, t, P_out[e, c], nn)
+                continue
+            given = draws[e, c if draws.shape[1] > 1 else 0]
+            for j in range(receivers):
+                if given[j] < work[1][j]:
+                    shrink_by(t, j, P_out[e, c], work[3], w, accuracy, work[0][j], work[5], nn)
+
+
+@inlined
+def project_one(P, M, H, U, G, B, nn, mm):
+    """U (a, n) = H P, and of G (a, a) = H P H' and B = U M U' the lower triangles, for all waveforms; P (1, n, n).
+
+    In the space of what is measured a look is cheap: it takes (G + R)^-1 B off trace(M P), summed over the diagonal.
+    """
+    for a in range(len(mm)):
+        for i in range(len(nn)):
+            U[a, i] = 0.0
+        for k in range(len(nn)):
+            for i in range(len(nn)):
+                U[a, i] += H[a, k] * P[0, k, i]
+    for a in range(len(mm)):
+        for b in range(a + 1):
+            G[a, b], B[a, b] = 0.0, 0.0
+            for i in range(len(nn)):
+                G[a, b] += U[a, i] * H[b, i]
+        for i in range(len(nn)):
+            weighted = 0.0
+            for k in range(len(nn)):
+                weighted += U[a, k] * M[k, i]
+            for b in range(a + 1):
+                B[a, b] += weighted * U[b, i]
+
+
+@inlined
+def worth_one(detected, G, B, w, accuracy, eta, S, D, mm):
+    """trace((G + R)^-1 B) over the rows of the receivers in the bits of ``detected``, one quantity after another."""
+    total = 0.0
+    for a in range(len(mm)):
+        for b in range(a + 1):
+            S[a, b], D[a, b] = G[a, b], B[a, b]
+    for a in range(len(mm)):
+        if detected >> (a // 2) & 1:
+            inverse = 1.0 / (S[a, a] + accuracy[w, a % 2] / eta[a // 2])
+            total += D[a, a] * inverse
+            for b in range(a + 1, len(mm)):
+                g = S[b, a] * inverse
+                for c in range(a + 1, b + 1):
+                    f = S[c, a] * inverse
+                    D[b, c] += g * (f * D[a, a] - D[c, a]) - f * D[b, a]
+                    S[b, c] -= g * S[c, a]
+    return total
+
+
+@inlined
+def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
+    """The mean of that over every combination of receivers that may detect waveform w."""
+    total = 0.0
+    for combination in range(1, 1 << len(pd)):
+        chance = 1.0
+        for j in range(len(pd)):
+            chance *= pd[j] if combination >> j & 1 else 1.0 - pd[j]
+        total += chance * worth_one(combination, G, B, w, accuracy, eta, S, D, mm)
+    return total
+
+
+@kernel
+def gain(step, mean, P, q, visible, target, waveform, wait, M, accuracy, radar, out, nn, mm):
+    """out (e, c): trace(M[l - 1] (P_without - P_with)) of the candidate's target, one look after ``wait`` steps.
+
+    target, waveform (c,), candidates of one target beside each other; wait (e or 1, c or 1); l the steps counted, up
+    to len(M) and not beyond the horizon.
+    """
+    n, receivers, horizon = len(nn), len(radar.sites) - 1, visible.shape[1]
+    ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
+    U, G, B = np.empty((len(mm), n)), np.empty((len(mm), len(mm))), np.empty((len(mm), len(mm)))
+    S, D = np.empty((len(mm), len(mm))), np.empty((len(mm), len(mm)))
+    for e in range(len(step)):
+        own = e if len(wait) > 1 else 0
+        last, late = -1, -1
+        for c in range(len(target)):
+            t, delay = target[c], wait[own, c if wait.shape[1] > 1 else 0]
+            k = step[e] + delay
+            out[e, c] = 0.0
+            if not can_be_seen(e, k, t, visible):
+                continue
+            if t != last or delay != late:
+                tau = (delay + 1) * radar.dt
+                coast_mean_one(t, mean[e], tau, 0, ahead)
+                coast_one(t, P[e], tau, q[e, t], 0, V)
+                look_all(0, ahead, radar, work)
+                project_one(V, M[min(len(M), horizon - k) - 1], work[3], U, G, B, nn, mm)
+                last, late = t, delay
+            out[e, c] = expected_worth(G, B, waveform[c], accuracy, work[0], work[1], S, D, mm)
+
+
+@kernel
+def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
+    """out (e, elements), in the order of ``SectorSetup.elements``; variances where it is a spread.
+
+    Time left, dead steps left; of every target: whether set up, seen in this step, steps until that changes (up to
+    ``soon``), share of the next ``soon`` steps in sight, q, variances of position and velocity one step ahead, and of
+    every receiver eta and the variances of the predicted range and range-rate.
+    """
+    n, receivers, horizon = len(nn), len(radar.sites) - 1, visible.shape[1]
+    ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
+    for e in range(len(step)):
+        k = step[e]
+        out[e, 0], out[e, 1] = (horizon - k) / horizon, dead[e]
+        column = 2
+        for t in range(mean.shape[1]):
+            coast_mean_one(t, mean[e], radar.dt, 0, ahead)
+            coast_one(t, P[e], radar.dt, q[e, t], 0, V)
+            look_all(0, ahead, radar, work)
+            now, change, share = can_be_seen(e, k, t, visible), soon, 0
+            for later in range(soon - 1, -1, -1):
+                seen = can_be_seen(e, k + later, t, visible)
+                share += seen
+                if seen != now:
+                    change = later
+            out[e, column], out[e, column + 1] = pointed[e] == t, now
+            out[e, column + 2], out[e, column + 3] = change, share / soon
+            out[e, column + 4], out[e, column + 5] = q[e, t], V[0, 0, 0] + V[0, 2, 2]
+            out[e, column + 6] = V[0, 1, 1] + V[0, 3, 3]
+            column += 7
+            for j in range(receivers):
+                out[e, column] = work[0][j]
+                out[e, column + 1] = max(spread_one(0, V, work[3], 2 * j, PLACE), FAINT * FAINT)
+                out[e, column + 2] = max(spread_one(0, V, work[3], 2 * j + 1, ALL), FAINT * FAINT)
+                column += 3

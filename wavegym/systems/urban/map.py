@@ -1,0 +1,70 @@
+"""Map of a street: buildings, roads and antennas, where targets are, and where the tracker has them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavegym.rendering.drawings import ellipse, fill
+from wavegym.rendering.maps import colour, cross, to_scale
+from wavegym.rendering.moment import Moment
+from wavegym.systems.urban.system import Urban
+from wavegym.trackers import Tracks
+from wavegym.trackers.urban.tracker import CONFIRMED, TENTATIVE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+PLANE = slice(0, 2)  # x and y among [x y xdot ydot xddot yddot]
+ROAD: dict[str, Any] = {"color": "0.93", "linewidth": 0}
+BUILDING: dict[str, Any] = {"facecolor": "0.72", "edgecolor": "0.45", "linewidth": 0.8}
+TREE: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "yellowgreen", "markersize": 3, "markeredgewidth": 0}
+SIGHT: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (4, 3)), "alpha": 0.6}
+TRANSMITTER: dict[str, Any] = {"linestyle": "", "marker": "^", "color": "black", "markersize": 7, "markeredgewidth": 0}
+RECEIVER: dict[str, Any] = {"linestyle": "", "marker": "v", "markersize": 6, "markeredgewidth": 0}
+TRAIL: dict[str, Any] = {"linestyle": "", "marker": ".", "color": "black", "markersize": 2.5, "markeredgewidth": 0}
+SURE: dict[str, Any] = {"color": "black", "linewidth": 1.3}
+UNSURE: dict[str, Any] = {"color": "darkorange", "linewidth": 1.1, "linestyle": (0, (2, 1.2))}
+
+
+def draw_street_map(axes: Axes, system: Urban, moment: Moment) -> None:
+    """Targets with their trails, tracks with theirs and 2 sigma ellipses; x and y to the same scale, in m.
+
+    A target is joined to the first transmitter and the receivers by lines where both first straight ways are open.
+    """
+    scene, step, now = system.scene, len(moment.actions), moment.states[-1]
+    senders = len(system.transmitters)
+    antennas = np.array([*system.transmitters, *system.receivers])
+    places = np.delete(antennas, range(1, senders), axis=0)
+    to_scale(axes, np.concatenate([scene.truth[scene.present][:, PLANE], antennas]).T)
+    _draw_city(axes, system)
+    for t in np.flatnonzero(scene.present[step]).tolist():
+        trail = scene.truth[: step + 1, t, PLANE][scene.present[: step + 1, t]]
+        if scene.direct[step, t]:
+            ways = np.stack([places, np.broadcast_to(trail[-1], places.shape), np.full(places.shape, np.nan)], axis=1)
+            axes.plot(*ways.reshape(-1, 2).T, color=colour(t), **SIGHT)
+        axes.plot(*trail.T, color=colour(t), linewidth=1.0)
+        axes.plot(*trail[-1:].T, **cross(t))
+        style: dict[str, Any] = {"color": colour(t), "fontsize": 10, "fontweight": "bold"}
+        axes.annotate(str(t + 1), trail[-1], (7, 5), textcoords="offset points", annotation_clip=True, **style)
+    confirmed = [Tracks(*state.public[1:]).combined()[0][state.public.status == CONFIRMED] for state in moment.states]
+    axes.plot(*np.concatenate(confirmed)[:, PLANE].T, **TRAIL)
+    x, P = Tracks(*now.public[1:]).combined()
+    for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
+        for slot in np.flatnonzero(now.public.status[0] == status):
+            axes.plot(*(x[0, slot, PLANE, None] + ellipse(P[0, slot, PLANE, PLANE])), **style)
+    axes.plot(*antennas[:senders].T, **TRANSMITTER)
+    for i, place in enumerate(antennas[senders:]):
+        axes.plot(*place[:, None], color=f"C{i}", **RECEIVER)
+
+
+def _draw_city(axes: Axes, system: Urban) -> None:
+    """What stands still."""
+    from shapely.plotting import patch_from_polygon
+
+    axes.add_artist(patch_from_polygon(system.map.paved, **ROAD))
+    for building in system.map.buildings:
+        fill(axes, np.array(building.corners).T, **BUILDING)
+    axes.plot(*np.array(system.map.discretes).reshape(-1, 2).T, **TREE)

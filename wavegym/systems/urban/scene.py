@@ -1,0 +1,158 @@
+"""The scene of a street: map, position errors, the last scan of the first receivers, and the tracker's slots."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.rendering.drawings import CROSS, SIGMAS
+from wavegym.rendering.maps import colour, cross
+from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.sensors import multistatic_range_and_rate
+from wavegym.systems.urban import kernels as urban_kernels
+from wavegym.systems.urban.map import RECEIVER, SURE, TRANSMITTER, TREE, UNSURE, draw_street_map
+from wavegym.systems.urban.system import Urban
+from wavegym.trackers import Tracks
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, MODELS, TENTATIVE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+
+SHOWN = 2  # receivers that have a panel of their own
+MEASURED: dict[str, Any] = {"linestyle": "", "marker": ".", "color": "0.55", "markersize": 5, "markeredgewidth": 0}
+BY_WALLS: dict[str, Any] = {"marker": "+", "markersize": 5, "markeredgewidth": 1.0, "linestyle": ""}
+EXPECTED: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 8, "fillstyle": "none"}
+SHADES = ("slategray", "goldenrod", "mediumseagreen", "indianred")  # of MODELS
+MOST_NAMED = 8  # slots that have room for a number
+FAINT = 0.4  # of a tentative track
+LEFT: dict[str, Any] = {"left": 0.1, "right": 0.545, "top": 0.85, "bottom": 0.075}
+RIGHT: dict[str, Any] = {"left": 0.66, "right": 0.975, "top": 0.825, "bottom": 0.075}
+ON_MAP: dict[str, dict[str, Any]] = {
+    "target": CROSS,
+    f"confirmed track {SIGMAS:g}σ": {**SURE, "marker": ".", "markersize": 4},
+    f"tentative track {SIGMAS:g}σ": UNSURE,
+    "transmitter": TRANSMITTER,
+    "receiver": {**RECEIVER, "color": "C0"},
+    "tree": TREE,
+}
+IN_SCAN: dict[str, dict[str, Any]] = {
+    "measured": MEASURED,
+    "target": CROSS,
+    "by walls": {**BY_WALLS, "color": "black"},
+    "track": {**EXPECTED, "color": "black"},
+}
+
+
+class StreetScene:
+    """Map, position errors of what is held, the last scan at the first receivers, and what the tracker's slots hold.
+
+    Args:
+        system: the closed loop.
+        figure: where to draw.
+    """
+
+    def __init__(self, system: Urban, figure: SubFigure) -> None:
+        self.system = system
+        left = figure.add_gridspec(2, 1, **LEFT, hspace=0.26, height_ratios=(3.0, 1.0))
+        right = figure.add_gridspec(SHOWN + 1, 1, **RIGHT, hspace=0.5)
+        self._map, self._errors = figure.add_subplot(left[0]), figure.add_subplot(left[1])
+        self._scans = [figure.add_subplot(right[i]) for i in range(SHOWN)]
+        self._slots = figure.add_subplot(right[SHOWN])
+        self._scan = figure.text(0.033, 0.918, "", fontsize=SMALL + 0.5, va="center")
+        for axes in (self._map, self._errors, *self._scans, self._slots):
+            few_ticks(axes)
+        caption(self._map, "", "x [m]", "y [m]")
+        legend(self._map, "upper left", **ON_MAP)
+        caption(self._errors, "position error of targets held by a confirmed track", "step", "[m]")
+        steps_along(self._errors, system.horizon)
+        limit = 1.05 * system.ambiguity
+        for i, axes in enumerate(self._scans):
+            caption(axes, f"last scan of receiver {i + 1}", "half path [m]" if i else "", "its rate [m/s]")
+            axes.title.set_color(f"C{i}")
+            axes.set(xlim=(0.0, system.reach), ylim=(-limit, limit))
+        legend(self._scans[0], (-0.2, 1.0 + 1.6 * LINE / self._scans[0].bbox.height), len(IN_SCAN), **IN_SCAN)
+        caption(self._slots, "tracks: existence, and model", "", "slot")
+        names = MODELS[: len(system.following.motion)]
+        self._slots.set(xlim=(0.0, 1.0), ylim=(system.slots + 0.5, 0.5))
+        self._slots.set_yticks(range(1, system.slots + 1, -(-system.slots // MOST_NAMED)))
+        bars: Any = {name: {"color": shade, "linewidth": 4} for name, shade in zip(names, SHADES, strict=False)}
+        legend(self._slots, "lower right", 2, **bars)
+
+    def draw(self, moment: Moment) -> None:
+        """See ``Scene``."""
+        for axes in (self._map, self._errors, *self._scans, self._slots):
+            wipe(axes)
+        self._scan.set_text(scan_caption(self.system, moment))
+        draw_street_map(self._map, self.system, moment)
+        self._draw_errors(moment)
+        self._draw_slots(moment)
+        for i, axes in enumerate(self._scans):
+            axes.set_visible(bool(moment.actions))
+            if moment.actions:
+                draw_scan(axes, self.system, moment, i)
+
+    def _draw_errors(self, moment: Moment) -> None:
+        """Distance from each target to the confirmed track that holds it."""
+        figures = [self.system.metrics(state) for state in moment.states]
+        held = np.concatenate([each["held"] for each in figures])
+        error = np.concatenate([each["position_error"] for each in figures])
+        for t, column in enumerate(np.where(held, error, np.nan).T):
+            self._errors.plot(column, color=colour(t), linewidth=1.1)
+            self._errors.plot([len(column) - 1], column[-1:], "o", color=colour(t), markersize=3)
+        fit_y(self._errors, error[held] if held.any() else np.ones(1))
+
+    def _draw_slots(self, moment: Moment) -> None:
+        """A bar for each track: as long as it is sure to exist, in the colours of what it may be doing."""
+        public = moment.states[-1].public
+        for slot in np.flatnonzero(public.status[0] != EMPTY):
+            ends = public.existence[0, slot] * np.cumsum([0.0, *public.mu[0, slot]])
+            faint = 1.0 if public.status[0, slot] == CONFIRMED else FAINT
+            for a, b, shade in zip(ends[:-1], ends[1:], SHADES, strict=False):
+                self._slots.barh(slot + 1, b - a, left=a, height=0.7, color=shade, alpha=faint)
+
+
+def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
+    """What a receiver measured, where it should have measured each target by every open way, and the tracks.
+
+    All of the first transmitter. Range-rates beyond ``system.ambiguity`` are measured folded, and drawn so.
+    """
+    scene, step, now = system.scene, len(moment.actions), moment.states[-1]
+    measured = now.hidden.z[0, receiver, : now.hidden.number[0, receiver]]
+    axes.plot(*measured.T, **MEASURED)
+    antennas = system.transmitters[0], system.receivers[receiver]
+    direct = multistatic_range_and_rate(now.hidden.truth[0, :, :4], *antennas)[:, 0]
+    for t in np.flatnonzero(scene.present[step]).tolist():
+        ways = folded(scene.z[receiver, step, t, : scene.ways[receiver, step, t]], system.ambiguity)
+        straight = np.isclose(ways[:, 0], direct[t])
+        axes.plot(*ways[~straight].T, color=colour(t), **BY_WALLS)
+        axes.plot(*ways[straight].T, **cross(t))
+    x, _ = Tracks(*now.public[1:]).combined()
+    for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
+        tracks = x[now.public.status == status][:, :4]
+        expected = multistatic_range_and_rate(tracks, *antennas)
+        axes.plot(*folded(expected, system.ambiguity).T, color=style["color"], **EXPECTED)
+
+
+def folded(z: Array, ambiguity: float) -> Array:
+    """Range and range-rate (..., 2) as a pulse train measures them: the rate in [-ambiguity, ambiguity]."""
+    return np.stack([z[..., 0], urban_kernels.folded(z[..., 1], ambiguity)], axis=-1)
+
+
+def scan_caption(system: Urban, moment: Moment) -> str:
+    """What was measured in this step, and what is held of what is there."""
+    if not moment.actions:
+        return ""
+    now = moment.states[-1]
+    figures = {name: value[0] for name, value in system.metrics(now).items()}
+    present, direct = now.hidden.present[0], system.scene.direct[len(moment.actions)]
+    words = [f"{figures['measurements']} measurements"]
+    held = np.where(figures["held"], "held", "not held")
+    known = np.where(direct, held, np.char.add(held, ", hidden"))
+    words += [f"target {t + 1}: {known[t]}" for t in np.flatnonzero(present).tolist()]
+    words += [f"false tracks: {figures['false']}"] if figures["false"] else []
+    return "  ·  ".join(words)

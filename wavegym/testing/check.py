@@ -1,0 +1,184 @@
+"""A public check for anyone's native vector environment: does it do what Gymnasium's own SyncVectorEnv does?
+
+    >>> from wavegym.envs import check_vector_env
+    >>> check_vector_env("wavegym/KershawEvansPosition-v0")
+
+Known defects of native vector environments that it finds: terminal observations lost at an autoreset, truncations lost,
+a step lost by the others while one environment is reset, a reset mask popped from the caller's options, buffers reused,
+returned arrays that are the environment's own state.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import VectorEnv
+from gymnasium.vector.utils import concatenate, create_empty_array, iterate
+from gymnasium.wrappers import TimeLimit
+
+from wavegym.core.errors import InputError
+from wavegym.core.system import System
+from wavegym.testing.lockstep import ConformanceError, Lockstep, Makers
+from wavegym.testing.model_check import foresight_defect
+
+__all__ = ["ConformanceError", "check_vector_env"]
+
+
+MODES = ("NextStep", "SameStep", "Disabled")
+SIZES = (1, 3)
+SHORT = 4  # steps of the episodes that are cut off by max_episode_steps
+CUT_OFF_STEPS = 24
+UNREST = 20  # steps with random partial resets, after which whole episodes are played
+EPISODES = 2  # of every environment
+
+
+def check_vector_env(
+    env: str | Callable[..., VectorEnv], *, seed: int = 0, max_steps: int = 1000, **settings: Any
+) -> None:
+    """Compare a native vector environment bit for bit with SyncVectorEnv over single environments.
+
+    Whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments, integer and list
+    seeds, partial resets that bring the environments out of step, episodes cut off by ``max_episode_steps``, and an
+    unpickled copy that takes over in mid-episode. What is returned must be finite, and the caller's own: it is written
+    over. Of a wavegym system, ``imagine``, ``cost`` and ``mask`` are tried too.
+
+    Args:
+        env: an id, whose singles come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)`` that makes
+            the vector environment, in which case the single environment is a batch of one. If the function takes
+            ``max_episode_steps`` too, that is compared with Gymnasium's TimeLimit.
+        seed: of resets and actions.
+        max_steps: steps after which endless episodes are given up.
+        **settings: of the environment, such as a shorter horizon where steps are slow; with an id only.
+
+    Raises:
+        ConformanceError: on the first defect, which its one line names.
+        InputError: settings for a function, which makes the environment as it will.
+    """
+    if settings and not isinstance(env, str):
+        raise InputError(f"settings of {env!r} are {settings}, expected none: only an id takes any")
+    makers, limits = _by_id(env, settings) if isinstance(env, str) else _by_factory(env)
+    _check_system(makers)
+    for limit in limits:
+        for mode in MODES:
+            for num_envs in SIZES:
+                pair = Lockstep(makers, num_envs, mode, limit, seed)
+                try:
+                    _play(pair, np.random.default_rng(seed), CUT_OFF_STEPS if limit else max_steps)
+                finally:
+                    pair.close()
+    for mode in MODES:
+        pair = Lockstep(makers, SIZES[-1], mode, limits[0], seed, scribble=True)
+        try:
+            _play(pair, np.random.default_rng(seed), min(CUT_OFF_STEPS, max_steps))
+        except ConformanceError as defect:  # the same run went well above
+            raise ConformanceError(f"state exposed, as writing into returned arrays changes it: {defect}") from defect
+        finally:
+            pair.close()
+
+
+def _check_system(makers: Makers) -> None:
+    """Where the environment is wavegym's, its system's promises to planners too."""
+    try:
+        native = makers.native(num_envs=1, autoreset_mode=MODES[0])
+    except Exception:  # what is wrong here, the comparison below puts into words
+        return
+    system = getattr(native.unwrapped, "system", None)
+    native.close()
+    if not isinstance(system, System):
+        return
+    try:
+        defect = foresight_defect(system)
+    except Exception as error:
+        text = " ".join(str(error).split())
+        raise ConformanceError(f"{makers.name}: the system raised {type(error).__name__}: {text}") from error
+    if defect:
+        raise ConformanceError(f"{makers.name}: {defect}")
+
+
+def _by_id(id: str, settings: dict[str, Any]) -> tuple[Makers, list[dict[str, int]]]:
+    native = partial(gym.make_vec, id, vectorization_mode="vector_entry_point", **settings)
+    single = partial(gym.make, id, disable_env_checker=True, **settings)
+    return Makers(id, native, single), [{"max_episode_steps": SHORT}, {}]
+
+
+def _by_factory(factory: Callable[..., VectorEnv]) -> tuple[Makers, list[dict[str, int]]]:
+    def single(max_episode_steps: int | None = None) -> gym.Env:
+        one = Unbatched(factory(num_envs=1, autoreset_mode="Disabled"))
+        return TimeLimit(one, max_episode_steps) if max_episode_steps else one
+
+    takes_limit = "max_episode_steps" in inspect.signature(factory).parameters
+    name = getattr(factory, "__name__", type(factory).__name__)
+    return Makers(name, factory, single), [{"max_episode_steps": SHORT}, {}] if takes_limit else [{}]
+
+
+def _play(pair: Lockstep, rng: np.random.Generator, steps: int) -> None:
+    """A restless beginning with partial resets, then whole episodes, then a full reset with a list of seeds."""
+    n = len(pair.ended)
+    pair.reset(seed=int(rng.integers(1000)))
+    endings = np.zeros(n, np.int64)
+    for k in range(steps):
+        if pair.mode.value == "Disabled" and pair.ended.any():
+            pair.reset(seed=None, mask=pair.ended.copy())
+        if k < UNREST and (k == 3 or rng.random() < 0.15):
+            mask = rng.random(n) < 0.5
+            mask[rng.integers(n)] = True
+            seeds: list[int | None] = [int(s) if s < 500 else None for s in rng.integers(1000, size=n)]
+            pair.reset(seed=seeds if k % 2 else None, mask=mask)
+        if k == UNREST // 2:
+            pair.continue_with_pickled_copy()
+        pair.step()
+        endings += pair.ended
+        if k >= UNREST and (endings >= EPISODES).all():
+            break
+    pair.reset(seed=rng.integers(1000, size=n).tolist())
+    for _ in range(SHORT - 1):
+        if pair.mode.value == "Disabled" and pair.ended.any():
+            break
+        pair.step()
+
+
+class Unbatched(gym.Env):
+    """The single environment inside a vector environment of one (autoreset disabled)."""
+
+    def __init__(self, batch: VectorEnv) -> None:
+        self.batch: Any = batch
+        self.metadata = dict(batch.metadata)
+        self.observation_space, self.action_space = batch.single_observation_space, batch.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin a new episode."""
+        observations, info = self.batch.reset(seed=None if seed is None else [seed], options=options)
+        return self._first(observations), _single_info(info)
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One step."""
+        room: Any = create_empty_array(self.action_space, 1)
+        actions = concatenate(self.action_space, [action], room)
+        observations, rewards, terminated, truncated, info = self.batch.step(actions)
+        return self._first(observations), rewards[0], bool(terminated[0]), bool(truncated[0]), _single_info(info)
+
+    def close(self) -> None:
+        """Close the vector environment."""
+        self.batch.close()
+
+    def _first(self, observations: Any) -> Any:
+        return next(iter(iterate(self.batch.observation_space, observations)))
+
+
+def _single_info(info: dict[str, Any]) -> dict[str, Any]:
+    """What a vector environment's info says of its only environment."""
+    single: dict[str, Any] = {}
+    for key, value in info.items():
+        if key.startswith("_") or not info.get(f"_{key}", [True])[0]:
+            continue
+        if isinstance(value, dict):
+            single[key] = _single_info(value)
+        else:
+            first = value[0]
+            single[key] = first.item() if isinstance(first, np.bool_) else first
+    return single

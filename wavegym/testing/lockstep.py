@@ -1,0 +1,239 @@
+"""A native vector environment in lockstep with Gymnasium's SyncVectorEnv over single ones, and what may differ."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector.utils import iterate
+
+from wavegym.core.arrays import Array
+from wavegym.testing.bitwise import difference
+
+HELD = 3  # returns kept to see whether a later step writes into them
+STEP_NAMES = ("observations", "rewards", "terminated", "truncated", "info")
+
+
+class ConformanceError(AssertionError):
+    """A vector environment does what Gymnasium's contract forbids; the message is one line that names the defect."""
+
+
+@dataclass(frozen=True)
+class Makers:
+    """How to make what is compared; ``limit`` is {} or {"max_episode_steps": k}."""
+
+    name: str
+    native: Callable[..., Any]  # a VectorEnv from (num_envs=, autoreset_mode=, **limit)
+    single: Callable[..., gym.Env]  # (**limit)
+
+
+class Lockstep:
+    """Native environment and oracle, given the same seeds, masks and actions; raises at the first difference.
+
+    With ``scribble``, every array that the native environment returns is written over as soon as it is compared.
+    """
+
+    def __init__(
+        self, makers: Makers, num_envs: int, mode: str, limit: dict[str, int], seed: int, scribble: bool = False
+    ) -> None:
+        self.mode, self.steps, self._scribble = AutoresetMode(mode), 0, scribble
+        self.where = f"{makers.name}, num_envs={num_envs}, autoreset_mode={mode!r}" + "".join(
+            f", {key}={value}" for key, value in limit.items()
+        )
+        with self._attempt("making the vector environment"):
+            self.native: Any = makers.native(num_envs=num_envs, autoreset_mode=mode, **limit)
+        with self._attempt("making the single environments"):
+            self.oracle: Any = SyncVectorEnv([lambda: makers.single(**limit)] * num_envs, autoreset_mode=self.mode)
+        self.ended = np.zeros(num_envs, np.bool_)
+        self._rows: list[Any] = []
+        self._held: deque[tuple[str, Any, Any]] = deque(maxlen=HELD)
+        self._rng = np.random.default_rng(seed)
+        self.native.action_space.seed(seed)
+        self._check_attributes(num_envs)
+
+    def reset(self, seed: int | list[int | None] | None, mask: Array | None = None) -> None:
+        """Reset both, only the environments in ``mask`` (bool, env) where it is given."""
+        options = None if mask is None else {"reset_mask": mask.copy()}
+        with self._attempt("reset()"):
+            got = self.native.reset(seed=seed, options=options)
+        if mask is not None:
+            self._check_options(options, mask)
+        with self._attempt("reset() of the single environments"):
+            want = self.oracle.reset(seed=seed, options=None if mask is None else {"reset_mask": mask.copy()})
+        if not isinstance(got, tuple) or len(got) != 2:
+            self.fail(f"reset() returned {type(got).__name__}, expected (observations, info)")
+        observations, info = got
+        rows = self._split(observations)
+        for i in np.flatnonzero(~mask).tolist() if mask is not None else ():
+            if difference(rows[i], self._rows[i]):
+                self.fail(f"a partial reset changed environment {i}, which is not in options['reset_mask']")
+        self._same("observations of reset()", observations, want[0])
+        self._same("info of reset()", info, want[1])
+        self.ended = np.zeros_like(self.ended) if mask is None else self.ended & ~mask
+        self._remember("reset()", got, rows)
+
+    def step(self) -> None:
+        """Step both with random valid actions."""
+        actions = self._sample()
+        with self._attempt("step()"):
+            got = self.native.step(copy.deepcopy(actions))
+        with self._attempt("step() of the single environments"):
+            want = self.oracle.step(actions)
+        self.steps += 1
+        if not isinstance(got, tuple) or len(got) != 5:
+            self.fail(f"step() returned {type(got).__name__}, expected {', '.join(STEP_NAMES)}")
+        rows, expected = self._split(got[0]), list(iterate(self.oracle.observation_space, want[0]))
+        restarting = self.ended if self.mode is AutoresetMode.NEXT_STEP else np.zeros_like(self.ended)
+        wrong = [i for i, row in enumerate(rows) if difference(row, expected[i])]
+        self._check_nobody_waited(rows, wrong, restarting)
+        self._check_endings(got, want)
+        self.ended = want[2] | want[3]
+        if self.mode is AutoresetMode.SAME_STEP:
+            self._check_final_observations(got[4], want[4], rows)
+        elif any(self.ended[i] for i in wrong):
+            self.fail(f"terminal observation lost: environment {wrong[0]} ended, but this is not its last observation")
+        for name, mine, theirs in zip(STEP_NAMES, got, want, strict=True):
+            self._same(name, mine, theirs)
+        if not np.isfinite(got[1]).all():
+            self.fail(f"rewards are {got[1].tolist()}, expected finite numbers")
+        self._remember(f"step {self.steps}", got, rows)
+
+    def continue_with_pickled_copy(self) -> None:
+        """Put an unpickled copy in the native environment's place."""
+        with self._attempt("pickling in mid-episode"):
+            unpickled = pickle.loads(pickle.dumps(self.native))
+        self.native.close()
+        self.native = unpickled
+        self.where += ", after pickling"
+
+    def close(self) -> None:
+        """Close both."""
+        self.native.close()
+        self.oracle.close()
+
+    def fail(self, defect: str) -> NoReturn:
+        """Raise the error that names ``defect`` and where it was seen."""
+        raise ConformanceError(f"{self.where}, step {self.steps}: {defect}")
+
+    @contextmanager
+    def _attempt(self, deed: str) -> Iterator[None]:
+        """Turn whatever the environment raises into a one-line defect."""
+        try:
+            yield
+        except Exception as error:
+            message = " ".join(str(error).split())
+            raise ConformanceError(
+                f"{self.where}, step {self.steps}: {deed} raised {type(error).__name__}: {message}"
+            ) from error
+
+    def _check_attributes(self, num_envs: int) -> None:
+        mode = self.native.metadata.get("autoreset_mode")
+        if not isinstance(mode, AutoresetMode):
+            self.fail(f"metadata['autoreset_mode'] is {mode!r}, expected the enum AutoresetMode.{self.mode.name}")
+        if mode is not self.mode:
+            self.fail(f"metadata['autoreset_mode'] is {mode}, expected {self.mode}")
+        if self.native.num_envs != num_envs:
+            self.fail(f"num_envs is {self.native.num_envs}, expected {num_envs}")
+        for name in ("single_observation_space", "single_action_space", "observation_space", "action_space"):
+            mine, theirs = getattr(self.native, name), getattr(self.oracle, name)
+            if mine != theirs:
+                self.fail(f"{name} is {mine}, expected {theirs} as for single environments")
+
+    def _check_options(self, options: Any, mask: Array) -> None:
+        if "reset_mask" not in options:
+            self.fail("reset mask popped: reset() removed 'reset_mask' from the caller's options")
+        wrong = difference(options, {"reset_mask": mask})
+        if wrong:
+            self.fail(f"reset mask changed: after reset() the caller's options{wrong}")
+
+    def _check_nobody_waited(self, rows: list[Any], wrong: list[int], restarting: Array) -> None:
+        """NEXT_STEP: the others go on while one is reset."""
+        for i in wrong:
+            if restarting.any() and not restarting[i] and difference(rows[i], self._rows[i]) is None:
+                others = np.flatnonzero(restarting).tolist()
+                self.fail(f"step lost: environment {i} stood still while environments {others} were reset")
+
+    def _check_endings(self, got: Any, want: Any) -> None:
+        for name, cause, mine, theirs in (
+            ("truncation", "was cut off by its time limit", got[3], want[3]),
+            ("termination", "ended", got[2], want[2]),
+        ):
+            if np.shape(mine) == theirs.shape and (theirs & ~mine).any():
+                i = int(np.flatnonzero(theirs & ~mine)[0])
+                flag = "truncated" if name == "truncation" else "terminated"
+                self.fail(f"{name} lost: environment {i} {cause}, but {flag} is False")
+            self._same("truncated" if name == "truncation" else "terminated", mine, theirs)
+
+    def _check_final_observations(self, got: Any, want: Any, rows: list[Any]) -> None:
+        """SAME_STEP: ``final_obs`` holds the last observation of what ended, not the first of what follows."""
+        if "final_obs" not in want:
+            return
+        present = got.get("_final_obs", np.zeros_like(self.ended))
+        for i in np.flatnonzero(want["_final_obs"]):
+            if "final_obs" not in got or not present[i] or got["final_obs"][i] is None:
+                self.fail(f"terminal observation lost: environment {i} ended, but info['final_obs'][{i}] is missing")
+            final = got["final_obs"][i]
+            wrong = difference(final, want["final_obs"][i])
+            if wrong:
+                next_one = difference(final, rows[i]) is None
+                what = " is the first one of the next episode" if next_one else wrong
+                self.fail(f"terminal observation lost: info['final_obs'][{i}]{what}")
+            if not self.native.single_observation_space.contains(final):
+                self.fail(f"info['final_obs'][{i}] is outside single_observation_space")
+
+    def _same(self, name: str, got: Any, want: Any) -> None:
+        wrong = difference(got, want)
+        if wrong:
+            self.fail(f"{name}{wrong} as from single environments")
+
+    def _split(self, observations: Any) -> list[Any]:
+        """Each environment's observation; fails where the batch is outside the space."""
+        if not self.native.observation_space.contains(observations):
+            self.fail("observations are outside observation_space")
+        return list(iterate(self.native.observation_space, observations))
+
+    def _remember(self, deed: str, returned: Any, rows: list[Any]) -> None:
+        """Check that what was returned before still says the same, then keep the newest."""
+        for earlier, kept, snapshot in self._held:
+            wrong = difference(kept, snapshot)
+            if wrong:
+                self.fail(f"buffers reused: what {earlier} returned was overwritten later (return value{wrong})")
+        self._rows = copy.deepcopy(rows)
+        if self._scribble:
+            _write_over(returned)
+        self._held.append((deed, returned, copy.deepcopy(returned)))
+
+    def _sample(self) -> Any:
+        """Random actions, allowed by ``action_masks()`` where the environment has them."""
+        space, masks = self.native.single_action_space, getattr(self.native, "action_masks", None)
+        if masks is None or not isinstance(space, (spaces.Discrete, spaces.MultiDiscrete)):
+            return self.native.action_space.sample()
+        with self._attempt("action_masks()"):
+            allowed = np.asarray(masks())  # (env, actions), for MultiDiscrete one component after the other
+        sizes = np.atleast_1d(space.n if isinstance(space, spaces.Discrete) else space.nvec)
+        draws = np.where(allowed, self._rng.random(allowed.shape), -1.0)
+        parts = np.split(draws, np.cumsum(sizes)[:-1], axis=1)
+        chosen = np.stack([part.argmax(axis=1) for part in parts], axis=1).astype(self.native.action_space.dtype)
+        return chosen[:, 0] + space.start if isinstance(space, spaces.Discrete) else chosen
+
+
+def _write_over(returned: Any) -> None:
+    """Put something else into every array of numbers or flags in what an environment returned."""
+    if isinstance(returned, dict):
+        _write_over(list(returned.values()))
+    elif isinstance(returned, (tuple, list)):
+        for part in returned:
+            _write_over(part)
+    elif isinstance(returned, np.ndarray) and returned.dtype == object:
+        _write_over(returned.ravel().tolist())
+    elif isinstance(returned, np.ndarray) and returned.flags.writeable and returned.dtype.kind in "biufc":
+        returned[...] = ~returned if returned.dtype.kind == "b" else 77

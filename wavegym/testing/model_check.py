@@ -1,0 +1,109 @@
+"""The part of the conformance check that looks at a system's own promises: what planners and masks lean on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.system import System
+
+WORLDS = 3
+FEW = 1000  # candidates tried, spread evenly over all
+NEARLY = 0.1  # relative: a search with shortcuts, such as sensor by sensor, may miss the best one, but not by much
+
+
+def foresight_defect(system: System, seed: int = 0) -> str | None:
+    """What is wrong with ``imagine``, ``cost``, ``mask``, ``metrics``, ``constants`` or ``best_action``, in words.
+
+    None where nothing is. A system without ``imagine`` (NotImplementedError) cannot be planned for, which is no defect.
+    """
+    generators = [np.random.default_rng([seed, i]) for i in range(WORLDS)]
+    state = system.begin(trees.stack([system.draw_world(rng) for rng in generators]))
+    for name, figure in system.metrics(state).items():
+        if not np.isfinite(figure).all():
+            return f"metrics()[{name!r}] is not finite, expected 0 where a target is absent, and 'present' to tell"
+    public = state.public
+    before, everything = trees.copied(public), system.candidates()
+    candidates = everything[:: -(-len(everything) // FEW)]
+    count = len(candidates)
+    forms = {
+        "(env,)": (candidates[np.arange(WORLDS) % count], (WORLDS,)),
+        "(1, candidate)": (candidates[None], (WORLDS, count)),
+        "(env, candidate)": (np.repeat(candidates[None], WORLDS, axis=0), (WORLDS, count)),
+    }
+    for form, (actions, shape) in forms.items():
+        try:
+            imagined = system.imagine(public, actions)
+        except NotImplementedError:
+            break
+        defect = _imagined_defect(system, public, imagined, shape)
+        if defect:
+            return f"imagine() with actions {form}: {defect}"
+    else:
+        defect = _best_action_defect(system, public, candidates)
+        if defect:
+            return defect
+    if not _same(before, public):
+        return "imagine() changed the public state that it was given"
+    return _constants_defect(system, everything) or _mask_defect(system, public, len(everything))
+
+
+def _imagined_defect(system: System, public: Any, imagined: Any, shape: tuple[int, ...]) -> str | None:
+    for name, leaf in imagined._asdict().items():
+        if isinstance(leaf, np.ndarray) and leaf.shape[: len(shape)] != shape:
+            return f"{name} has shape {leaf.shape}, expected {shape} and its own axes"
+    later = public.step.reshape(-1, *[1] * (len(shape) - 1)) + 1
+    if not (imagined.step == later).all():
+        return "step is not one later"
+    cost = np.asarray(system.cost(imagined))
+    if cost.shape != shape:
+        return f"cost() returned shape {cost.shape}, expected {shape}"
+    return None if np.isfinite(cost).all() else "cost() is not finite"
+
+
+def _best_action_defect(system: Any, public: Any, candidates: Array) -> str | None:
+    """``best_action`` claims the least cost of all, nearly: a search sensor by sensor may miss it."""
+    if not hasattr(system, "best_action"):
+        return None
+    try:
+        best = np.asarray(system.best_action(public))
+    except NotImplementedError:
+        return None
+    shape = (WORLDS, *candidates.shape[1:])
+    if best.shape != shape:
+        return f"best_action() returned shape {best.shape}, expected {shape}"
+    cost = system.cost(system.imagine(public, best))
+    others = system.cost(system.imagine(public, candidates[None])).min(axis=1)
+    if (cost > others + NEARLY * np.abs(others)).any():
+        return f"best_action() costs {cost.tolist()}, but candidates cost {others.tolist()}"
+    return None
+
+
+def _constants_defect(system: System, candidates: Array) -> str | None:
+    if type(system).constants is System.constants:
+        return None
+    constants = system.constants()
+    if constants.ndim != candidates.ndim or constants.shape[1:] != candidates.shape[1:] or not len(constants):
+        wanted = ("n >= 1", *candidates.shape[1:])
+        return f"constants() returned shape {constants.shape}, expected ({', '.join(map(str, wanted))})"
+    if candidates.dtype.kind in "iu" and not np.isin(constants, candidates).all():
+        return "constants() has an index that candidates() lacks"
+    return None
+
+
+def _mask_defect(system: System, public: Any, count: int) -> str | None:
+    if type(system).mask is System.mask:
+        return None
+    mask = system.mask(public)
+    if mask.shape != (WORLDS, count) or mask.dtype != np.bool_:
+        return f"mask() returned shape {mask.shape} of {mask.dtype}, expected ({WORLDS}, {count}) of bool"
+    return None if mask.any(axis=1).all() else "mask() allows nothing"
+
+
+def _same(a: Any, b: Any) -> bool:
+    leaves: list[bool] = []
+    trees.tree_map(lambda x, y: leaves.append(np.array_equal(x, y, equal_nan=x.dtype.kind == "f")), a, b)
+    return all(leaves)

@@ -1,0 +1,83 @@
+"""How far a set of tracks is from a set of targets: errors of position, missed targets and false tracks in one number.
+
+Reference: Rahmathullah, Garcia-Fernandez and Svensson, *Generalized optimal sub-pattern assignment metric* (2017), with
+alpha = 2.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError, positive, within
+from wavegym.sensors.checks import shaped
+from wavegym.trackers import gospa_kernels as kernels
+from wavegym.trackers.checks import flat
+
+MOST_TARGETS = 12  # whose subsets are looked at one by one
+
+
+class Gospa(NamedTuple):
+    """What ``gospa`` returns, each (...): distance^p = localisation + missed + false."""
+
+    distance: FloatArray  # m
+    localisation: FloatArray  # sum of d^p over targets that have a track, m^p
+    missed: FloatArray  # c^p / 2 for each target without a track, m^p
+    false: FloatArray  # c^p / 2 for each track without a target, m^p
+
+
+def gospa(
+    targets: ArrayLike,
+    tracks: ArrayLike,
+    present: ArrayLike = True,
+    alive: ArrayLike = True,
+    cutoff: float = 20.0,
+    order: float = 2.0,
+) -> Gospa:
+    """The least sum over all ways to pair targets with tracks.
+
+    Args:
+        targets: their places in m, (..., T, d); at most 12.
+        tracks: where they are estimated, in m, (..., N, d).
+        present: whether each target is there, (..., T).
+        alive: whether each track counts, (..., N).
+        cutoff: c in m, > 0: a target and a track farther apart are none of each other's.
+        order: p, >= 1.
+
+    Returns:
+        See ``Gospa``; leading axes broadcast.
+
+    Raises:
+        InputError: shapes that do not fit, more than 12 targets, a cutoff or order out of range.
+    """
+    c, p = positive("cutoff", cutoff, "m"), within("order", order, 1.0, 100.0)
+    if p * math.log(c) > math.log(sys.float_info.max):
+        most = math.log(sys.float_info.max) / math.log(c)
+        raise InputError(
+            f"order is {order!r}, expected at most {most:.4g} with a cutoff of {cutoff!r} m: c^p overflows"
+        )
+    truth, found = shaped("targets", targets), shaped("tracks", tracks)
+    if min(truth.ndim, found.ndim) < 2 or truth.shape[-1] != found.shape[-1]:
+        raise InputError(
+            f"targets and tracks have shapes {truth.shape} and {found.shape}, expected (..., T, d) and (..., N, d)"
+        )
+    (T, d), N = truth.shape[-2:], found.shape[-2]
+    if T > MOST_TARGETS:
+        raise InputError(f"targets holds {T} targets, expected at most {MOST_TARGETS}")
+    there, counts = np.asarray(present, np.bool_), np.asarray(alive, np.bool_)
+    try:
+        lead = np.broadcast_shapes(truth.shape[:-2], found.shape[:-2], there.shape[:-1], counts.shape[:-1])
+        arrays = flat(truth, lead, T, d), flat(there, lead, T), flat(found, lead, N, d), flat(counts, lead, N)
+    except ValueError:
+        raise InputError(
+            f"present and alive have shapes {there.shape} and {counts.shape} beside targets {truth.shape} and tracks "
+            f"{found.shape}, expected (..., {T}) and (..., {N}) that broadcast"
+        ) from None
+    out = np.empty((len(arrays[0]), 4))
+    kernels.gospa(*arrays, c, p, out)
+    return Gospa(*(out[:, k].reshape(lead) for k in range(4)))

@@ -1,0 +1,88 @@
+"""Linear multitarget integrated probabilistic data association: whose is a measurement, and does its track exist.
+
+References: Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment* (2008), LMIPDA;
+Musicki, Evans and Stankovic, *Integrated probabilistic data association* (1994), which it is for a single track.
+Barbosa et al., section 4.2.4, print a spurious ``1 -`` before Pd Pg in the association probabilities, and leave out the
+model probabilities in p = sum mu_r p_r.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import InputError
+from wavegym.trackers import lmipda_kernels as kernels
+from wavegym.trackers.checks import association_terms, flat, require_distribution, require_each
+
+
+class Integrated(NamedTuple):
+    """What ``lmipda`` returns."""
+
+    association: FloatArray  # (..., T, r, 1 + M): column 0 missed, column m detected as measurement m; rows sum to 1
+    models: FloatArray  # mu, (..., T, r)
+    existence: FloatArray  # psi, (..., T)
+
+
+def lmipda(
+    likelihood: ArrayLike,
+    models: ArrayLike,
+    existence: ArrayLike,
+    pd: ArrayLike,
+    clutter_density: ArrayLike,
+    gate_probability: float = 1.0,
+) -> Integrated:
+    """One scan: association probabilities for each model of each track, model and existence probabilities after it.
+
+    A track sees the other tracks as more clutter, as dense at each measurement as they are likely to have caused it:
+    the cost grows with tracks times measurements, not with the number of joint associations.
+
+    Args:
+        likelihood: p = N(z_m; the model's predicted measurement, S) / Pg, 0 outside the gate, (..., T, r, M), in
+            1/unit volume.
+        models: predicted model probabilities mu, (..., T, r).
+        existence: predicted probabilities psi that the tracks exist, (..., T), in [0, 1].
+        pd: probability of detection Pd, (..., T), in (0, 1).
+        clutter_density: expected number of clutter points per unit volume rho, (...) or, at each measurement in each
+            track's gate, (..., T, M); > 0.
+        gate_probability: Pg, in (0, 1].
+
+    Returns:
+        See ``Integrated``. M = 0 and T = 0 work.
+
+    Raises:
+        InputError: values outside these ranges, shapes that disagree.
+    """
+    p, mu, psi, Pd = (np.asarray(a, np.float64) for a in (likelihood, models, existence, pd))
+    rho = np.asarray(clutter_density, np.float64)
+    if p.ndim < 3 or mu.shape[-2:] != p.shape[-3:-1] or {psi.shape[-1:], Pd.shape[-1:]} != {p.shape[-3:-2]}:
+        raise InputError(_shapes(p, mu, psi, Pd, rho))
+    T, r, M = p.shape[-3:]
+    if rho.shape[-2:] != (T, M):
+        rho = rho[..., None, None]
+    try:
+        lead = np.broadcast_shapes(p.shape[:-3], mu.shape[:-2], psi.shape[:-1], Pd.shape[:-1], rho.shape[:-2])
+    except ValueError:
+        raise InputError(_shapes(p, mu, psi, Pd, np.asarray(clutter_density))) from None
+    require_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
+    require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
+    require_distribution("models", mu)
+    association_terms(Pd, rho, gate_probability)
+    mu, psi, seen = flat(mu, lead, T, r), flat(psi, lead, T), flat(Pd * gate_probability, lead, T)
+    beta = np.empty((len(mu), T * r, 1 + M))
+    kernels.lmipda(flat(p, lead, T, r, M), mu, seen, psi, flat(rho, lead, T, M), beta)
+    if not np.isfinite(psi).all():
+        raise InputError(
+            f"likelihood goes up to {p.max():g}, expected numbers whose ratio to clutter_density is finite"
+        )
+    return Integrated(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
+
+
+def _shapes(p: FloatArray, mu: FloatArray, psi: FloatArray, Pd: FloatArray, rho: FloatArray) -> str:
+    return (
+        f"likelihood, models, existence, pd and clutter_density have the shapes {p.shape}, {mu.shape}, {psi.shape}, "
+        f"{Pd.shape} and {rho.shape}, expected (..., T, r, M), (..., T, r), (..., T), (..., T) and (...) or (..., T, M)"
+    )

@@ -1,0 +1,83 @@
+"""Unscented transform of range and range-rate in compiled form, for trackers and schedulers alike.
+
+``e`` is the entry of the beliefs x (e, n) and P (e, n, n), ``row`` that of the results. Sizes as in ``kernels.py``.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.geometry_kernels import multistatic_range_and_rate, range_and_rate
+
+
+@kernel
+def cholesky_columns_one(row, e, P, A, nn, cc):
+    """The first len(cc) columns of the lower triangular A[row] with A[row] A[row]' = P[e], from the diagonal down.
+
+    NaN where P[e] is not positive definite.
+    """
+    for i in range(len(cc)):
+        for j in range(i, len(nn)):
+            total = P[e, j, i]
+            for k in range(i):
+                total -= A[row, j, k] * A[row, i, k]
+            A[row, j, i] = np.sqrt(total) if j == i else total / A[row, i, i]
+
+
+@inlined
+def foresee_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
+    """``foresee_multistatic_one`` where transmitter and receiver are one; the compiler sees that it is so."""
+    foresee_multistatic_one(row, e, x, P, sx, sy, sx, sy, A, z, S, G, nn)
+
+
+@inlined
+def foresee_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
+    """Mean z[row], covariance S[row] and cross-covariance G[row] = cov(x, z) (n, 2) of (r, rdot) by a target.
+
+    Half the way from (tx, ty) by the target to (sx, sy), and its rate; x = (x, y, xdot, ydot, ...). 2 n sigma points
+    x +- sqrt(n) A_i of equal weight: Julier & Uhlmann (1997) with kappa = 0, which cannot give an indefinite S. Only
+    the first two columns of the Cholesky factor A move the position. Along the others range stays and range-rate is
+    linear: their share is exactly that of a linear measurement of what these two leave of P.
+    A (rows, n, n) is scratch space.
+    """
+    n = len(nn)
+    cholesky_columns_one(row, e, P, A, nn, (0, 0))
+    A[row, 0, 1] = 0.0
+    reach, share = np.sqrt(np.float64(n)), 0.5 / n
+    out, _ = range_and_rate(x[e, 0], x[e, 1], 0.0, 0.0, tx, ty)
+    back, _ = range_and_rate(x[e, 0], x[e, 1], 0.0, 0.0, sx, sy)
+    u0 = 0.5 * ((x[e, 0] - tx) / out + (x[e, 0] - sx) / back)
+    u1 = 0.5 * ((x[e, 1] - ty) / out + (x[e, 1] - sy) / back)
+    # below, differences from (r0, v0) are taken: they lose no digits
+    r0, v0 = multistatic_range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], tx, ty, sx, sy)
+    G[row, 0, 0] = G[row, 0, 1] = G[row, 1, 0] = G[row, 1, 1] = 0.0
+    for j in range(2, n):
+        G[row, j, 0], G[row, j, 1] = 0.0, u0 * left_one(row, e, j, 2, P, A) + u1 * left_one(row, e, j, 3, P, A)
+    linear = u0 * G[row, 2, 1] + u1 * G[row, 3, 1]
+    mean_r = mean_v = rr = rv = vv = 0.0
+    for i in range(2):
+        d0, d1, d2, d3 = reach * A[row, 0, i], reach * A[row, 1, i], reach * A[row, 2, i], reach * A[row, 3, i]
+        r1, v1 = multistatic_range_and_rate(x[e, 0] + d0, x[e, 1] + d1, x[e, 2] + d2, x[e, 3] + d3, tx, ty, sx, sy)
+        r2, v2 = multistatic_range_and_rate(x[e, 0] - d0, x[e, 1] - d1, x[e, 2] - d2, x[e, 3] - d3, tx, ty, sx, sy)
+        r1, r2, v1, v2 = r1 - r0, r2 - r0, v1 - v0, v2 - v0
+        mean_r += r1 + r2
+        mean_v += v1 + v2
+        rr += r1 * r1 + r2 * r2
+        rv += r1 * v1 + r2 * v2
+        vv += v1 * v1 + v2 * v2
+        for j in range(i, n):
+            G[row, j, 0] += share * reach * A[row, j, i] * (r1 - r2)
+            G[row, j, 1] += share * reach * A[row, j, i] * (v1 - v2)
+    mean_r, mean_v = share * mean_r, share * mean_v
+    z[row, 0], z[row, 1] = r0 + mean_r, v0 + mean_v
+    S[row, 0, 0] = share * rr - mean_r * mean_r
+    S[row, 0, 1] = S[row, 1, 0] = share * rv - mean_r * mean_v
+    S[row, 1, 1] = share * vv - mean_v * mean_v + linear
+
+
+@kernel
+def left_one(row, e, i, j, P, A):
+    """cov(x_i, x_j) given the position: what the first two columns of A leave of it."""
+    return P[e, i, j] - A[row, i, 0] * A[row, j, 0] - A[row, i, 1] * A[row, j, 1]

@@ -1,0 +1,1 @@
+"""A tracker of unknown targets on the streets of an urban map."""

@@ -1,0 +1,269 @@
+"""A tracker for a street: how many targets there are is not known, walls hide them and make ghosts of them.
+
+Gates, LMIPDA, interacting unscented filters whose set depends on the place, and the life of tracks (Barbosa et al.,
+section 4.2), for transmitters that receivers tell apart and two or more receivers. From the map it takes what the paper
+leaves open: tracks begin where the first two receivers' measurements of the first transmitter meet on a road that all
+three see; where a target is hidden, not to be seen is no evidence against it; a track that leaves the roads was a
+mirror image; and what a confirmed track's ways by walls would return is clutter to all others (``ghosts``).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from itertools import product
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, open_unit, positive, whole, within
+from wavegym.core.parameters import in_one_line
+from wavegym.sensors.checks import every, shaped
+from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.urban_map import City, Point
+from wavegym.sensors.visibility import Grid, SightMap, in_junctions, metres_to_road, sight_map
+from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
+from wavegym.targets.motion import MotionModel
+from wavegym.trackers.imm import imm_combine, variable_structure
+from wavegym.trackers.multilateration import require_triangle
+from wavegym.trackers.urban import kernels as street_kernels
+from wavegym.trackers.urban import scan_kernels as street_scan_kernels
+
+EMPTY, TENTATIVE, CONFIRMED = street_kernels.EMPTY, street_kernels.TENTATIVE, street_kernels.CONFIRMED
+MODELS = ("NCV", "NCA", "CT left", "CT right")
+TRANSITION = np.array([[0.99, 0.01, 0.0, 0.0], [0.1, 0.7, 0.1, 0.1], [0.0, 0.01, 0.99, 0.0], [0.0, 0.01, 0.0, 0.99]])
+"""From row to column. The paper prints .1 where .01 stands, and says that a column is from; rows then sum to 1.09."""
+SETS = ((False, True, True, True), (True, True, False, False))  # near junctions, elsewhere
+NO_IMAGE = 9  # walls of an image that fills up a table: more than any way takes
+
+
+class Tracks(NamedTuple):
+    """Slots for tracks; axis 0 = environment."""
+
+    x: Array  # (env, slot, model, 6): x, y, xdot, ydot, xddot, yddot
+    P: Array  # (env, slot, model, 6, 6)
+    mu: Array  # (env, slot, model): model probabilities
+    existence: Array  # (env, slot): psi, 0 in an empty slot
+    status: Array  # (env, slot): EMPTY, TENTATIVE or CONFIRMED
+    age: Array  # (env, slot): scans since the track began
+
+    def combined(self) -> tuple[Array, Array]:
+        """Mean (env, slot, 6) and covariance (env, slot, 6, 6) over each track's models."""
+        return imm_combine(self.x, self.P, self.mu)
+
+
+@in_one_line
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class StreetTracker:
+    """See the module; parameters are not the paper's, which prints next to none.
+
+    Args:
+        city: the map.
+        transmitters, receivers: (x, y) in m; two receivers or more, the first two not in one line with the first
+            transmitter. What is measured comes by pairs, the first transmitter's with each receiver first.
+        models: "vsimm" for constant velocity and acceleration, and turns near junctions; "ncv" for constant velocity.
+        dt: from one scan to the next, s.
+        turn_rate: of both turns, rad/s.
+        sigma: standard deviation of acceleration, NCV and turns, m/s^2.
+        sigma_acceleration: that of its change in a scan, NCA, m/s^2.
+        slots: tracks at most; where all are taken, the tentative track least sure to exist gives way.
+        clutter_density: expected false returns in a scan of a receiver, per (m x m/s).
+        gate_probability: Pg, that of a gate to hold a detected target's measurement.
+        false_alarm: Pfa, from which an SNR follows its detection probability.
+        rate_floor: standard deviation that a range-rate has beside its noise, m/s.
+        reach: half path beyond which nothing is received, m.
+        survival: probability to exist on from one scan to the next.
+        birth: probability that a new track exists.
+        confirm: probability of existence from which on a track is confirmed.
+        confirm_after: scans that it takes at least; a target's mirror image between the receivers rarely lasts so long.
+        drop: probability of existence below which a track ends, tentative and confirmed.
+        merge: distance in m and difference of velocity in m/s below which two tracks are one.
+        vaguest: standard deviation of a new track's place at most, m.
+        fastest: a new track's speed at most, m/s; beyond twice that a track ends.
+        usual_speed: standard deviation of a target's velocity on either axis before it is known, m/s.
+        ghosts: whether the map is used to tell tracks from their ghosts.
+        cell: width of the map's cells, m.
+
+    Raises:
+        InputError: an antenna in a building, fewer than two receivers, antennas in one line, a number out of range.
+    """
+
+    city: City
+    transmitters: tuple[Point, ...]
+    receivers: tuple[Point, ...]
+    models: Literal["vsimm", "ncv"] = "vsimm"
+    dt: float = 0.25
+    turn_rate: float = math.pi / 20
+    sigma: float = 0.25
+    sigma_acceleration: float = 0.3
+    slots: int = 8
+    clutter_density: float = 1e-3
+    gate_probability: float = 0.99
+    false_alarm: float = 1e-3
+    rate_floor: float = 0.1
+    reach: float = 300.0
+    survival: float = 0.99
+    birth: float = 0.1
+    confirm: float = 0.95
+    confirm_after: int = 4
+    drop: tuple[float, float] = (0.03, 0.05)
+    merge: tuple[float, float] = (5.0, 4.0)
+    vaguest: float = 5.0
+    fastest: float = 20.0
+    usual_speed: float = 10.0
+    ghosts: bool = True
+    cell: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.transmitters:
+            raise InputError("transmitters is (), expected at least one place (x, y) in m")
+        if len(self.receivers) < 2:
+            raise InputError(f"receivers is {self.receivers}, expected at least two: one cannot tell directions")
+        require_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
+        whole("slots", self.slots, 1)
+        whole("confirm_after", self.confirm_after, 1)
+        for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
+            positive(name, getattr(self, name))
+        for name in ("gate_probability", "false_alarm"):
+            open_unit(name, getattr(self, name))
+        for name in ("survival", "birth", "confirm"):
+            within(name, getattr(self, name), 0.0, 1.0)
+        _ = self.street
+
+    @cached_property
+    def motion(self) -> tuple[MotionModel, ...]:
+        """The models, in the order of ``MODELS``."""
+        straight = nearly_constant_velocity(self.dt, self.sigma)
+        if self.models == "ncv":
+            return (straight,)
+        turns = (coordinated_turn(self.dt, sign * self.turn_rate, self.sigma) for sign in (1.0, -1.0))
+        return (straight, nearly_constant_acceleration(self.dt, self.sigma_acceleration), *turns)
+
+    def empty(self, num_envs: int) -> Tracks:
+        """No tracks."""
+        lead, models = (num_envs, self.slots), len(self.motion)
+        return Tracks(
+            np.zeros((*lead, models, 6)), np.zeros((*lead, models, 6, 6)), np.full((*lead, models), 1.0 / models),
+            np.zeros(lead), np.zeros(lead, np.int64), np.zeros(lead, np.int64),
+        )  # fmt: skip
+
+    def scan(
+        self, tracks: Tracks, z: ArrayLike, count: ArrayLike, R: ArrayLike, snr: ArrayLike
+    ) -> tuple[Tracks, Array]:
+        """Tracks after one scan of all receivers.
+
+        Args:
+            tracks: before it.
+            z: range and range-rate of each pair's measurements, m and m/s, (env, pair, most, 2).
+            count: how many of them there are, (env, pair).
+            R: error covariance at an SNR of 1 of the waveform that each pair's transmitter sent, beside which a
+                range-rate has the variance rate_floor^2; leading axes broadcast to (env, pair, 2, 2).
+            snr: its SNR at a half path of 100 m by no wall; leading axes broadcast to (env, pair).
+
+        Returns:
+            New tracks, and how many found no slot of their own, (env,): they took a tentative track's, or none.
+
+        Raises:
+            InputError: shapes that do not fit, a count, an R or an SNR that is none.
+        """
+        envs, pairs = len(tracks.existence), len(self.transmitters) * len(self.receivers)
+        z, count = np.array(shaped("z", z, 2), order="C"), np.array(count)
+        if z.shape[:2] != (envs, pairs) or z.ndim != 4 or count.shape != (envs, pairs):
+            raise InputError(
+                f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, 2) and "
+                f"({envs}, {pairs})"
+            )
+        wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
+        if wrong.any():
+            raise InputError(f"count is {count[wrong][0]}, expected an integer from 0 to {z.shape[2]}, what z holds")
+        after, refused = self._copied(tracks), np.zeros(envs, np.int64)
+        street_scan_kernels.scan(
+            *after, self.street, *self._waves(R, snr, envs), z, count.astype(np.int64), refused, *self._sizes
+        )
+        return after, refused
+
+    def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
+        """What a scan may be expected to leave: covariances shrink by the share that a detection is likely.
+
+        Arguments as for ``scan``; the mean is the predicted one.
+        """
+        after = self._copied(tracks)
+        street_scan_kernels.expect(*after, self.street, *self._waves(R, snr, len(after.existence)), *self._sizes)
+        return after
+
+    def _copied(self, tracks: Tracks) -> Tracks:
+        """To be written over; InputError for those of another tracker."""
+        models, envs = len(self.motion), len(tracks.existence)
+        cores: list[tuple[int, ...]] = [(models, 6), (models, 6, 6), (models,), (), (), ()]
+        for name, leaf, core in zip(Tracks._fields, tracks, cores, strict=True):
+            if leaf.shape != (envs, self.slots, *core):
+                wanted = (envs, self.slots, *core)
+                raise InputError(f"tracks.{name} has shape {leaf.shape}, expected {wanted}: this tracker's")
+        return Tracks(*(np.array(leaf, order="C") for leaf in tracks))
+
+    def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
+        """R and SNR of each environment's pairs."""
+        lead = envs, len(self.transmitters) * len(self.receivers)
+        try:
+            covariance = np.broadcast_to(shaped("R", R, 2, 2), (*lead, 2, 2))
+            ratio = np.broadcast_to(np.asarray(snr, np.float64), lead)
+        except ValueError:
+            raise InputError(
+                f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
+            ) from None
+        every(positive, "snr", ratio)
+        # by hand: eigenvalues take as long as the scan
+        variance, other = covariance[..., 0, 0], covariance[..., 1, 1]
+        if not ((variance > 0.0) & (variance * other > covariance[..., 0, 1] * covariance[..., 1, 0])).all():
+            raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
+        return np.ascontiguousarray(covariance), np.ascontiguousarray(ratio)
+
+    @property
+    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        return (0,) * 6, (0,) * len(self.motion)
+
+    @cached_property
+    def street(self) -> street_scan_kernels.Street:
+        """All of this as kernels take it."""
+        grid = Grid.over(self.city, (*self.transmitters, *self.receivers), self.cell)
+        pairs = list(product(self.transmitters, self.receivers))
+        out, back = (
+            [sight_map(Antenna(self.city, place), grid) for place in side] for side in zip(*pairs, strict=True)
+        )
+        whole_set = self.models == "vsimm"
+        return street_scan_kernels.Street(
+            transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, r in pairs]),
+            F=np.stack([model.F for model in self.motion]), Q=np.stack([model.Q for model in self.motion]),
+            transition=variable_structure(TRANSITION, SETS) if whole_set else np.ones((2, 1, 1)),
+            corner=np.array(grid.corner), cell=float(grid.cell), road=metres_to_road(self.city, grid),
+            junction=in_junctions(self.city, grid), **_images("out", out), **_images("back", back),
+            density=self.clutter_density, gate=-2.0 * math.log(1.0 - self.gate_probability),
+            gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
+            rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
+            confirm=self.confirm, confirm_after=self.confirm_after,
+            drop_tentative=self.drop[0], drop_confirmed=self.drop[1],
+            merge_distance=self.merge[0], merge_speed=self.merge[1], slack=self.cell, vaguest=self.vaguest,
+            fastest=self.fastest, usual_speed=self.usual_speed, first_acceleration=1.0, ghosts=self.ghosts,
+        )  # fmt: skip
+
+
+def _images(side: str, maps: list[SightMap]) -> dict[str, Array]:
+    """The images of each pair's transmitter, or receiver; tables are filled up to one length."""
+    most = max(len(one.images) for one in maps)
+
+    def table(name: str, fill: float, axis: int = 0) -> Array:
+        parts = []
+        for one in maps:
+            values = getattr(one, name)
+            room = [(0, most - len(one.images)) if a == axis % values.ndim else (0, 0) for a in range(values.ndim)]
+            parts.append(np.pad(values, room, constant_values=fill))
+        return np.ascontiguousarray(np.stack(parts))
+
+    return {
+        f"{side}_images": table("images", 0.0), f"{side}_order": table("order", NO_IMAGE),
+        f"{side}_reflected": table("reflected", 0.0), f"{side}_seen": table("seen", False, axis=-1),
+    }  # fmt: skip

@@ -1,0 +1,82 @@
+"""What a waveform is: an envelope and a phase; everything else follows."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import positive
+from wavegym.waveforms.fisher import FisherFactors
+from wavegym.waveforms.numeric import correlate, numeric_fisher_factors
+
+
+class Waveform(ABC):
+    """A pulse with complex envelope s(t) = a(t) exp(j phi(t)) and unit energy.
+
+    A subclass says ``label``, ``support``, ``envelope`` and ``phase``, and gets ``signal``, the Fisher information,
+    the measurement covariance and the ambiguity function by quadrature to rounding error. It may override
+    ``fisher_factors`` or ``ambiguity_row`` with a closed form, and must override ``pieces`` if its envelope or phase
+    has kinks. An envelope with jumps has infinite delay information and is refused: taper its edges.
+    """
+
+    @property
+    @abstractmethod
+    def label(self) -> str:
+        """Short human name, e.g. ``"up 100 us 1 MHz"``; unique within a library."""
+
+    @property
+    @abstractmethod
+    def support(self) -> tuple[float, float]:
+        """First and last instant, s, outside which the pulse is taken as zero; less than 1e-16 of its energy is lost.
+
+        The ambiguity function is as exact as the amplitude at the ends is small: 1e-12 of the peak is a good choice.
+        """
+
+    @property
+    def pieces(self) -> tuple[tuple[float, float], ...]:
+        """Intervals (s), in order and disjoint, in which envelope and phase are smooth; the pulse is zero elsewhere."""
+        return (self.support,)
+
+    @abstractmethod
+    def envelope(self, t: ArrayLike) -> FloatArray:
+        """Real amplitude a(t), s^-1/2, with the integral of a^2 equal to 1; t in s, any shape."""
+
+    @abstractmethod
+    def phase(self, t: ArrayLike) -> FloatArray:
+        """Phase phi(t), rad; t in s, any shape. Its derivative is the instantaneous angular frequency."""
+
+    def signal(self, t: ArrayLike) -> NDArray[np.complex128]:
+        """Complex envelope s(t) = a(t) exp(j phi(t)), s^-1/2; t in s, any shape."""
+        return self.envelope(t) * np.exp(1j * self.phase(t))
+
+    def fisher_factors(self) -> FisherFactors:
+        """Fisher information at SNR 1 in factored form (see ``FisherFactors``); by quadrature unless overridden."""
+        return numeric_fisher_factors(self)
+
+    def fisher_information(self) -> FloatArray:
+        """Fisher information of (delay in s, Doppler in Hz), SNR 1 and nuisance amplitude and phase eliminated, (2, 2).
+
+        It is minus the Hessian of |chi(tau, nu)| at the origin. Multiply by eta = 2E/N0 for another SNR.
+        """
+        return self.fisher_factors().information()
+
+    def measurement_covariance(self, carrier_hz: float, snr: float) -> FloatArray:
+        """Cramer-Rao covariance of (range in m, range-rate in m/s), (2, 2).
+
+        Args:
+            carrier_hz: carrier frequency, Hz.
+            snr: eta = 2E/N0, linear.
+
+        Raises:
+            InputError: if either is not a finite number > 0.
+        """
+        positive("carrier_hz", carrier_hz, "Hz")
+        positive("snr", snr)
+        return self.fisher_factors().measurement_covariance(carrier_hz) / snr
+
+    def ambiguity_row(self, delay: float, dopplers: FloatArray) -> NDArray[np.complex128]:
+        """chi(delay, nu) at one delay (s) for all Dopplers (Hz), (doppler,); by quadrature unless overridden."""
+        return correlate(self, delay, dopplers)
