@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest docs results league reproduce headroom benchmarks clean
+.PHONY: demo test lint test-oldest docs results leaderboard reproduce headroom benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -46,12 +46,12 @@ docs: $(READY)
 	$(BIN)/python -m wavegym.envs.pages docs/environments
 	$(BIN)/mkdocs build --strict --quiet
 
-# Train what is missing and rebuild every table under results/; STUDIES="SectorSetup" for one of them.
+# Train what is missing and rebuild every table under results/; EXPERIMENTS="SectorSetup" for one of them.
 results: $(READY)
-	$(BIN)/python -m agents.experiment $(STUDIES)
+	$(BIN)/python -m agents.experiment $(EXPERIMENTS)
 
 # Play the saved agents on the worlds of `make headroom`, and renew the tables in which both meet.
-league: $(READY)
+leaderboard: $(READY)
 	$(BIN)/python -m agents.leaderboard
 
 # Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: as the docs have them, and renew their pages.

@@ -1,8 +1,8 @@
-"""What each part of the training is worth: ``python -m agents.ablation [STUDY ...]``.
+"""What each part of the training is worth: ``python -m agents.ablation [EXPERIMENT ...]``.
 
-Studies of results/studies.toml whose names end in ``-ablation`` train agents with one part left out, and as many steps
-as the one that has them all, ``full``. They are played on the worlds of ``make league``; the accounts are kept in
-results/ablation, their table goes to docs/learned.md. ``--tables`` makes it of what was played before.
+Experiments of results/experiments.toml whose names end in ``-ablation`` train agents with one part left out, and as
+many steps as the one that has them all, ``full``. They are played on the worlds of ``make leaderboard``; the accounts
+are kept in results/ablation, their table goes to docs/learned.md. ``--tables`` makes it of what was played before.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from agents.experiment import Study, load_studies, run_folder, train_missing
+from agents.experiment import Experiment, load_experiments, run_folder, train_missing
 from agents.leaderboard import PAGE, ROOT, WORLDS, Account, read_accounts, shown
 from wavegym.cli.command import Parser, guarded
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 from wavegym.evaluation import blocks, compare
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
@@ -32,18 +32,18 @@ SUFFIX, FULL = "-ablation", "full"
 START, END = "<!-- made by `python -m agents.ablation`: -->", "<!-- ablations to here -->"
 
 
-def play(name: str, study: Study, jobs: int) -> None:
+def play(name: str, experiment: Experiment, jobs: int) -> None:
     """Train what is missing, and keep the accounts of all its agents and of the best simple rule."""
-    train_missing(name, study, jobs)
+    train_missing(name, experiment, jobs)
     policies: dict[str, Any] = {SIMPLE: None}
-    for learner in study.learners:
-        policies[learner] = partial(load_policy, run_folder(name, learner), study.env)
-    comparison = compare(study.env, policies, worlds=WORLDS, jobs=jobs, **study.parameters())
+    for learner in experiment.learners:
+        policies[learner] = partial(load_policy, run_folder(name, learner), experiment.env)
+    comparison = compare(experiment.env, policies, worlds=WORLDS, jobs=jobs, **experiment.parameters())
     write_whole(FOLDER, {f"{name}.csv": episodes(comparison).encode()})
 
 
 def table(played: Mapping[str, Mapping[str, Account]]) -> str:
-    """A line for every agent of every study: per cent against the best simple rule, and against the full agent."""
+    """A line for every agent of every experiment: per cent against the best simple rule, and against the full agent."""
     head = ["environment", "agent", "seeds", "against best simple", "95 %", "against full", "95 %"]
     rows = []
     for name, accounts in played.items():
@@ -69,16 +69,16 @@ def against_seed_by_seed(account: Account, full: Account) -> Estimate:
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.ablation", description="What each part of the training is worth.")
-    parser.add_argument("studies", nargs="*", metavar="STUDY", help="which (default: all ablations)")
+    parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help="which (default: all ablations)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
     options = parser.read(None)
-    studies = {name: study for name, study in load_studies().items() if name.endswith(SUFFIX)}
-    asked = [choice("ablation", name, studies) for name in options.studies] or list(studies)
+    experiments = {name: experiment for name, experiment in load_experiments().items() if name.endswith(SUFFIX)}
+    asked = [check_choice("ablation", name, experiments) for name in options.experiments] or list(experiments)
     if not options.tables:
         for name in asked:
-            play(name, studies[name], options.jobs)
-    played = {name: read_accounts(FOLDER / f"{name}.csv") for name in studies if (FOLDER / f"{name}.csv").exists()}
+            play(name, experiments[name], options.jobs)
+    played = {name: read_accounts(FOLDER / f"{name}.csv") for name in experiments if (FOLDER / f"{name}.csv").exists()}
     blocks.renew(PAGE, START, END, table(played))
 
 

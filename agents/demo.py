@@ -40,13 +40,13 @@ def demo(arguments: Sequence[str] | None) -> None:
     options = parser().read(arguments)
     from wavegym.cli.evaluate import evaluate
     from wavegym.learning.settings import load_settings
-    from wavegym.learning.training.run_spec import Plan
+    from wavegym.learning.training.run_spec import RunSpec
     from wavegym.learning.training.train import train
 
     out = unused(options.out.absolute())
     settings = load_settings(ENV, "ppo", {} if options.steps is None else {"steps": options.steps})
     print(f"training PPO on {ENV} for {settings.steps} steps, half a minute or more", flush=True)
-    train(Plan(ENV, "ppo", 0, settings), out / "ppo", CHECKPOINT_EVERY)
+    train(RunSpec(ENV, "ppo", 0, settings), out / "ppo", CHECKPOINT_EVERY)
     print(f"comparing it with the analytic schedulers on {options.worlds} worlds that it has never met", flush=True)
     evaluate([ENV, "--policies", f"{SCHEDULERS},{out / 'ppo'}", "--worlds", str(options.worlds), "--out", str(out)])
     print(f"the picture: {out / 'comparison.png'}")

@@ -1,8 +1,8 @@
 """Policies in worlds that they were not made for: ``python -m agents.distribution_shift [ENVIRONMENT ...]``.
 
-``results/shifts.toml`` says what changes. Agents stay as they were trained, rules keep the constants that were tuned
-for the environment's own parameters; the tracker, and so foresight, knows the new ones. Results go to results/shift,
-their table to docs/learned.md; ``--tables`` makes it of what was played before.
+``results/distribution_shifts.toml`` says what changes. Agents stay as they were trained, rules keep the constants
+that were tuned for the environment's own parameters; the tracker, and so prediction, knows the new ones. Results go
+to results/distribution_shift, their table to docs/learned.md; ``--tables`` makes it of what was played before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from agents.leaderboard import PAGE, ROOT, Account, environment_of
 from wavegym.cli.command import Parser, guarded, settings
 from wavegym.cli.evaluate import LEARNERS, SAVED
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 from wavegym.evaluation import blocks, compare, full_id, make_task
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.table import interval, signed, tabulated
@@ -27,7 +27,7 @@ from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE
 
-FILE, FOLDER = ROOT / "results" / "shifts.toml", ROOT / "results" / "shift"
+FILE, FOLDER = ROOT / "results" / "distribution_shifts.toml", ROOT / "results" / "distribution_shift"
 START, END = "<!-- made by `python -m agents.distribution_shift`: -->", "<!-- shifts to here -->"
 WORLDS = 200
 
@@ -106,14 +106,14 @@ def main() -> None:
         prog="python -m agents.distribution_shift", description="Policies in worlds that they were not made for."
     )
     parser.add_argument(
-        "names", nargs="*", metavar="ENVIRONMENT", help="as results/shifts.toml has them (default: all)"
+        "names", nargs="*", metavar="ENVIRONMENT", help="as results/distribution_shifts.toml has them (default: all)"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
     read = parser.read(None)
     shifts = load_shifts()
     for name in () if read.tables else read.names or shifts:
-        found = play(choice("environment", name, shifts), shifts[name], read.jobs)
+        found = play(check_choice("environment", name, shifts), shifts[name], read.jobs)
         write_whole(FOLDER, {f"{name}.json": (json.dumps(found, indent=2) + "\n").encode()})
     renew(list(shifts))
 

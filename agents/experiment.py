@@ -1,7 +1,9 @@
-"""Rebuild the tables under results/: ``python -m agents.experiment [STUDY ...]`` trains what is missing and compares.
+"""Rebuild the tables under results/: ``python -m agents.experiment [EXPERIMENT ...]`` trains what is missing and
+compares.
 
-``results/studies.toml`` says what a study is. Runs go to ``results/runs/STUDY/LEARNER/seedN``; one that was killed is
-taken up again, a finished one is kept. Comparisons go to ``results/STUDY``, their tables into ``docs/results.md`` too.
+``results/experiments.toml`` says what an experiment is. Runs go to ``results/runs/EXPERIMENT/LEARNER/seedN``; one
+that was killed is taken up again, a finished one is kept. Comparisons go to ``results/EXPERIMENT``, their tables into
+``docs/results.md`` too.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from wavegym.cli.command import Parser, guarded, settings
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 from wavegym.evaluation import blocks, compare, write_report
 
 ROOT = Path(__file__).parents[1]
@@ -46,17 +48,18 @@ class Learner:
 
 
 @dataclass(frozen=True, config=CLOSED)
-class Study:
+class Experiment:
     """One table: policies on the same worlds.
 
     Attributes:
         env: id of the environment.
-        worlds: how many; 0 trains the learners for ``make league``, which compares them with the ladder's schedulers.
+        worlds: how many; 0 trains the learners for ``make leaderboard``, which compares them with the ladder's
+            schedulers.
         policies: schedulers by name.
         seeds: training seeds.
         learners: by name.
         environment: parameters of the environment, in training and comparison, ``["action=joint"]``.
-        trained_in: another study whose learners are compared here too.
+        trained_in: another experiment whose learners are compared here too.
         tracks: a recording, relative to the repository; radar: where the radar stands.
     """
 
@@ -78,57 +81,57 @@ class Study:
         return {**given, "targets": "recorded", "tracks": os.path.relpath(ROOT / self.tracks), "radar": self.radar}
 
 
-def load_studies(file: Path = FOLDER / "studies.toml") -> dict[str, Study]:
-    """All studies of a file; InputError where it is not one."""
+def load_experiments(file: Path = FOLDER / "experiments.toml") -> dict[str, Experiment]:
+    """All experiments of a file; InputError where it is not one."""
     try:
-        return TypeAdapter(dict[str, Study]).validate_python(tomllib.loads(file.read_text(encoding="utf-8")))
+        return TypeAdapter(dict[str, Experiment]).validate_python(tomllib.loads(file.read_text(encoding="utf-8")))
     except (ValidationError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{file}: {' '.join(str(error).split())}") from None
 
 
-def train_missing(name: str, study: Study, jobs: int) -> None:
-    """Train every learner of a study with every seed, ``jobs`` at a time."""
+def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
+    """Train every learner of an experiment with every seed, ``jobs`` at a time."""
     # Compile the kernels here, not in several processes at once.
-    envs = gym.make_vec(study.env, num_envs=2, reward="relative", **settings(study.environment))
+    envs = gym.make_vec(experiment.env, num_envs=2, reward="relative", **settings(experiment.environment))
     envs.reset(seed=0)
     envs.step(envs.action_space.sample())
     work = [
-        delayed(_train)(study.env, study.environment, learner, seed, run_folder(name, label) / f"seed{seed}")
-        for label, learner in study.learners.items()
-        for seed in study.seeds
+        delayed(_train)(experiment.env, experiment.environment, learner, seed, run_folder(name, label) / f"seed{seed}")
+        for label, learner in experiment.learners.items()
+        for seed in experiment.seeds
     ]
     Parallel(n_jobs=jobs)(work)
 
 
 def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
     from wavegym.learning.settings import load_settings
-    from wavegym.learning.training.run_spec import Plan
+    from wavegym.learning.training.run_spec import RunSpec
     from wavegym.learning.training.train import train
     from wavegym.policies.runs import RUN
 
     if (folder / RUN).exists():
         return
     environment = {**settings(shared), **settings(learner.environment)}
-    plan = Plan(env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set), environment))
-    train(plan, folder, checkpoint_every=200_000, resume=(folder / "plan.json").exists(), progress=False)
+    spec = RunSpec(env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set), environment))
+    train(spec, folder, checkpoint_every=200_000, resume=(folder / "run_spec.json").exists(), progress=False)
 
 
-def run_folder(study: str, learner: str) -> Path:
+def run_folder(experiment: str, learner: str) -> Path:
     """Where the runs of a learner are, one folder for each seed."""
-    return FOLDER / "runs" / study / learner
+    return FOLDER / "runs" / experiment / learner
 
 
-def run(name: str, studies: dict[str, Study], jobs: int) -> str:
-    """Train and compare one study; its table."""
+def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
+    """Train and compare one experiment; its table."""
     from wavegym.policies.runs import load_policy
 
-    study = studies[name]
-    train_missing(name, study, jobs)
-    policies: dict[str, Any] = dict.fromkeys(study.policies)
-    for source in filter(None, (name, study.trained_in)):
-        for learner in studies[source].learners:
-            policies[learner] = partial(load_policy, run_folder(source, learner), study.env)
-    comparison = compare(study.env, policies, worlds=study.worlds, jobs=jobs, **study.parameters())
+    experiment = experiments[name]
+    train_missing(name, experiment, jobs)
+    policies: dict[str, Any] = dict.fromkeys(experiment.policies)
+    for source in filter(None, (name, experiment.trained_in)):
+        for learner in experiments[source].learners:
+            policies[learner] = partial(load_policy, run_folder(source, learner), experiment.env)
+    comparison = compare(experiment.env, policies, worlds=experiment.worlds, jobs=jobs, **experiment.parameters())
     table = write_report(comparison, FOLDER / name)
     shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")
     begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
@@ -139,17 +142,17 @@ def run(name: str, studies: dict[str, Study], jobs: int) -> str:
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.experiment", description="Rebuild the tables under results/.")
-    parser.add_argument("studies", nargs="*", metavar="STUDY", help="which (default: all)")
+    parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help="which (default: all)")
     parser.add_argument("--train", action="store_true", help="train what is missing, compare nothing")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     options = parser.read(None)
-    studies = load_studies()
-    for name in options.studies or studies:
-        choice("study", name, studies)
-        if options.train or not studies[name].worlds:
-            train_missing(name, studies[name], options.jobs)
+    experiments = load_experiments()
+    for name in options.experiments or experiments:
+        check_choice("experiment", name, experiments)
+        if options.train or not experiments[name].worlds:
+            train_missing(name, experiments[name], options.jobs)
             continue
-        print(f"\n## {name}\n\n{run(name, studies, options.jobs)}")
+        print(f"\n## {name}\n\n{run(name, experiments, options.jobs)}")
 
 
 if __name__ == "__main__":

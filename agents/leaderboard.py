@@ -2,7 +2,7 @@
 
 Plays the saved agents of each environment (results/runs/ENVIRONMENT/ppo and dqn) on the worlds on which
 ``make headroom`` played the schedulers, and puts both into one table: docs/learned.md, and README's front table. What
-was played is kept in results/league; ``--times`` only times decisions anew, on a machine with nothing else to do;
+was played is kept in results/leaderboard; ``--times`` only times decisions anew, on a machine with nothing else to do;
 ``--tables`` makes the tables without playing.
 """
 
@@ -35,9 +35,9 @@ from wavegym.registration import SYSTEMS
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE, recorded
 
 ROOT = Path(__file__).parents[1]
-HEADROOM, LEAGUE = ROOT / "results" / "headroom", ROOT / "results" / "league"
+HEADROOM, LEADERBOARD = ROOT / "results" / "headroom", ROOT / "results" / "leaderboard"
 PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
-START, END = "<!-- made by `make league`: -->", "<!-- to here -->"
+START, END = "<!-- made by `make leaderboard`: -->", "<!-- to here -->"
 WORLDS, SEED = 200, 0  # those of `make headroom`
 
 
@@ -58,23 +58,23 @@ class Account(NamedTuple):
 
 
 def play(env_id: str, jobs: int) -> None:
-    """Play the environment's saved agents; their accounts go to results/league."""
+    """Play the environment's saved agents; their accounts go to results/leaderboard."""
     files = {}
     for algo, folder in saved(env_id).items():
         settings = environment_of(folder)
         comparison = compare(env_id, {algo: partial(load_policy, folder, env_id)}, worlds=WORLDS, jobs=jobs, **settings)
         files[f"{stem(env_id)}-{algo}.csv"] = episodes(comparison).encode()
-    write_whole(LEAGUE, files)
+    write_whole(LEADERBOARD, files)
 
 
 def time_decisions(env_id: str) -> None:
-    """What a decision of the best planner takes, and one of each saved agent; to results/league."""
+    """What a decision of the best planner takes, and one of each saved agent; to results/leaderboard."""
     agents = {}
     for algo, folder in saved(env_id).items():
         system = make_task(env_id, environment_of(folder)).system
         agents[algo] = system, load_policy(folder, env_id, system)[0]
     times = {"us_per_decision": decisions_us(make_task(env_id, {}).system, agents)}
-    write_whole(LEAGUE, {f"{stem(env_id)}.json": (json.dumps(times, indent=2) + "\n").encode()})
+    write_whole(LEADERBOARD, {f"{stem(env_id)}.json": (json.dumps(times, indent=2) + "\n").encode()})
 
 
 def saved(env_id: str) -> dict[str, Path]:
@@ -107,7 +107,7 @@ class Entry(NamedTuple):
 
     env_id: str
     accounts: dict[str, Account]
-    us: dict[str, float]  # of a decision, by policy; empty where the league was not played
+    us: dict[str, float]  # of a decision, by policy; empty where the leaderboard was not played
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
         """See ``Account``; both by name."""
@@ -127,11 +127,11 @@ def entry(env_id: str) -> Entry:
     name = env_id.rpartition("/")[2]
     accounts = read_accounts(HEADROOM / f"{name}.csv")
     for algo in LEARNERS:
-        file = LEAGUE / f"{stem(env_id)}-{algo}.csv"
+        file = LEADERBOARD / f"{stem(env_id)}-{algo}.csv"
         if file.exists():
             read = read_accounts(file)
             accounts |= {algo: read[algo], _rival(algo): read[BASELINE]}
-    times = LEAGUE / f"{stem(env_id)}.json"
+    times = LEADERBOARD / f"{stem(env_id)}.json"
     us = json.loads(times.read_text(encoding="utf-8"))["us_per_decision"] if times.exists() else {}
     return Entry(env_id, accounts, us)
 

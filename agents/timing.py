@@ -40,26 +40,26 @@ def decisions_us(system: System, agents: Mapping[str, tuple[System, Policy]], se
         seed: of the worlds, which are for tuning.
     """
     worlds = draw_worlds(system, world_seeds(seed, "tune", BATCH))
-    state, (planner, alone) = system.begin(worlds), (make_policy(PLANNER, system, None) for _ in range(2))
+    state, (planner, alone) = system.initial(worlds), (make_policy(PLANNER, system, None) for _ in range(2))
     planner.begin(system, BATCH, np.random.default_rng(seed))
     observers = {name: Observer(own) for name, (own, _) in agents.items()}
     for own, policy in ((system, alone), *agents.values()):
         policy.begin(own, 1, np.random.default_rng(seed))
     took: dict[str, list[float]] = {name: [] for name in (PLANNER, ALONE, *agents)}
     for _ in range(min(STEPS, system.horizon)):
-        mask, one, begun = allowed(system, state.public), first(state.public, 1), perf_counter()
-        action = planner.act(state.public, None, mask)
+        mask, one, begun = allowed(system, state.belief), first(state.belief, 1), perf_counter()
+        action = planner.act(state.belief, None, mask)
         took[PLANNER].append((perf_counter() - begun) / BATCH)
         took[ALONE].append(_median(PLANS, partial(alone.act, one, None, allowed(system, one))))
         for name, (own, policy) in agents.items():
             decide = partial(_observe_and_act, policy, observers[name], one, allowed(own, one))
             took[name].append(_median(SINGLES, decide))
-        state = system.advance(state, action, worlds)
+        state = system.transition(state, action, worlds)
     return {name: 1e6 * float(np.median(seconds)) for name, seconds in took.items()}
 
 
-def _observe_and_act(policy: Policy, observer: Observer, public: Any, mask: Array | None) -> None:
-    policy.act(public, observer(public)[0], mask)
+def _observe_and_act(policy: Policy, observer: Observer, belief: Any, mask: Array | None) -> None:
+    policy.act(belief, observer(belief)[0], mask)
 
 
 def _median(times: int, decide: Callable[[], Any]) -> float:

@@ -44,7 +44,7 @@ def problem(seed: int = 0) -> Problem:
         z = z.repeat(2, axis=0) + rng.multivariate_normal([0.0, 0.0], NOISE, 4)
         z[1::2] += rng.uniform(-1.0, 1.0, (2, 2)) * [40.0, 12.0]  # clutter
         scans.append(z)
-        centre, (l00, l10, l11), _ = foresee((F @ truth.T)[:, :, None], wide, sensor)
+        centre, (l00, l10, l11), _ = predict_ahead((F @ truth.T)[:, :, None], wide, sensor)
         L = np.array([[l00, 0.0 * l00], [l10, l11]])[..., 0].transpose(2, 0, 1)
         gates.append((centre[..., 0].T.copy(), L.copy(), GATE, PG))
     return Problem(X, V, scans, gates)
@@ -80,7 +80,7 @@ def sigma_points(x: np.ndarray, P: np.ndarray) -> np.ndarray:
     return np.concatenate([x + spread, x - spread])
 
 
-def foresee(x: np.ndarray, P: np.ndarray, sensor: np.ndarray) -> tuple[np.ndarray, ...]:
+def predict_ahead(x: np.ndarray, P: np.ndarray, sensor: np.ndarray) -> tuple[np.ndarray, ...]:
     """Unscented: predicted measurement (2, target, particle), S = L L' as (l00, l10, l11), cov(x, z) (4, 2, ...)."""
     points = sigma_points(x, P)
     d0, d1 = points[:, 0] - sensor[0], points[:, 1] - sensor[1]
@@ -114,7 +114,7 @@ def peer_update(
     x: np.ndarray, P: np.ndarray, z: np.ndarray, sensor: np.ndarray, gates: tuple, u: np.ndarray
 ) -> np.ndarray:
     """One scan for x (4, target, particle), P (4, 4, target, particle), in place; log evidence (particle,)."""
-    centre, (l00, l10, l11), G = foresee(x, P, sensor)
+    centre, (l00, l10, l11), G = predict_ahead(x, P, sensor)
     a = (z[:, 0, None, None] - centre[0]) / l00  # (measurement, target, particle)
     b = (z[:, 1, None, None] - centre[1] - l10 * a) / l11
     W = np.empty((len(z) + 1, *a.shape[1:]))

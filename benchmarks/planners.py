@@ -12,7 +12,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Lookahead, Myopic
-from wavegym.schedulers.heuristics.price_policies import Priced
+from wavegym.schedulers.heuristics.price_policies import LagrangianPrice
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.systems.camera_slew.system import CameraSlew
 from wavegym.systems.energy_budget.system import EnergyBudget
@@ -31,12 +31,12 @@ class Decision(NamedTuple):
 def measure(policy: Policy, batch: int, system: System | None = None) -> Decision:
     """CPU time and peak memory per decision of a batch."""
     system = system or KershawEvansPosition()
-    public = system.begin(draw_worlds(system, world_seeds(0, "test", batch))).public
+    belief = system.initial(draw_worlds(system, world_seeds(0, "test", batch))).belief
     policy.begin(system, batch, np.random.default_rng(0))
-    policy.act(public, None, None)
+    policy.act(belief, None, None)
 
     def act() -> int:
-        policy.act(public, None, None)
+        policy.act(belief, None, None)
         return batch
 
     cost = cpu_us(act)
@@ -65,7 +65,7 @@ def rollouts() -> dict[str, list[Decision]]:
         "CameraSlew, 4 candidates": (CameraSlew(), Fixed(0)),
         "SectorSetup, 8 candidates": (SectorSetup(), Fixed(0)),
         "EnergyBudget, 16 candidates": (EnergyBudget(), Fixed(0)),
-        "EnergyBudget, 16 candidates, on `priced`": (EnergyBudget(), Priced(1e3, 8)),
+        "EnergyBudget, 16 candidates, on `lagrangian-price`": (EnergyBudget(), LagrangianPrice(1e3, 8)),
     }
     return {
         f"rollout:10, {name}": [

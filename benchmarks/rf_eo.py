@@ -236,12 +236,12 @@ def vector_step(envs: WaveformVectorEnv, actions: Array) -> int:
     return SYSTEM.horizon * len(actions)
 
 
-def advance(envs: WaveformVectorEnv, actions: Array, repeats: int = 200) -> int:
+def transition(envs: WaveformVectorEnv, actions: Array, repeats: int = 200) -> int:
     """World and trackers of a batch from its first step on, without observations, rewards, info and resets."""
     system, world = envs.system, envs.world
-    state = system.begin(world)
+    state = system.initial(world)
     for _ in range(repeats):
-        state = system.advance(state, actions, world)
+        state = system.transition(state, actions, world)
     return repeats * len(actions)
 
 
@@ -260,7 +260,7 @@ def against_filterpy() -> dict[str, tuple[Ratio, float | None]]:
             200.0,
         ),
         f"RfEo world and trackers alone, batch of {BATCH}": (
-            compare(lambda: advance(envs, actions), lambda: simulate(Filterpy(), returned=False)),
+            compare(lambda: transition(envs, actions), lambda: simulate(Filterpy(), returned=False)),
             None,
         ),
     }
@@ -278,18 +278,18 @@ def against_stone_soup() -> dict[str, tuple[Ratio, float | None]]:
 def decision_us(repeats: int = 50) -> float:
     """CPU microseconds of a single environment's one-step choice on the grid: the slowest of four beliefs of a run."""
     world = draw_worlds(SYSTEM, world_seeds(0, "test", 1))
-    state, slowest = SYSTEM.begin(world), 0.0
+    state, slowest = SYSTEM.initial(world), 0.0
 
-    def decide(public: Any) -> int:
+    def decide(belief: Any) -> int:
         for _ in range(repeats):
-            SYSTEM.best_action(public)
+            SYSTEM.best_action(belief)
         return repeats
 
     for step in range(501):
-        action = SYSTEM.best_action(state.public)
+        action = SYSTEM.best_action(state.belief)
         if step in (0, 10, 100, 500):
-            slowest = max(slowest, statistics.median(cpu_us(partial(decide, state.public)) for _ in range(9)))
-        state = SYSTEM.advance(state, action, world)
+            slowest = max(slowest, statistics.median(cpu_us(partial(decide, state.belief)) for _ in range(9)))
+        state = SYSTEM.transition(state, action, world)
     return slowest
 
 

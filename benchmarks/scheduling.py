@@ -37,10 +37,10 @@ def cost_of(system: AgileClutter, x: np.ndarray, P: np.ndarray, sensor: np.ndarr
     return P - q2 * G @ np.linalg.solve(S, G.T)
 
 
-def filterpy_decision(system: AgileClutter, public: object) -> int:
+def filterpy_decision(system: AgileClutter, belief: object) -> int:
     """Sensor after sensor, candidate after candidate, target after target."""
     motion, C = system.motion, system.menu.option_covariances
-    x, P = predict(public.mean[0], public.covariance[0], motion.F, motion.Q)
+    x, P = predict(belief.mean[0], belief.covariance[0], motion.F, motion.Q)
     for sensor in np.array(system.sensors):
         after = [[cost_of(system, x[t], P[t], sensor, c) for t in range(len(x))] for c in C]
         P = np.array(after[int(np.argmin([sum(np.trace(p) for p in each) for each in after]))])
@@ -51,14 +51,14 @@ def decision() -> Ratio:
     """One decision: 256 chirps at each of two sensors for two targets."""
     system = AgileClutter(births=(0, 0), horizon=25, **DENSE)
     assert len(system.menu.options) == BATCH
-    public = system.begin(draw_worlds(system, world_seeds(0, "test", 1))).public
+    belief = system.initial(draw_worlds(system, world_seeds(0, "test", 1))).belief
 
     def ours() -> int:
         for _ in range(50):
-            system.best_action(public)
+            system.best_action(belief)
         return 50
 
-    return compare(ours, lambda: filterpy_decision(system, public), rounds=5)
+    return compare(ours, lambda: filterpy_decision(system, belief), rounds=5)
 
 
 def filterpy_filters(repeats: int) -> int:

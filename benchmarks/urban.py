@@ -57,20 +57,20 @@ class Scan:
 
     def __init__(self, count: int) -> None:
         self.worlds = draw_worlds(SYSTEM, world_seeds(0, "test", count))
-        state = SYSTEM.begin(self.worlds)
+        state = SYSTEM.initial(self.worlds)
         for _ in range(SCANS):
-            state = SYSTEM.advance(state, np.full(count, LONG_UP), self.worlds)
-        after = SYSTEM.advance(state, np.full(count, LONG_UP), self.worlds)
-        self.state, self.hidden, self.tracks = state, after.hidden, Tracks(*state.public[1:])
+            state = SYSTEM.transition(state, np.full(count, LONG_UP), self.worlds)
+        after = SYSTEM.transition(state, np.full(count, LONG_UP), self.worlds)
+        self.state, self.truth, self.tracks = state, after.truth, Tracks(*state.belief[1:])
         self.waves = SYSTEM.library.measurement_covariances(SYSTEM.carrier)[LONG_UP], 200.0
 
     def track(self) -> None:
         """Gates, LMIPDA, VS-IMM and the life of tracks, alone."""
-        SYSTEM.following.scan(self.tracks, self.hidden.z, self.hidden.number, *self.waves)
+        SYSTEM.following.scan(self.tracks, self.truth.z, self.truth.number, *self.waves)
 
-    def advance(self) -> None:
+    def transition(self) -> None:
         """With what is measured."""
-        SYSTEM.advance(self.state, np.full(len(self.state.public.step), LONG_UP), self.worlds)
+        SYSTEM.transition(self.state, np.full(len(self.state.belief.step), LONG_UP), self.worlds)
 
 
 def median_us(work: Callable[[], object], units: int = 1, rounds: int = 50) -> float:
@@ -88,7 +88,7 @@ def scans() -> dict[str, float]:
     one, many = Scan(1), Scan(BATCH)
     rows = {
         "tracker's scan, both receivers, single": median_us(one.track),
-        "the environment's step without its shell, single": median_us(one.advance),
+        "the environment's step without its shell, single": median_us(one.transition),
         f"tracker's scan, both receivers, batch of {BATCH}": median_us(many.track, BATCH, 10),
     }
     for pulses in (25, 249):

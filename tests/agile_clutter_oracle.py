@@ -154,11 +154,11 @@ def received(system, world, e, k, i, site, C, truth, z, S, here):
     return scan, detections, outside
 
 
-def step(system, world, e, public, path, C):
-    """Environment e one step on: ``public`` (mean, covariance, step), true paths (target, age, 4), C (sensor, 2, 2)."""
-    k = int(public.step[e]) + 1
+def step(system, world, e, belief, path, C):
+    """Environment e one step on: ``belief`` (mean, covariance, step), true paths (target, age, 4), C (sensor, 2, 2)."""
+    k = int(belief.step[e]) + 1
     here = np.array(present(system, k))
-    x, P = predicted(system, k, public.mean[e], public.covariance[e])
+    x, P = predicted(system, k, belief.mean[e], belief.covariance[e])
     truth = np.array([path[t, k - birth if here[t] else 0] for t, birth in enumerate(system.births)])
     outside, detections, clutter = np.zeros(len(x), int), 0, 0
     for i, site in enumerate(np.array(system.sensors)):
@@ -175,7 +175,7 @@ def step(system, world, e, public, path, C):
     return Step(x, P, outside, detections, clutter)
 
 
-def foreseen(system, step, mean, covariance, C, outcome=None):
+def predicted_after(system, step, mean, covariance, C, outcome=None):
     """Eqs. (13) and (14), mended: P - q2 Pxz (Pzz + N)^-1 Pxz', sensor after sensor; outcome (sensor, target) bool.
 
     Averaged over a detection with probability Pd, a given outcome leaves q2: a miss takes nothing away, a detection

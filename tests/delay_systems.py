@@ -10,7 +10,7 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.action_labels import Menu
 from wavegym.core.arrays import Array
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 
 TARGETS = 2
 CANDIDATES = ("A short", "A long", "B short", "B long", "silence")
@@ -65,7 +65,7 @@ class DelaySystem(System):
     weights: tuple[float, float] = (1.0, 0.5)
 
     @property
-    def chances(self) -> tuple[int, ...]:
+    def outcome_shape(self) -> tuple[int, ...]:
         return (1,)
 
     @property
@@ -77,13 +77,13 @@ class DelaySystem(System):
         return SPENDING
 
     @property
-    def transition(self) -> Array:
+    def transition_matrix(self) -> Array:
         return np.array([[1.0, self.dt], [0.0, 1.0]])
 
     @property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         names = ("step", "pointing", "dead", "energy", "cost A", "cost B")
-        return tuple(Element(name, "1", 0.0, 1.0, name) for name in names)
+        return tuple(ObservationField(name, "1", 0.0, 1.0, name) for name in names)
 
     def draw_world(self, rng: np.random.Generator) -> DelayWorld:
         return DelayWorld(
@@ -95,10 +95,10 @@ class DelaySystem(System):
             rng.normal(size=(self.horizon, TARGETS)),
         )
 
-    def begin(self, world: DelayWorld) -> State:
+    def initial(self, world: DelayWorld) -> State:
         count = len(world.start)
         since = np.arange(self.horizon)[:, None] - world.hidden[:, None]  # (env, H, target)
-        public = DelayPublic(
+        belief = DelayPublic(
             np.zeros(count, np.int64),
             np.zeros((count, TARGETS, 2)),
             np.tile(np.eye(2), (count, TARGETS, 1, 1)),
@@ -108,89 +108,89 @@ class DelaySystem(System):
             np.full(count, self.budget),
             (since < 0) | (since > 2),
         )
-        return State(DelayHidden(world.start.copy()), public)
+        return State(DelayHidden(world.start.copy()), belief)
 
-    def advance(self, state: State, action: Array, world: DelayWorld) -> State:
-        public = state.public
-        rows, at = np.arange(len(public.step)), np.minimum(public.step, self.horizon - 1)
-        kick = np.array([self.dt**2 / 2, self.dt]) * (np.sqrt(public.noise) * world.process[rows, at])[..., None]
-        truth = (self.transition @ state.hidden.state[..., None])[..., 0] + kick
-        fresh, gains = self._step(public, action, world.detection[rows, at])
+    def transition(self, state: State, action: Array, world: DelayWorld) -> State:
+        belief = state.belief
+        rows, at = np.arange(len(belief.step)), np.minimum(belief.step, self.horizon - 1)
+        kick = np.array([self.dt**2 / 2, self.dt]) * (np.sqrt(belief.noise) * world.process[rows, at])[..., None]
+        truth = (self.transition_matrix @ state.truth.state[..., None])[..., 0] + kick
+        fresh, gains = self._step(belief, action, world.detection[rows, at])
         seen, target = truth[rows, TARGET[action], 0], TARGET[action]
         reading = seen + np.sqrt(VARIANCE[action]) * world.measurement[rows, at]
         innovation = reading - fresh.mean[rows, target, 0]
         fresh.mean[rows, target] += gains * innovation[:, None]
         return State(DelayHidden(truth), fresh)
 
-    def imagine(self, public: DelayPublic, actions: Array, outcome: Array | None = None) -> DelayPublic:
+    def predict(self, belief: DelayPublic, actions: Array, outcome: Array | None = None) -> DelayPublic:
         actions = np.asarray(actions)
         if actions.ndim == 1:
-            return self._step(public, actions, outcome)[0]
-        envs, count = len(public.step), actions.shape[1]
-        rows = trees.take(public, np.repeat(np.arange(envs), count))
+            return self._step(belief, actions, outcome)[0]
+        envs, count = len(belief.step), actions.shape[1]
+        rows = trees.take(belief, np.repeat(np.arange(envs), count))
         draws = None if outcome is None else outcome.reshape(envs * count, 1)
         stepped, _ = self._step(rows, np.broadcast_to(actions, (envs, count)).ravel(), draws)
         return trees.tree_map(lambda leaf: leaf.reshape(envs, count, *leaf.shape[1:]), stepped)
 
-    def _step(self, public: DelayPublic, action: Array, draw: Array | None) -> tuple[DelayPublic, Array]:
+    def _step(self, belief: DelayPublic, action: Array, draw: Array | None) -> tuple[DelayPublic, Array]:
         """The belief a step on, and the Kalman gain (env, 2) of the target pointed at, 0 where there is no reading."""
-        rows, target, F = np.arange(len(public.step)), TARGET[action], self.transition
-        at = np.minimum(public.step, self.horizon - 1)
-        dead = self._to_wait(public)[rows, action]
+        rows, target, F = np.arange(len(belief.step)), TARGET[action], self.transition_matrix
+        at = np.minimum(belief.step, self.horizon - 1)
+        dead = self._to_wait(belief)[rows, action]
         sends = (target >= 0) & (dead == 0)
-        chance = np.where(sends, self.pd * public.visible[rows, at, target], 0.0)
+        chance = np.where(sends, self.pd * belief.visible[rows, at, target], 0.0)
         share = chance if draw is None else (draw[:, 0] < chance).astype(np.float64)
-        mean = (F @ public.mean[..., None])[..., 0]
-        covariance = F @ public.covariance @ F.T + public.noise[..., None, None] * self._noise()
+        mean = (F @ belief.mean[..., None])[..., 0]
+        covariance = F @ belief.covariance @ F.T + belief.noise[..., None, None] * self._noise()
         own = covariance[rows, target]
         gains = own[:, :, 0] / (own[:, 0, 0] + VARIANCE[action])[:, None]
         covariance[rows, target] = own - (share[:, None] * gains)[:, :, None] * own[:, None, 0, :]
-        fresh = public._replace(
-            step=public.step + 1,
+        fresh = belief._replace(
+            step=belief.step + 1,
             mean=mean,
             covariance=covariance,
-            pointing=np.where(target >= 0, target, public.pointing),
-            dead=np.where(target >= 0, np.maximum(dead - 1, 0), public.dead),
-            energy=public.energy - np.where(sends, SPENDING[action], 0.0),
+            pointing=np.where(target >= 0, target, belief.pointing),
+            dead=np.where(target >= 0, np.maximum(dead - 1, 0), belief.dead),
+            energy=belief.energy - np.where(sends, SPENDING[action], 0.0),
         )
         return fresh, share[:, None] * gains
 
-    def delay(self, public: DelayPublic) -> Array:
-        return self._to_wait(public)
+    def delay(self, belief: DelayPublic) -> Array:
+        return self._to_wait(belief)
 
-    def _to_wait(self, public: DelayPublic) -> Array:
+    def _to_wait(self, belief: DelayPublic) -> Array:
         """Steps without a pulse before each candidate's, (env, candidate); none for silence."""
-        same = public.pointing[:, None] == TARGET
-        return np.where(TARGET < 0, 0, np.where(same, public.dead[:, None], self.setup))
+        same = belief.pointing[:, None] == TARGET
+        return np.where(TARGET < 0, 0, np.where(same, belief.dead[:, None], self.setup))
 
     gain_by_target: ClassVar[bool] = True
 
-    def gain(self, public: DelayPublic, wait: Array | int, ahead: Array | int) -> Array:
-        waits = np.broadcast_to(np.asarray(wait), (len(public.step), len(TARGET)))
-        at = public.step[:, None] + waits
+    def gain(self, belief: DelayPublic, wait: Array | int, ahead: Array | int) -> Array:
+        waits = np.broadcast_to(np.asarray(wait), (len(belief.step), len(TARGET)))
+        at = belief.step[:, None] + waits
         steps = np.minimum(waits, self.horizon) + 1
         powers, noises = self._powers()
-        rows = np.arange(len(public.step))[:, None]
-        own = powers[steps] @ public.covariance[rows, TARGET] @ powers[steps].swapaxes(2, 3)
-        own = own + public.noise[rows, TARGET][..., None, None] * noises[steps]
-        shown = public.visible[rows, np.minimum(at, self.horizon - 1), TARGET] & (at < self.horizon) & (TARGET >= 0)
-        counted = np.broadcast_to(np.asarray(ahead), (len(public.step), TARGETS))[:, TARGET]
+        rows = np.arange(len(belief.step))[:, None]
+        own = powers[steps] @ belief.covariance[rows, TARGET] @ powers[steps].swapaxes(2, 3)
+        own = own + belief.noise[rows, TARGET][..., None, None] * noises[steps]
+        shown = belief.visible[rows, np.minimum(at, self.horizon - 1), TARGET] & (at < self.horizon) & (TARGET >= 0)
+        counted = np.broadcast_to(np.asarray(ahead), (len(belief.step), TARGETS))[:, TARGET]
         M = self.weights_ahead(int(counted.max()))[counted - 1]
         column = own[..., 0]
         worth = (column * (M[..., 0] * column[..., :1] + M[..., 1] * column[..., 1:])).sum(axis=2)
         return np.where(shown, self.pd * worth / (own[..., 0, 0] + VARIANCE), 0.0)
 
-    def mask(self, public: DelayPublic) -> Array:
-        return public.energy[:, None] + 1e-9 >= SPENDING
+    def mask(self, belief: DelayPublic) -> Array:
+        return belief.energy[:, None] + 1e-9 >= SPENDING
 
-    def cost(self, public: DelayPublic) -> Array:
-        diagonal = np.diagonal(public.covariance, axis1=-2, axis2=-1)
+    def cost(self, belief: DelayPublic) -> Array:
+        diagonal = np.diagonal(belief.covariance, axis1=-2, axis2=-1)
         return (diagonal * np.asarray(self.weights)).sum(axis=-1).sum(axis=-1)
 
-    def observe(self, public: DelayPublic) -> Array:
-        diagonal = np.diagonal(public.covariance, axis1=-2, axis2=-1)
+    def observe(self, belief: DelayPublic) -> Array:
+        diagonal = np.diagonal(belief.covariance, axis1=-2, axis2=-1)
         costs = (diagonal * np.asarray(self.weights)).sum(axis=-1)
-        return np.column_stack([public.step, public.pointing, public.dead, public.energy, costs]).astype(np.float64)
+        return np.column_stack([belief.step, belief.pointing, belief.dead, belief.energy, costs]).astype(np.float64)
 
     def _noise(self) -> Array:
         dt = self.dt
@@ -198,7 +198,7 @@ class DelaySystem(System):
 
     def _powers(self) -> tuple[Array, Array]:
         """F^k and the process noise of k steps at power 1, k = 0 .. horizon + 1, (k, 2, 2) each."""
-        F, powers, noises = self.transition, [np.eye(2)], [np.zeros((2, 2))]
+        F, powers, noises = self.transition_matrix, [np.eye(2)], [np.zeros((2, 2))]
         for _ in range(self.horizon + 1):
             powers.append(F @ powers[-1])
             noises.append(F @ noises[-1] @ F.T + self._noise())

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 
 
 class Names(NamedTuple):
@@ -19,11 +19,11 @@ class World(NamedTuple):
     level: Any  # () factor on every cost
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     nothing: Any  # (env,)
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     step: Any  # (env,)
     length: Any  # (env,)
     level: Any  # (env,)
@@ -43,41 +43,41 @@ class Uneven(System):
         return Names(tuple(f"gain {g:g}" for g in self.gains))
 
     @property
-    def elements(self):
-        return (Element("step", "1", 0.0, 10.0, "step"), Element("level", "1", 0.0, 10.0, "level"))
+    def observation_fields(self):
+        return (ObservationField("step", "1", 0.0, 10.0, "step"), ObservationField("level", "1", 0.0, 10.0, "level"))
 
     def draw_world(self, rng):
         return World(np.asarray(rng.integers(1, self.horizon + 1)), np.asarray(rng.lognormal()))
 
-    def begin(self, world):
+    def initial(self, world):
         zero = np.zeros(len(world.level))
-        return State(Hidden(zero), Public(zero.astype(np.int64), world.length.copy(), world.level.copy(), zero + 1.0))
+        return State(Truth(zero), Belief(zero.astype(np.int64), world.length.copy(), world.level.copy(), zero + 1.0))
 
-    def advance(self, state, action, world):
-        p = state.public
-        return State(state.hidden, Public(p.step + 1, p.length, p.level, np.asarray(self.gains)[action]))
+    def transition(self, state, action, world):
+        p = state.belief
+        return State(state.truth, Belief(p.step + 1, p.length, p.level, np.asarray(self.gains)[action]))
 
-    def imagine(self, public, actions, outcome=None):
-        gain = np.broadcast_to(np.asarray(self.gains)[actions], (len(public.step), actions.shape[-1]))
-        wide = [np.broadcast_to(a[:, None], gain.shape) for a in (public.step + 1, public.length, public.level)]
-        return Public(*wide, gain)
+    def predict(self, belief, actions, outcome=None):
+        gain = np.broadcast_to(np.asarray(self.gains)[actions], (len(belief.step), actions.shape[-1]))
+        wide = [np.broadcast_to(a[:, None], gain.shape) for a in (belief.step + 1, belief.length, belief.level)]
+        return Belief(*wide, gain)
 
-    def cost(self, public):
-        return public.level * public.gain
+    def cost(self, belief):
+        return belief.level * belief.gain
 
-    def observe(self, public):
-        return np.stack([public.step.astype(np.float64), public.level], axis=1)
+    def observe(self, belief):
+        return np.stack([belief.step.astype(np.float64), belief.level], axis=1)
 
-    def ended(self, public):
-        return public.step >= public.length
+    def terminal(self, belief):
+        return belief.step >= belief.length
 
 
 @dataclass(frozen=True)
 class Measured(Uneven):
     """With two targets' metrics that grow with the steps."""
 
-    def metrics(self, state):
-        step = state.public.step.astype(np.float64)
+    def state_info(self, state):
+        step = state.belief.step.astype(np.float64)
         both = np.stack([step, 7.0 * step], axis=1)  # (env, target)
         return {"position_error": both, "nees": both, "lost": np.stack([step >= 1, step >= 3], axis=1)}
 
@@ -88,5 +88,5 @@ class Hopeless(Uneven):
 
     price: float = 0.0
 
-    def cost(self, public):
-        return self.price * public.gain
+    def cost(self, belief):
+        return self.price * belief.gain

@@ -163,7 +163,7 @@ def expected(system, x, P, settings):
     return x, P, C[far].reshape(-1, 4), R[far].ravel()
 
 
-def foresee(system, x, P, settings):
+def predict_ahead(system, x, P, settings):
     """What settings promise of one target."""
     x, P, C, R = expected(system, x, P, settings)
     return Foreseen(x, posterior(P, C, R).astype(float), float(np.trace(exact(P) @ information(C, R))))

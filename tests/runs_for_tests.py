@@ -12,7 +12,7 @@ import torch
 from stable_baselines3 import DQN, PPO
 
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 
 ID = "wavegym/KershawEvansPosition-v0"
 ENVIRONMENT = {"horizon": 7, "max_episode_steps": 6}
@@ -33,9 +33,9 @@ SMALL: dict[str, dict[str, Any]] = {
 EVERY = {"ppo": 60, "dqn": 50}
 
 
-def small_plan(algo: str, seed: int = 1, **changes: Any) -> Plan:
+def small_spec(algo: str, seed: int = 1, **changes: Any) -> RunSpec:
     """A training of 300 steps, a second or so."""
-    return Plan(ID, algo, seed, load_settings(ID, algo, {**SMALL[algo], **changes}, ENVIRONMENT))
+    return RunSpec(ID, algo, seed, load_settings(ID, algo, {**SMALL[algo], **changes}, ENVIRONMENT))
 
 
 def arguments(algo: str, out: Path, *more: str) -> list[str]:

@@ -8,7 +8,7 @@ from typing import NamedTuple, get_args, get_type_hints
 import gymnasium as gym
 import numpy as np
 
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 
 BRIEF = {"wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)}}
 """Settings for whole episodes of ids whose steps take milliseconds: fewer pulses, and a target on its way already."""
@@ -41,53 +41,53 @@ class Burner(System):
         return Menu(("low", "middle", "high"))
 
     @property
-    def elements(self):
-        return (Element("fuel", "1", 0.0, 10.0, "what is left"),)
+    def observation_fields(self):
+        return (ObservationField("fuel", "1", 0.0, 10.0, "what is left"),)
 
     def draw_world(self, rng):
         return Tank(np.array(float(self.fuel + rng.integers(2))))
 
-    def begin(self, world):
+    def initial(self, world):
         count = len(world.left)
         return State(None, Fuel(np.zeros(count, np.int64), world.left.copy(), np.full(count, 2.0)))
 
-    def advance(self, state, action, world):
-        return State(None, self.imagine(state.public, action))
+    def transition(self, state, action, world):
+        return State(None, self.predict(state.belief, action))
 
-    def imagine(self, public, actions, outcome=None):
-        step, left = (x[:, None] if actions.ndim == 2 else x for x in (public.step, public.left))
+    def predict(self, belief, actions, outcome=None):
+        step, left = (x[:, None] if actions.ndim == 2 else x for x in (belief.step, belief.left))
         left = left - (actions + 1)
         return Fuel(
             np.broadcast_to(step + 1, left.shape).copy(), left, np.broadcast_to(1 / (actions + 1), left.shape).copy()
         )
 
-    def cost(self, public):
-        return public.cost.copy()
+    def cost(self, belief):
+        return belief.cost.copy()
 
-    def observe(self, public):
-        return public.left[:, None]
+    def observe(self, belief):
+        return belief.left[:, None]
 
-    def ended(self, public):
-        return (public.step >= self.horizon) | (public.left <= 0)
+    def terminal(self, belief):
+        return (belief.step >= self.horizon) | (belief.left <= 0)
 
-    def mask(self, public):
-        return np.arange(1, 4) <= public.left[:, None]
+    def mask(self, belief):
+        return np.arange(1, 4) <= belief.left[:, None]
 
 
 @dataclass(frozen=True)
 class Leaky(Burner):
     """Hands out an array of its state as the cost."""
 
-    def cost(self, public):
-        return public.left
+    def cost(self, belief):
+        return belief.left
 
 
 @dataclass(frozen=True)
 class LeakyMetric(Burner):
     """Hands out an array of its state among the metrics."""
 
-    def metrics(self, state):
-        return {"fuel": state.public.left}
+    def state_info(self, state):
+        return {"fuel": state.belief.left}
 
 
 def has_form(id, form):

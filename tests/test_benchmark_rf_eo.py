@@ -84,16 +84,16 @@ def test_ours_does_the_same_step(peer):
     """With everything in view and no iterations the environment's tracker has the peers' posterior."""
     system = RfEo(horizon=3, iterations=1, first_estimate="drawn", prior_variance=tuple(np.diag(PRIOR)))
     world = draw_worlds(system, world_seeds(0, "test", 1))
-    state = system.begin(world)
-    tracker = peer(state.public.mean[0], PRIOR)
+    state = system.initial(world)
+    tracker = peer(state.belief.mean[0], PRIOR)
     deviation, _ = bench.decode(bench.WIDE)
     for k in range(system.horizon):
-        state = system.advance(state, bench.WIDE[None], world)
-        np.testing.assert_array_equal(state.hidden.received, 6)
+        state = system.transition(state, bench.WIDE[None], world)
+        np.testing.assert_array_equal(state.truth.received, 6)
         errors = np.swapaxes(world.error[0, k], 0, 1).reshape(2, 6)
-        tracker.step([bench.measure(x) + deviation * e for x, e in zip(state.hidden.truth[0], errors, strict=True)])
+        tracker.step([bench.measure(x) + deviation * e for x, e in zip(state.truth.targets[0], errors, strict=True)])
         for t, (mean, covariance) in enumerate(tracker.beliefs):
-            same(state.public.mean[0, t], state.public.covariance[0, t], mean, covariance)
+            same(state.belief.mean[0, t], state.belief.covariance[0, t], mean, covariance)
 
 
 def test_peers_decode_and_observe_what_the_environment_does():
@@ -103,17 +103,17 @@ def test_peers_decode_and_observe_what_the_environment_does():
     np.testing.assert_allclose(deviation, np.sqrt(view.variance).ravel(), rtol=1e-12)
     np.testing.assert_allclose(edge, np.minimum(view.high, [np.inf, np.inf, np.pi]).ravel(), rtol=1e-12)
     world = draw_worlds(system, world_seeds(0, "test", 1))
-    state = system.begin(world)
+    state = system.initial(world)
     for _ in range(5):
-        public = state.public
-        looks = [bench.look(x, P, deviation) for x, P in zip(public.mean[0], public.covariance[0], strict=True)]
-        ours = system.observe(public).reshape(2, 14)
-        state = system.advance(state, bench.WIDE[None], world)
+        belief = state.belief
+        looks = [bench.look(x, P, deviation) for x, P in zip(belief.mean[0], belief.covariance[0], strict=True)]
+        ours = system.observe(belief).reshape(2, 14)
+        state = system.transition(state, bench.WIDE[None], world)
         for (elements, _), own in zip(looks, ours, strict=True):
             raw = np.concatenate([elements[:2] * 0.5, np.stack([elements[2:8], elements[8:] * 0.5], 1).ravel()])
             np.testing.assert_allclose(own, raw, atol=1e-9)
         least = min(information for _, information in looks)
-        np.testing.assert_allclose(system.metrics(state)["information"], least, rtol=1e-9)
+        np.testing.assert_allclose(system.state_info(state)["information"], least, rtol=1e-9)
 
 
 @pytest.mark.parametrize("peer", PEERS)

@@ -9,9 +9,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.parameter_box import Parameter, ParameterBox
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 from wavegym.waveforms import SPEED_OF_LIGHT, gaussian_chirp_library
 
 SITES = np.array([0.0, 20e3])  # of the sensors, m
@@ -26,11 +26,11 @@ class World(NamedTuple):
     prior: Any  # (target,)
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     position: Any  # (env, target)
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     step: Any  # (env,)
     mean: Any  # (env, target)
     variance: Any  # (env, target)
@@ -67,11 +67,11 @@ class TwoSensors(System):
         if self.action == "box":
             low, high = min(self.durations), max(self.durations)
             return ParameterBox(tuple(Parameter(f"duration_{s + 1}", "s", low, high) for s in range(SENSORS)))
-        return PerSensor(self.library, SENSORS)
+        return PerSensorLibrary(self.library, SENSORS)
 
     def candidates(self):
         if self.action == "box":
-            return self.actions.encode(np.array(self.durations)[PerSensor(self.library, SENSORS).combinations()])
+            return self.actions.encode(np.array(self.durations)[PerSensorLibrary(self.library, SENSORS).combinations()])
         return super().candidates()
 
     def constants(self):
@@ -92,47 +92,47 @@ class TwoSensors(System):
         shapes = ((self.horizon, TARGETS), (self.horizon, SENSORS, TARGETS), (TARGETS,))
         return World(rng.uniform(2e3, 18e3, TARGETS), *(rng.standard_normal(shape) for shape in shapes))
 
-    def begin(self, world):
+    def initial(self, world):
         count = len(world.start)
-        public = Public(np.zeros(count, np.int64), world.start + 300 * world.prior, np.full((count, TARGETS), 9e4))
-        return State(Hidden(world.start.copy()), public)
+        belief = Belief(np.zeros(count, np.int64), world.start + 300 * world.prior, np.full((count, TARGETS), 9e4))
+        return State(Truth(world.start.copy()), belief)
 
-    def advance(self, state, action, world):
-        rows, step = np.arange(len(action)), state.public.step
-        position = state.hidden.position + DRIFT * world.moves[rows, step]
+    def transition(self, state, action, world):
+        rows, step = np.arange(len(action)), state.belief.step
+        position = state.truth.position + DRIFT * world.moves[rows, step]
         R = variances(self.pulses(action), position)
         z = position[:, None] + np.sqrt(R) * world.noise[rows, step]
-        mean, P = state.public.mean, state.public.variance + DRIFT * DRIFT
+        mean, P = state.belief.mean, state.belief.variance + DRIFT * DRIFT
         for s in range(SENSORS):
             gain = P / (P + R[:, s])
             mean, P = mean + gain * (z[:, s] - mean), P - gain * P
-        return State(Hidden(position), Public(step + 1, mean, P))
+        return State(Truth(position), Belief(step + 1, mean, P))
 
-    def imagine(self, public, actions, outcome=None):
+    def predict(self, belief, actions, outcome=None):
         pulses = self.pulses(actions)
-        step, mean, P = public
+        step, mean, P = belief
         if pulses.ndim == 3:
             step, mean, P = step[:, None], mean[:, None], P[:, None]
         P = 1.0 / (1.0 / (P + DRIFT * DRIFT) + (1.0 / variances(pulses, mean)).sum(axis=-2))
-        return Public(np.broadcast_to(step + 1, P.shape[:-1]), np.broadcast_to(mean, P.shape), P)
+        return Belief(np.broadcast_to(step + 1, P.shape[:-1]), np.broadcast_to(mean, P.shape), P)
 
-    def cost(self, public):
-        return public.variance.sum(axis=-1)
+    def cost(self, belief):
+        return belief.variance.sum(axis=-1)
 
     @cached_property
-    def elements(self):
-        means = [Element(f"mean_{t}", "m", 1e4, 1e4, "estimate") for t in range(TARGETS)]
-        logs = [Element(f"log_variance_{t}", "1", 8.0, 3.0, "uncertainty") for t in range(TARGETS)]
-        return (*means, *logs, Element("step", "1", 0.0, 10.0, "steps made"))
+    def observation_fields(self):
+        means = [ObservationField(f"mean_{t}", "m", 1e4, 1e4, "estimate") for t in range(TARGETS)]
+        logs = [ObservationField(f"log_variance_{t}", "1", 8.0, 3.0, "uncertainty") for t in range(TARGETS)]
+        return (*means, *logs, ObservationField("step", "1", 0.0, 10.0, "steps made"))
 
-    def observe(self, public):
-        return np.concatenate([public.mean, np.log(public.variance), public.step[:, None]], axis=1)
+    def observe(self, belief):
+        return np.concatenate([belief.mean, np.log(belief.variance), belief.step[:, None]], axis=1)
 
-    def metrics(self, state):
+    def state_info(self, state):
         """``position_error`` (m), ``nees`` (expected: 1) and ``lost`` of each target that is ``present``."""
-        present = state.public.step[:, None] >= np.array([0, self.appears])
-        error = np.where(present, np.abs(state.public.mean - state.hidden.position), 0.0)
-        nees = error * error / state.public.variance
+        present = state.belief.step[:, None] >= np.array([0, self.appears])
+        error = np.where(present, np.abs(state.belief.mean - state.truth.position), 0.0)
+        nees = error * error / state.belief.variance
         near = (nees < 1.0).sum(axis=1)
         return {"position_error": error, "nees": nees, "present": present, "lost": nees > 4.0, "near": near}
 
@@ -149,14 +149,14 @@ def variances(pulses, positions):
 class Quick(TwoSensors):
     """With its own search: the sensors' information is tabulated once and added up in pairs."""
 
-    def best_action(self, public):
+    def best_action(self, belief):
         if self.action != "library":
             raise NotImplementedError
         k = np.array(self.durations)
         count = len(k)
-        both = np.broadcast_to(k[None, :, None], (len(public.step), count, SENSORS))
-        info = 1.0 / variances(both, public.mean[:, None])  # (env, waveform, sensor, target)
-        prior = 1.0 / (public.variance + DRIFT * DRIFT)
+        both = np.broadcast_to(k[None, :, None], (len(belief.step), count, SENSORS))
+        info = 1.0 / variances(both, belief.mean[:, None])  # (env, waveform, sensor, target)
+        prior = 1.0 / (belief.variance + DRIFT * DRIFT)
         total = prior[:, None, None] + info[:, :, None, 0] + info[:, None, :, 1]
         best = (1.0 / total).sum(axis=-1).reshape(len(prior), -1).argmin(axis=1)
         return np.stack([best // count, best % count], axis=1)
@@ -168,9 +168,9 @@ class Coupled(TwoSensors):
 
     action: str = "joint"
 
-    def mask(self, public):
+    def mask(self, belief):
         used = (self.actions.indices == 1).sum(axis=1)
-        return (used == 0) | ((public.step > 0)[:, None] & (used < 2))
+        return (used == 0) | ((belief.step > 0)[:, None] & (used < 2))
 
 
 @checked_dataclass(frozen=True)

@@ -11,30 +11,30 @@ import pytest
 from runs_for_tests import ID
 
 from agents import ablation
-from agents import experiment as study
+from agents import experiment as experiment
 from agents.leaderboard import Account
 from wavegym.cli.command import settings
 from wavegym.core.errors import InputError
 from wavegym.learning.settings import load_settings
 from wavegym.registration import SYSTEMS
 
-ABLATIONS = {name: found for name, found in study.load_studies().items() if name.endswith(ablation.SUFFIX)}
+ABLATIONS = {name: found for name, found in experiment.load_experiments().items() if name.endswith(ablation.SUFFIX)}
 NAME = f"Small{ablation.SUFFIX}"
 
 
 @pytest.fixture
-def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str, Path]) -> study.Study:
-    """A study of two agents, trained already."""
-    monkeypatch.setattr(study, "FOLDER", tmp_path)
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str, Path]) -> experiment.Experiment:
+    """A experiment of two agents, trained already."""
+    monkeypatch.setattr(experiment, "FOLDER", tmp_path)
     monkeypatch.setattr(ablation, "FOLDER", tmp_path / "ablation")
     monkeypatch.setattr(ablation, "WORLDS", 4)
     for learner, algo in (("full", "ppo"), ("other", "dqn")):
-        shutil.copytree(unbroken[algo], study.run_folder(NAME, learner) / "seed1")
-    learners = {"full": study.Learner("ppo"), "other": study.Learner("dqn")}
-    return study.Study(env=ID, seeds=(1,), learners=learners, environment=("horizon=7",))
+        shutil.copytree(unbroken[algo], experiment.run_folder(NAME, learner) / "seed1")
+    learners = {"full": experiment.Learner("ppo"), "other": experiment.Learner("dqn")}
+    return experiment.Experiment(env=ID, seeds=(1,), learners=learners, environment=("horizon=7",))
 
 
-def test_agents_are_played_on_the_same_worlds_and_set_beside_the_full_one(small: study.Study) -> None:
+def test_agents_are_played_on_the_same_worlds_and_set_beside_the_full_one(small: experiment.Experiment) -> None:
     ablation.play(NAME, small, jobs=1)
     accounts = ablation.read_accounts(ablation.FOLDER / f"{NAME}.csv")
     assert set(accounts) == {"myopic", "best-simple", "full", "other"}

@@ -21,7 +21,7 @@ def test_every_shift_is_another_world_that_shows_the_same_elements(env: str, nam
     assert env_id in SYSTEMS
     here, there = make_task(env_id, {}).system, make_task(env_id, given).system
     assert here != there
-    assert here.elements == there.elements  # or no agent could be played there
+    assert here.observation_fields == there.observation_fields  # or no agent could be played there
 
 
 FACTORS = {
@@ -57,7 +57,7 @@ def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.Monke
 
 
 def test_a_broken_file_is_named(tmp_path: Path) -> None:
-    file = tmp_path / "shifts.toml"
+    file = tmp_path / "distribution_shifts.toml"
     file.write_text("[A]\nx = ")
     with pytest.raises(InputError, match=r"shifts\.toml cannot be read"):
         shift.load_shifts(file)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from runs_for_tests import ID
 
-from agents import leaderboard as league
+from agents import leaderboard as leaderboard
 from agents import timing
 from wavegym.cli import evaluate as command
 from wavegym.core.errors import InputError
@@ -20,12 +20,12 @@ from wavegym.evaluation.worlds import world_seeds
 from wavegym.registration import SYSTEMS
 
 
-def entry(**costs: list[float]) -> league.Entry:
+def entry(**costs: list[float]) -> leaderboard.Entry:
     accounts = {
-        name.replace("_", "-"): league.Account(np.array([cost]), np.full((1, len(cost)), 2.0))
+        name.replace("_", "-"): leaderboard.Account(np.array([cost]), np.full((1, len(cost)), 2.0))
         for name, cost in costs.items()
     }
-    return league.Entry(ID, accounts, {})
+    return leaderboard.Entry(ID, accounts, {})
 
 
 @pytest.fixture
@@ -33,17 +33,17 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     """Small runs in the places of the saved ones, and a ladder of four worlds."""
     for algo in ("ppo", "dqn"):
         shutil.copytree(unbroken[algo], tmp_path / "runs" / "KershawEvansPosition" / algo / "seed1")
-    for module in (league, command):
+    for module in (leaderboard, command):
         monkeypatch.setattr(module, "SAVED", tmp_path / "runs")
-    for name, folder in {"HEADROOM": "headroom", "LEAGUE": "league"}.items():
+    for name, folder in {"HEADROOM": "headroom", "LEADERBOARD": "leaderboard"}.items():
         (tmp_path / folder).mkdir()
-        monkeypatch.setattr(league, name, tmp_path / folder)
-    monkeypatch.setattr(league, "WORLDS", 4)
+        monkeypatch.setattr(leaderboard, name, tmp_path / folder)
+    monkeypatch.setattr(leaderboard, "WORLDS", 4)
     monkeypatch.setattr(timing, "SINGLES", 3)
-    monkeypatch.setattr(league, "environment_of", lambda folder: {"horizon": 7})
+    monkeypatch.setattr(leaderboard, "environment_of", lambda folder: {"horizon": 7})
     for name in ("PAGE", "README"):
-        (tmp_path / name).write_text(f"before\n{league.START}\n{league.END}\nafter\n")
-        monkeypatch.setattr(league, name, tmp_path / name)
+        (tmp_path / name).write_text(f"before\n{leaderboard.START}\n{leaderboard.END}\nafter\n")
+        monkeypatch.setattr(leaderboard, name, tmp_path / name)
     policies = {"best-simple": None, "best-planner": None}
     ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
     (tmp_path / "headroom" / "KershawEvansPosition-v0.csv").write_text(episodes(ladder))
@@ -51,9 +51,9 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
 
 
 def test_accounts_are_what_was_played(folders: Path) -> None:
-    league.play(ID, jobs=1)
-    league.time_decisions(ID)
-    found = league.entry(ID)
+    leaderboard.play(ID, jobs=1)
+    leaderboard.time_decisions(ID)
+    found = leaderboard.entry(ID)
     rivals = {"myopic for ppo", "myopic for dqn"}
     assert set(found.accounts) == {"myopic", "best-simple", "best-planner", "ppo", "dqn", *rivals}
     for name in rivals:  # the same actions here
@@ -67,8 +67,8 @@ def test_accounts_are_what_was_played(folders: Path) -> None:
 
 
 def test_the_tables_go_between_the_marks(folders: Path) -> None:
-    league.play(ID, jobs=1)
-    league.renew([ID])
+    leaderboard.play(ID, jobs=1)
+    leaderboard.renew([ID])
     page, front = ((folders / name).read_text() for name in ("PAGE", "README"))
     assert page.startswith("before")
     assert page.endswith("after\n")
@@ -84,11 +84,11 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
 def test_tables_and_times_can_be_had_without_playing(
     folders: Path, monkeypatch: pytest.MonkeyPatch, flag: str, timed: bool
 ) -> None:
-    league.play(ID, jobs=1)
-    monkeypatch.setattr(league, "play", None)
-    monkeypatch.setattr("sys.argv", ["league", flag, ID])
-    league.main()
-    assert (folders / "league" / "KershawEvansPosition.json").exists() == timed
+    leaderboard.play(ID, jobs=1)
+    monkeypatch.setattr(leaderboard, "play", None)
+    monkeypatch.setattr("sys.argv", ["leaderboard", flag, ID])
+    leaderboard.main()
+    assert (folders / "leaderboard" / "KershawEvansPosition.json").exists() == timed
     assert "KershawEvansPosition-v0" in (folders / "README").read_text()
 
 
@@ -102,7 +102,7 @@ def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> 
 
 def test_decisions_for_a_single_environment_are_compared() -> None:
     played = entry(best_simple=[10.0, 20.0], best_planner=[8.0, 16.0], ppo=[9.0, 18.0])
-    line = league.details(
+    line = leaderboard.details(
         [played._replace(us={timing.ALONE: 3000.0, "best-planner": 200.0, "ppo": 30.0})]
     ).splitlines()[-1]
     assert [cell.strip() for cell in line.split("|")[-5:-1]] == ["3000", "200", "30", "100"]
@@ -111,14 +111,14 @@ def test_decisions_for_a_single_environment_are_compared() -> None:
 def test_a_missing_ladder_is_named(folders: Path) -> None:
     (folders / "headroom" / "KershawEvansPosition-v0.csv").unlink()
     with pytest.raises(InputError, match=r"KershawEvansPosition-v0\.csv is missing, expected it from `make headroom`"):
-        league.entry(ID)
+        leaderboard.entry(ID)
 
 
 @pytest.mark.parametrize("env_id", SYSTEMS)
 def test_every_saved_agent_can_be_played(env_id: str) -> None:
     folders = [command.SAVED / command.stem(env_id) / algo for algo in command.LEARNERS]
     for folder in filter(Path.is_dir, folders):
-        task = make_task(env_id, league.environment_of(folder))
+        task = make_task(env_id, leaderboard.environment_of(folder))
         for policy in command.load_trained(folder, env_id, task.system):
             assert np.isfinite(play(task, policy, world_seeds(0, "tune", 1)).episode_cost()).all()
 

@@ -25,12 +25,12 @@ class Slow:
     def begin(self, system: Any, num_envs: int, rng: np.random.Generator) -> None:
         self.num_envs = num_envs
 
-    def act(self, public: Any, observation: np.ndarray, mask: Any) -> np.ndarray:
+    def act(self, belief: Any, observation: np.ndarray, mask: Any) -> np.ndarray:
         end = perf_counter() + self.seconds
         while perf_counter() < end:
             pass
         self.shown.append(observation)
-        return np.zeros(len(public.step), np.int64)
+        return np.zeros(len(belief.step), np.int64)
 
 
 def test_each_takes_its_own_time_for_one_environment_in_several_situations(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,5 +44,5 @@ def test_each_takes_its_own_time_for_one_environment_in_several_situations(monke
     assert us["best-planner alone"] > 0.0
     assert quick.num_envs == 1
     assert len(quick.shown) == 5 * timing.STEPS
-    assert all(observation.shape == (1, len(SYSTEM.elements)) for observation in quick.shown)
+    assert all(observation.shape == (1, len(SYSTEM.observation_fields)) for observation in quick.shown)
     assert len(np.unique(np.concatenate(quick.shown), axis=0)) == timing.STEPS  # it goes on, as the planner plays

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.waveforms import gaussian_chirp_library
 
@@ -19,7 +19,7 @@ DURATIONS = (1e-6, 2e-6, 5e-6, 10e-6)
 @given(st.integers(1, 4), st.integers(1, 3))
 def test_every_combination_comes_once_and_the_first_sensor_slowest(count, sensors):
     library = gaussian_chirp_library(DURATIONS[:count], [0.0])
-    each, joint = PerSensor(library, sensors), JointLibrary(library, sensors)
+    each, joint = PerSensorLibrary(library, sensors), JointLibrary(library, sensors)
     want = list(product(range(count), repeat=sensors))
     for indices in (each.combinations(), joint.indices):
         assert [tuple(row) for row in indices.tolist()] == want
@@ -32,12 +32,12 @@ def test_every_combination_comes_once_and_the_first_sensor_slowest(count, sensor
 
 
 def test_the_combinations_are_the_callers_own():
-    each = PerSensor(gaussian_chirp_library(DURATIONS, [0.0]), 2)
+    each = PerSensorLibrary(gaussian_chirp_library(DURATIONS, [0.0]), 2)
     each.combinations()[:] = 0
     assert each.combinations()[-1].tolist() == [3, 3]
 
 
-@pytest.mark.parametrize("kind", [PerSensor, JointLibrary])
+@pytest.mark.parametrize("kind", [PerSensorLibrary, JointLibrary])
 @pytest.mark.parametrize("sensors", [0, -2, 1.5, "2"])
 def test_a_number_of_sensors_below_one_is_refused(kind, sensors):
     with pytest.raises(InputError, match=f"sensors is {sensors!r}, expected an integer >= 1 .nearest: 1"):
@@ -46,5 +46,9 @@ def test_a_number_of_sensors_below_one_is_refused(kind, sensors):
 
 def test_equal_sets_are_equal():
     library = gaussian_chirp_library(DURATIONS, [0.0])
-    assert PerSensor(library, 2) == PerSensor(gaussian_chirp_library(DURATIONS, [0.0]), 2) != PerSensor(library, 3)
-    assert JointLibrary(library, 2) != PerSensor(library, 2)
+    assert (
+        PerSensorLibrary(library, 2)
+        == PerSensorLibrary(gaussian_chirp_library(DURATIONS, [0.0]), 2)
+        != PerSensorLibrary(library, 3)
+    )
+    assert JointLibrary(library, 2) != PerSensorLibrary(library, 2)

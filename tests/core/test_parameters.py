@@ -9,7 +9,7 @@ import pytest
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.errors import InputError, positive
+from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import in_one_line, make_checked
 
 
@@ -21,7 +21,7 @@ class Radar:
     band: Literal["S", "X"] = "X"
 
     def __post_init__(self) -> None:
-        positive("gain", self.gain)
+        check_positive("gain", self.gain)
 
 
 @in_one_line

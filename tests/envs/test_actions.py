@@ -70,11 +70,11 @@ def test_a_wrong_action_at_an_autoreset_leaves_the_finished_episode_in_place():
 def test_the_single_environment_refuses_as_the_vector_one_does():
     env = WaveformEnv(LIBRARY)
     env.reset(seed=0)
-    before = env.batch.episodes.state.public
+    before = env.batch.episodes.state.belief
     for wrong in (56, -1, 0.5, None, [1, 2], np.nan):
         with pytest.raises(InputError):
             env.step(wrong)
-    assert env.batch.episodes.state.public is before
+    assert env.batch.episodes.state.belief is before
     for right in (3, np.int64(3), np.array(3), np.uint8(3)):
         assert env.step(right)[-1]["waveform"] == 3
 
@@ -130,7 +130,7 @@ def test_a_masked_action_changes_nothing(mode):
         each.reset(seed=0)
         each.step(np.array([0, 2]))
     for each in (env, twin):  # down to two units
-        if each.public.left[1] == 3:
+        if each.belief.left[1] == 3:
             each.step(np.array([0, 0]))
     with pytest.raises(InputError, match=r"action is 2, which environment 1 does not allow now \(nearest allowed: 1\)"):
         env.step(np.array([0, 2]))
@@ -145,7 +145,7 @@ def test_a_restarting_environment_may_get_a_masked_action():
         *_, terminated, _, _ = env.step(np.array([0]))
     assert not env.action_masks().any()
     env.step(np.array([2]))
-    assert env.public.step.tolist() == [0]
+    assert env.belief.step.tolist() == [0]
 
 
 def test_the_single_environment_refuses_masked_actions():
@@ -153,7 +153,7 @@ def test_the_single_environment_refuses_masked_actions():
     env.reset(seed=0)
     with pytest.raises(InputError, match="does not allow now"):
         env.step(2)
-    assert env.public.step.tolist() == [0]
+    assert env.belief.step.tolist() == [0]
     env.step(0)
 
 
@@ -165,7 +165,7 @@ def test_what_is_handed_out_is_the_callers_own():
     for actions in (np.array([3, 4]), np.array([50, 20])):
         *_, info = env.step(actions)
         info["waveform"][:] = 0
-        for leaf in env.public:
+        for leaf in env.belief:
             leaf[...] = 7
         actions[:] = 0
     for actions in (np.array([3, 4]), np.array([50, 20])):
@@ -181,11 +181,11 @@ def test_a_masked_action_reaches_only_a_system_that_replaces_it(strict):
 
     Purse.strict = strict
     system = Purse(horizon=4, budget=0.5)
-    public = system.begin(delay_worlds(system, 1)).public
+    belief = system.initial(delay_worlds(system, 1)).belief
     reader = action_reader(system)
-    assert not system.mask(public)[0, 1]  # a long pulse takes 1
+    assert not system.mask(belief)[0, 1]  # a long pulse takes 1
     if strict:
         with pytest.raises(InputError, match="nearest allowed"):
-            reader.read(np.array([1]), public, None)
+            reader.read(np.array([1]), belief, None)
     else:
-        assert reader.read(np.array([1]), public, None) == 1
+        assert reader.read(np.array([1]), belief, None) == 1

@@ -39,12 +39,12 @@ def test_next_step_resets_one_while_the_other_goes_on():
     env, (_, _, terminated, _, _) = out_of_step("NextStep")
     assert terminated.tolist() == [False, True]
     twin, _ = out_of_step("Disabled")
-    want = twin.episodes.system.advance(twin.episodes.state, np.array([7, 7]), twin.world)
+    want = twin.episodes.system.transition(twin.episodes.state, np.array([7, 7]), twin.world)
     observations, rewards, terminated, truncated, info = env.step(np.array([7, 7]))
-    assert env.public.step.tolist() == [HORIZON, 0]
+    assert env.belief.step.tolist() == [HORIZON, 0]
     assert terminated.tolist() == [True, False]
     assert not truncated.any()
-    assert rewards[0] == -env.system.cost(want.public)[0]
+    assert rewards[0] == -env.system.cost(want.belief)[0]
     assert rewards[1] == 0.0
     assert info["_waveform"].tolist() == [True, False]
     assert info["_cost"].tolist() == [True, True]
@@ -62,7 +62,7 @@ def test_same_step_puts_the_last_observation_and_info_aside():
     env, (observations, again, terminated, _, info) = out_of_step("SameStep")
     assert (again == rewards).all()
     assert terminated.tolist() == [False, True]
-    assert env.public.step.tolist() == [HORIZON - 1, 0]
+    assert env.belief.step.tolist() == [HORIZON - 1, 0]
     assert info["final_obs"][0] is None
     assert (info["final_obs"][1] == last[1]).all()
     assert (observations[0] == last[0]).all()
@@ -71,15 +71,15 @@ def test_same_step_puts_the_last_observation_and_info_aside():
     assert info["final_info"]["cost"][1] == -rewards[1]
     assert info["final_info"]["_waveform"].tolist() == [False, True]
     assert info["_waveform"].tolist() == [True, False]
-    assert info["cost"][1] == env.system.cost(env.public)[1]
+    assert info["cost"][1] == env.system.cost(env.belief)[1]
 
 
 def test_disabled_refuses_a_step_past_the_end_and_stays_as_it_was():
     env, _ = out_of_step("Disabled")
-    before = env.episodes.state.public
+    before = env.episodes.state.belief
     with pytest.raises(InputError, match=r"environments \[1\] have ended, expected a reset"):
         env.step(np.array([0, 0]))
-    assert env.episodes.state.public is before
+    assert env.episodes.state.belief is before
     env.reset(options={"reset_mask": np.array([False, True])})
     assert env.step(np.array([0, 0]))[2].tolist() == [True, False]
 

@@ -48,7 +48,7 @@ def test_there_is_a_page_for_every_environment_and_no_other():
 def test_a_page_with_parameters_is_that_environment_s():
     page = wavegym.describe("wavegym/Urban-v0", slots=3, tracker="ncv")
     assert "gym.make(\"wavegym/Urban-v0\", slots=3, tracker='ncv')" in page
-    assert len(rows(chapter(page, "Observations"), "index")) == len(Urban(slots=3, tracker="ncv").elements)
+    assert len(rows(chapter(page, "Observations"), "index")) == len(Urban(slots=3, tracker="ncv").observation_fields)
     values = {row[0]: row[1] for row in rows(chapter(page, "Parameters"), "parameter")}
     assert (values["`slots`"], values["`tracker`"]) == ("3", "`'ncv'`")
     with pytest.raises(InputError, match="did you mean 'slots'"):
@@ -59,7 +59,7 @@ def test_a_page_with_parameters_is_that_environment_s():
 def test_the_observation_table_is_the_observation_space(id):
     env = gym.make(id)
     table = rows(chapter(describe(id), "Observations"), "index")
-    elements = env.unwrapped.system.elements
+    elements = env.unwrapped.system.observation_fields
     assert env.observation_space.shape == (len(table),)
     assert f"`Box(-10, 10, ({len(table)},), float32)`" in describe(id)
     for i, (index, name, unit, centre, scale, bounds, meaning) in enumerate(table):
@@ -73,7 +73,7 @@ def test_the_observation_table_is_the_observation_space(id):
 def test_what_the_table_says_is_what_the_agent_sees(id):
     env = gym.make_vec(id, 5)
     observations, _ = env.reset(seed=0)
-    values = env.unwrapped.system.observe(env.unwrapped.public)
+    values = env.unwrapped.system.observe(env.unwrapped.belief)
     for i, (_, _, _, centre, scale, _, _) in enumerate(rows(chapter(describe(id), "Observations"), "index")):
         np.testing.assert_allclose(
             observations[:, i], (values[:, i] - float(centre)) / float(scale), rtol=1e-5, atol=1e-6

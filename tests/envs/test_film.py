@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.film import Film, headline
 from wavegym.envs.scenes import ObservationScene, make_scene
@@ -40,30 +40,33 @@ def moment_of(env, row=0):
 
 @dataclass(frozen=True)
 class Dial(System):
-    """A system of one's own, without foresight: the action is the state."""
+    """A system of one's own, without prediction: the action is the state."""
 
-    class Public(NamedTuple):
+    class Belief(NamedTuple):
         step: np.ndarray
         value: np.ndarray
 
     horizon: int = 5
     actions = SimpleNamespace(labels=("left", "right"))
-    elements = (Element("value", "V", 0.0, 2.0, "what was dialled"), Element("step", "1", 2.0, 2.0, "steps made"))
+    observation_fields = (
+        ObservationField("value", "V", 0.0, 2.0, "what was dialled"),
+        ObservationField("step", "1", 2.0, 2.0, "steps made"),
+    )
 
     def draw_world(self, rng):
-        return self.Public(np.array(0), rng.random(1))
+        return self.Belief(np.array(0), rng.random(1))
 
-    def begin(self, world):
-        return State(None, self.Public(np.zeros(len(world.value), np.int64), world.value[:, 0].copy()))
+    def initial(self, world):
+        return State(None, self.Belief(np.zeros(len(world.value), np.int64), world.value[:, 0].copy()))
 
-    def advance(self, state, action, world):
-        return State(None, self.Public(state.public.step + 1, action.astype(float)))
+    def transition(self, state, action, world):
+        return State(None, self.Belief(state.belief.step + 1, action.astype(float)))
 
-    def cost(self, public):
-        return public.value - 0.5
+    def cost(self, belief):
+        return belief.value - 0.5
 
-    def observe(self, public):
-        return np.stack([public.value, public.step], axis=1)
+    def observe(self, belief):
+        return np.stack([belief.value, belief.step], axis=1)
 
 
 def test_a_frame_is_an_rgb_picture_with_even_sides():
@@ -109,9 +112,9 @@ def test_the_film_follows_each_environment_through_its_resets(mode):
         env.step(np.array([k, k]))
         for row, episode in enumerate(env._film.episodes):
             moment = moment_of(env, row)
-            assert len(moment.actions) == env.public.step[row] == len(moment.costs) - 1
-            assert episode.costs[-1] == env.system.cost(env.public)[row]
-            assert moment.states[-1].public.mean[0, 0] == env.public.mean[row, 0]
+            assert len(moment.actions) == env.belief.step[row] == len(moment.costs) - 1
+            assert episode.costs[-1] == env.system.cost(env.belief)[row]
+            assert moment.states[-1].belief.mean[0, 0] == env.belief.mean[row, 0]
             if moment.actions:
                 assert moment.actions[-1] == [k]
     assert len(env.render()) == 2
@@ -134,18 +137,18 @@ def test_the_foreseen_panel_tells_why_a_waveform_was_chosen():
     env = filmed(5)
     myopic = Myopic()
     myopic.begin(env.system, 1, np.random.default_rng(0))
-    before, best = env.public, myopic.act(env.public, None, None)
-    foreseen = env.system.cost(env.system.imagine(before, env.system.candidates()[None]))[0]
+    before, best = env.belief, myopic.act(env.belief, None, None)
+    predicted = env.system.cost(env.system.predict(before, env.system.candidates()[None]))[0]
     for action, ending in ((best, "the same"), (best + 1, "%")):
         twin = pickle.loads(pickle.dumps(env))
         twin.step(action)
         axes = Figure().subplots()
         draw_foreseen(axes, moment_of(twin))
         grey, least, chosen = axes.lines
-        assert (grey.get_ydata() == foreseen).all()
+        assert (grey.get_ydata() == predicted).all()
         assert least.get_xdata() == best
         assert chosen.get_xdata() == action
-        assert chosen.get_ydata() == foreseen[action]
+        assert chosen.get_ydata() == predicted[action]
         assert axes.get_title().endswith(ending)
 
 
@@ -176,7 +179,7 @@ def test_the_pulse_drawn_is_the_pulse_transmitted():
     np.testing.assert_allclose(pulse.fisher_information(), system.library[34].fisher_information(), rtol=1e-9)
 
 
-def test_a_system_of_ones_own_gets_its_observation_drawn_and_needs_no_foresight():
+def test_a_system_of_ones_own_gets_its_observation_drawn_and_needs_no_prediction():
     env = WaveformVectorEnv(Dial(), 2, render_mode="rgb_array")
     env.reset(seed=0)
     env.step(np.array([0, 1]))
@@ -204,10 +207,10 @@ def test_a_scene_can_be_registered_for_a_class_of_ones_own():
 
     make_scene.register(Knob, Blank)
     film = Film(Knob(), 1)
-    state = film.system.begin(Dial.Public(np.zeros(1), np.ones((1, 1))))
+    state = film.system.initial(Dial.Belief(np.zeros(1), np.ones((1, 1))))
     film.begin(state, np.array([True]))
     film.frames()
-    film.add(film.system.advance(state, np.array([1]), None), np.array([1]), np.array([0.5]), None)
+    film.add(film.system.transition(state, np.array([1]), None), np.array([1]), np.array([0.5]), None)
     film.frames()
     assert film._canvas._parts[0].drawn == [0, 1]
 

@@ -23,23 +23,23 @@ def played(name: str, steps: int = 4) -> WaveformVectorEnv:
 @pytest.mark.parametrize("name", ALL)
 def test_they_follow_the_systems_own_elements_and_are_what_the_system_foresees(name):
     env = played(name)
-    system, public = env.system, env.public
-    shown, own = env.episodes.look()[0], len(system.elements)
-    assert env.single_observation_space.shape == (shown.shape[1],) == (len(env.episodes.observer.elements),)
-    assert (shown[:, :own] == WaveformVectorEnv(system, 5).episodes.observer(public)[0]).all()
-    foreseen = Forecasts(system)
+    system, belief = env.system, env.belief
+    shown, own = env.episodes.look()[0], len(system.observation_fields)
+    assert env.single_observation_space.shape == (shown.shape[1],) == (len(env.episodes.observer.observation_fields),)
+    assert (shown[:, :own] == WaveformVectorEnv(system, 5).episodes.observer(belief)[0]).all()
+    predicted = Forecasts(system)
     candidates = system.candidates()
     raw = shown[:, own:].reshape(5, len(candidates), -1).astype(np.float64)
-    figures = {f.name: raw[:, :, i] * f.scale + f.centre for i, f in enumerate(foreseen.figures)}
-    costs = np.stack([system.cost(system.imagine(public, np.full(5, c))) for c in candidates], axis=1)
+    figures = {f.name: raw[:, :, i] * f.scale + f.centre for i, f in enumerate(predicted.figures)}
+    costs = np.stack([system.cost(system.predict(belief, np.full(5, c))) for c in candidates], axis=1)
     mean = costs.mean(axis=1, keepdims=True)
     is_free = np.abs(raw) < 10.0
     expected = {"ln_cost_ahead": np.log(costs / mean)}
     if hasattr(system, "gain"):
-        delay = system.delay(public)
+        delay = system.delay(belief)
         expected["ln_delay"] = np.log(1.0 + delay)
         for wait, steps in LOOKS:
-            gain = system.gain(public, delay + wait, steps) / (steps * mean)
+            gain = system.gain(belief, delay + wait, steps) / (steps * mean)
             expected[f"log10_gain_{wait}_{steps}"] = np.log10(FLOOR + gain)
     if hasattr(system, "spending"):
         expected["spending"] = np.tile(system.spending, (5, 1))

@@ -22,7 +22,7 @@ def play(reward, policy, steps=12, mode="Disabled"):
     policy.begin(SYSTEM, NUM_ENVS, np.random.default_rng(0))
     rewards, infos = [], []
     for _ in range(steps):
-        _, reward_now, _, _, info = env.step(policy.act(env.public, None, None))
+        _, reward_now, _, _, info = env.step(policy.act(env.belief, None, None))
         rewards.append(reward_now)
         infos.append(info)
     return np.array(rewards), infos
@@ -37,7 +37,7 @@ def test_trace_is_minus_the_weighted_trace_of_the_covariance_exactly():
     env.reset(seed=3)
     for action in range(12):
         _, reward, _, _, info = env.step(np.full(NUM_ENVS, action))
-        assert (reward == -env.public.covariance[:, 0, 0]).all()
+        assert (reward == -env.belief.covariance[:, 0, 0]).all()
         assert (reward == -info["cost"]).all()
 
 
@@ -52,8 +52,8 @@ def test_error_is_minus_the_squared_true_position_error():
     for _ in range(5):
         _, reward, _, _, info = env.step(np.full(NUM_ENVS, 20))
         state = env.episodes.state
-        np.testing.assert_allclose(reward, -((state.public.mean[:, 0] - state.hidden.truth[:, 0]) ** 2), rtol=1e-12)
-        assert (info["cost"] == state.public.covariance[:, 0, 0]).all()  # what is reported does not follow the reward
+        np.testing.assert_allclose(reward, -((state.belief.mean[:, 0] - state.truth.targets[:, 0]) ** 2), rtol=1e-12)
+        assert (info["cost"] == state.belief.covariance[:, 0, 0]).all()  # what is reported does not follow the reward
 
 
 @pytest.mark.parametrize("form", ["share", "log", "difference", "scaled"])
@@ -92,7 +92,7 @@ def test_the_reference_follows_each_world_through_resets():
     for step in range(40):
         if step in (3, 9):
             env.reset(options={"reset_mask": np.array([True, False, step == 3, False])})
-        assert (env.step(myopic.act(env.public, None, None))[1] == 0.0).all()
+        assert (env.step(myopic.act(env.belief, None, None))[1] == 0.0).all()
 
 
 class Smoothness(LogCost):
@@ -102,7 +102,7 @@ class Smoothness(LogCost):
         return None
 
     def __call__(self, transition):
-        before = transition.system.cost(transition.previous.public)
+        before = transition.system.cost(transition.previous.belief)
         return before - transition.cost, {"cost_before": before}
 
 
@@ -134,7 +134,7 @@ def test_after_its_own_early_end_the_reference_is_held_at_its_last_cost(form):
     # Round robin burns 1, 2 and 3 units of 6; of 5 it burns 1, 2, then 1 since 2 are left, and 1 more.
     costs = {5: [1, 1 / 2, 1, 1, 1], 6: [1, 1 / 2, 1 / 3, 1 / 3, 1 / 3]}
     means = {5: (1 + 1 / 2 + 1 + 1) / 4, 6: (1 + 1 / 2 + 1 / 3) / 3}
-    fuel = env.public.left.tolist()
+    fuel = env.belief.left.tolist()
     assert set(fuel) == {5, 6}
     for k in range(5):
         _, reward, _, _, info = env.step(np.zeros(6, np.int64))  # whose cost is 1
@@ -169,7 +169,11 @@ def test_a_name_says_the_form_and_the_rule_whose_constants_are_recorded(name, fo
     [
         (SectorSetup(), "best-simpel", "reference policy is 'best-simpel', .*did you mean 'best-simple'"),
         (SectorSetup(horizon=30), "best-simple", "relative to 'best-simple', expected a system at its defaults"),
-        (SectorSetup(), "priced", "relative to 'priced', expected a system at its defaults with such a record"),
+        (
+            SectorSetup(),
+            "lagrangian-price",
+            "relative to 'lagrangian-price', expected a system at its defaults with such a record",
+        ),
     ],
 )
 def test_a_rule_without_recorded_constants_is_refused(system, name, message):

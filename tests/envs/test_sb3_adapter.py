@@ -160,8 +160,8 @@ def test_methods_and_attributes_are_shared_out() -> None:
     assert len(env.env_method("action_masks", indices=[0, 2])) == 2
     assert env.get_attr("action_space") == [env.action_space] * COUNT
     assert [system.horizon for system in env.get_attr("system", indices=1)] == [8]
-    (belief,) = env.get_attr("public", indices=[2])
-    assert (belief.mean == env.batch.public.mean[2:]).all()
+    (belief,) = env.get_attr("belief", indices=[2])
+    assert (belief.mean == env.batch.belief.mean[2:]).all()
     assert env.env_is_wrapped(gym.wrappers.TimeLimit) == [False] * COUNT
     assert env.has_attr("system")
     assert not env.has_attr("no_such_thing")

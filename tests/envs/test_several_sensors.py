@@ -108,7 +108,7 @@ def test_the_single_environment_refuses_too():
     for wrong in (1, [0], [0, 3], [-1, 0], [0.0, 1.0], None):
         with pytest.raises(InputError):
             env.step(wrong)
-    assert env.public.step.tolist() == [0]
+    assert env.belief.step.tolist() == [0]
     for right in ([2, 0], (2, 0), np.array([2, 0], np.uint8)):
         assert env.step(right)[-1]["waveform"].tolist() == [2, 0]
 
@@ -170,13 +170,13 @@ class Wrong(Quick):
 
     promise: str = ""
 
-    def best_action(self, public):
+    def best_action(self, belief):
         if self.promise == "flat":
-            return np.zeros(len(public.step), int)
-        return (super().best_action(public) + (self.promise == "not best")) % 3
+            return np.zeros(len(belief.step), int)
+        return (super().best_action(belief) + (self.promise == "not best")) % 3
 
-    def metrics(self, state):
-        return {"nees": np.full(len(state.public.step), np.nan if self.promise == "absent" else 1.0)}
+    def state_info(self, state):
+        return {"nees": np.full(len(state.belief.step), np.nan if self.promise == "absent" else 1.0)}
 
     def constants(self):
         return {"far": np.array([[0, 3]]), "none": np.empty((0, 2), int)}.get(self.promise, super().constants())

@@ -80,7 +80,7 @@ def test_settings_reach_the_system():
 class WithLoop(Uneven):
     """A paper's baseline of it has twice the gains."""
 
-    def named_loops(self):
+    def baselines(self):
         return {"louder": ("fixed:0", {"gains": (2.0, 4.0, 8.0)})}
 
 

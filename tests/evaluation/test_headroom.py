@@ -14,7 +14,7 @@ from wavegym.evaluation import compare, headroom, headroom_page
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.play import Played
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
-from wavegym.schedulers.planners import MonteCarloTree, Replan, RolloutPlanner
+from wavegym.schedulers.planners import MonteCarloTree, RecedingHorizon, RolloutPlanner
 
 DELAY = "tests/Delay-v0"
 
@@ -29,7 +29,7 @@ def delay_environment():
 def test_planners_play_the_same_whatever_the_number_of_jobs():
     policies = {
         "rollout": lambda system: RolloutPlanner(AwareGreedy(), 4, futures=8),
-        "replan": lambda system: Replan(AwareGreedy(), 4, rounds=1, first=2, futures=8),
+        "receding-horizon": lambda system: RecedingHorizon(AwareGreedy(), 4, rounds=1, first=2, futures=8),
         "mcts": lambda system: MonteCarloTree(AwareGreedy(), 4, 3, futures=8),
     }
     one, two = (compare(DELAY, policies, worlds=60, jobs=jobs, progress=False) for jobs in (1, 2))

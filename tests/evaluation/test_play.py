@@ -47,8 +47,8 @@ def test_metrics_that_a_system_lacks_are_not_numbers():
 
 def test_a_cost_that_is_not_a_number_stays_visible():
     class Diverging(Uneven):
-        def cost(self, public):
-            return np.where(public.step == 1, np.nan, super().cost(public))
+        def cost(self, belief):
+            return np.where(belief.step == 1, np.nan, super().cost(belief))
 
     assert np.isnan(play(Task("x", Diverging(), None, {}), Fixed(0), SEEDS[:3]).episode_cost()).all()
 
@@ -97,7 +97,7 @@ def test_a_clairvoyant_policy_is_shown_the_tapes_once():
     class Clairvoyant(Fixed):
         shown: list = []
 
-        def foresee(self, world):
+        def reveal(self, world):
             self.shown.append(world.level.copy())
 
     play(UNEVEN, Clairvoyant(0), SEEDS)
@@ -117,14 +117,14 @@ def test_the_time_of_a_decision_is_shared_by_the_running_worlds_and_the_environm
     monkeypatch.setattr("wavegym.evaluation.play.perf_counter", lambda: clock[0])
 
     class Deciding(Fixed):
-        def act(self, public, observation, mask):
+        def act(self, belief, observation, mask):
             clock[0] += 3.0
-            return super().act(public, observation, mask)
+            return super().act(belief, observation, mask)
 
     class Moving(Uneven):
-        def advance(self, state, action, world):
+        def transition(self, state, action, world):
             clock[0] += 100.0
-            return super().advance(state, action, world)
+            return super().transition(state, action, world)
 
     played = play(Task("x", Moving(), None, {}), Deciding(0), SEEDS)
     running = [(WORLDS.length > step).sum() for step in range(9)]

@@ -38,13 +38,13 @@ def task(**settings):
 def by_hand(system, policy):
     """Position errors and NEES (world, step, target), NaN = absent; lost at the end (world, target); actions."""
     worlds = trees.stack([system.draw_world(np.random.default_rng(gym.utils.seeding.np_random(s)[0])) for s in SEEDS])
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     policy.begin(system, len(SEEDS), np.random.default_rng(0))
     seen, actions = [], []
     for _ in range(system.horizon):
-        actions.append(policy.act(state.public, None, None))
-        state = system.advance(state, actions[-1], worlds)
-        seen.append(system.metrics(state))
+        actions.append(policy.act(state.belief, None, None))
+        state = system.transition(state, actions[-1], worlds)
+        seen.append(system.state_info(state))
     present = np.stack([figures["present"] for figures in seen], axis=1)
     errors, nees = (
         np.where(present, np.stack([figures[key] for figures in seen], axis=1), np.nan)
@@ -129,9 +129,9 @@ def test_round_robin_through_the_shell_is_that_without_it():
 
 def test_a_figure_of_all_targets_together_counts_where_any_is_present():
     class Together(TwoSensors):
-        def metrics(self, state):
-            present = np.repeat(state.public.step[:, None] >= 3, 2, axis=1)
-            return {"nees": np.where(present[:, 0], state.public.step.astype(float), 0.0), "present": present}
+        def state_info(self, state):
+            present = np.repeat(state.belief.step[:, None] >= 3, 2, axis=1)
+            return {"nees": np.where(present[:, 0], state.belief.step.astype(float), 0.0), "present": present}
 
     played = play(Task(ID, Together(), None, {}), Fixed(0), SEEDS)
     np.testing.assert_array_equal(played.nees, np.full(len(SEEDS), (3 + 4 + 5 + 6) / 4))

@@ -13,12 +13,12 @@ from two_sensors import TwoSensors
 
 import train as command
 import wavegym
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation import compare
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.train import train
 from wavegym.policies.runs import load_policy, signature
 from wavegym.waveforms import Library
@@ -34,8 +34,8 @@ def registered() -> Any:
 
 
 def trained(folder: Path, algo: str, **environment: Any) -> Path:
-    plan = Plan(ID, algo, 1, load_settings(ID, algo, {**SMALL[algo], "steps": 90}, environment))
-    train(plan, folder, 60, progress=False)
+    spec = RunSpec(ID, algo, 1, load_settings(ID, algo, {**SMALL[algo], "steps": 90}, environment))
+    train(spec, folder, 60, progress=False)
     return folder
 
 
@@ -47,7 +47,7 @@ def test_an_agent_of_each_form_is_trained_loaded_and_compared(algo: str, form: s
     env = WaveformVectorEnv(system, 5)
     observation, _ = env.reset(seed=0)
     policy.begin(system, 5, np.random.default_rng(0))
-    env.step(policy.act(env.public, observation, None))
+    env.step(policy.act(env.belief, observation, None))
     comparison = compare(ID, {"agent": lambda system: load_policy(folder, ID, system)}, worlds=4, jobs=1, action=form)
     assert np.isfinite(comparison.cost("agent")).all()
 
@@ -65,7 +65,7 @@ def test_an_agent_of_another_form_or_sub_library_is_refused(tmp_path: Path) -> N
 
 def test_signatures_tell_action_sets_apart() -> None:
     library = TwoSensors().library
-    sets = [library, *(kind(library, n) for kind in (PerSensor, JointLibrary) for n in (1, 2, 3))]
+    sets = [library, *(kind(library, n) for kind in (PerSensorLibrary, JointLibrary) for n in (1, 2, 3))]
 
     class Shown(TwoSensors):
         actions: Any = None

@@ -16,7 +16,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.learning.policies.export import export
 from wavegym.learning.settings import load_settings
 from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 from wavegym.policies.networks import LearnedPolicy, Network
 
 SECTOR, CLUTTER, POSITION = (f"wavegym/{name}-v0" for name in ("SectorSetup", "AgileClutter", "KershawEvansPosition"))
@@ -40,13 +40,13 @@ CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
 def untrained(name: str) -> tuple[Any, Any]:
     """A model with weights drawn anew, so that no layer is nearly 0, and observations for it."""
     env_id, algo, changes, environment = CASES[name]
-    plan = Plan(env_id, algo, 0, load_settings(env_id, algo, {**SMALL[algo], **changes}, environment))
-    model: Any = build_model(plan)
+    spec = RunSpec(env_id, algo, 0, load_settings(env_id, algo, {**SMALL[algo], **changes}, environment))
+    model: Any = build_model(spec)
     generator = torch.Generator().manual_seed(1)
     for parameter in model.policy.parameters():
         if parameter.ndim > 1:
             parameter.data = torch.randn(parameter.shape, generator=generator) / parameter.shape[-1] ** 0.5
-    envs = gym.make_vec(env_id, num_envs=50, forecasts=plan.settings.forecasts, **environment)
+    envs = gym.make_vec(env_id, num_envs=50, forecasts=spec.settings.forecasts, **environment)
     return model, envs.reset(seed=0)[0]
 
 
@@ -96,7 +96,7 @@ def test_forecasts_that_the_observation_lacks_are_made_of_the_belief() -> None:
     env, plain = (WaveformVectorEnv(model.env.get_attr("system")[0], 20, forecasts=f) for f in (True, False))
     full, bare = env.reset(seed=3)[0], plain.reset(seed=3)[0]
     policy.begin(env.system, 20, np.random.default_rng(0))
-    assert (policy.act(plain.public, bare, None) == policy.act(env.public, full, None)).all()
+    assert (policy.act(plain.belief, bare, None) == policy.act(env.belief, full, None)).all()
 
 
 def test_the_same_network_makes_the_same_file_and_no_pickle_is_read(tmp_path: Any) -> None:
@@ -114,4 +114,4 @@ def test_a_scorer_wants_one_index_and_a_width() -> None:
         load_settings(SECTOR, "ppo", {"policy": "scorer", "network": ()})
     settings = load_settings(CLUTTER, "ppo", {**SMALL["ppo"], "policy": "scorer", "network": (8,)})
     with pytest.raises(InputError, match=r"a scorer cannot choose from MultiDiscrete.*policy=mlp"):
-        build_model(Plan(CLUTTER, "ppo", 0, settings))
+        build_model(RunSpec(CLUTTER, "ppo", 0, settings))

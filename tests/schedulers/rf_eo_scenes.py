@@ -29,11 +29,11 @@ def scene(far=False, platforms=2, targets=2, **kwargs):
 def beliefs(system, worlds=4, steps=11):
     """Beliefs met under the one-step scheduler, from the first to after ``steps``, as one batch."""
     tapes = oracles.worlds(system, worlds)
-    state = system.begin(tapes)
+    state = system.initial(tapes)
     policy = Myopic()
     policy.begin(system, worlds, np.random.default_rng(0))
-    met = [state.public]
+    met = [state.belief]
     for _ in range(steps):
-        state = system.advance(state, policy.act(state.public, None, None), tapes)
-        met.append(state.public)
+        state = system.transition(state, policy.act(state.belief, None, None), tapes)
+        met.append(state.belief)
     return type(met[0])(*(np.concatenate(arrays) for arrays in zip(*met, strict=True)))

@@ -51,23 +51,23 @@ class Ladder(System):
     def draw_world(self, rng):
         return Start(np.array(rng.uniform(1, 30)))
 
-    def begin(self, world):
+    def initial(self, world):
         return State(None, Level(np.zeros(len(world.level), int), world.level.copy()))
 
-    def advance(self, state, action, world):
-        return State(None, self.imagine(state.public, action))
+    def transition(self, state, action, world):
+        return State(None, self.predict(state.belief, action))
 
-    def imagine(self, public, actions, outcome=None):
-        level = public.level[:, None] if actions.ndim == 2 else public.level
-        step = public.step[:, None] if actions.ndim == 2 else public.step
+    def predict(self, belief, actions, outcome=None):
+        level = belief.level[:, None] if actions.ndim == 2 else belief.level
+        step = belief.step[:, None] if actions.ndim == 2 else belief.step
         level = np.array([0.3, 1.5, 1.0])[actions] * level + np.array([12.0, 1.0, 3.0])[actions]
         return Level(np.broadcast_to(step + 1, level.shape), level)
 
-    def cost(self, public):
-        return public.level
+    def cost(self, belief):
+        return belief.level
 
-    def ended(self, public):
-        return (public.step >= self.horizon) | (public.level > 40)
+    def terminal(self, belief):
+        return (belief.step >= self.horizon) | (belief.level > 40)
 
-    def mask(self, public):
-        return (public.level.astype(int)[:, None] % 3) != np.arange(3)
+    def mask(self, belief):
+        return (belief.level.astype(int)[:, None] % 3) != np.arange(3)

@@ -39,8 +39,8 @@ def beliefs(system, seed, count=1):
     covariance = scale[:, :, None] * (root @ np.swapaxes(root, 1, 2) + 1e-3 * np.eye(n)) * scale[:, None, :]
     mean = np.zeros((count, n))
     mean[:, 0], mean[:, 1] = 10 ** rng.uniform(3, 5, count), rng.uniform(-100, 100, count)
-    public = system.begin(oracles.worlds(system, 1)).public
-    return public._replace(step=np.zeros(count, int), mean=mean, covariance=covariance)
+    belief = system.initial(oracles.worlds(system, 1)).belief
+    return belief._replace(step=np.zeros(count, int), mean=mean, covariance=covariance)
 
 
 @pytest.mark.parametrize("objective", ["trace", "gate"])
@@ -49,28 +49,28 @@ def beliefs(system, seed, count=1):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_no_point_of_a_fine_grid_is_better(name, objective, seed):
     system = SYSTEMS[name]
-    public = beliefs(system, seed)
-    action = ready(system, objective).act(public, None, None)
+    belief = beliefs(system, seed)
+    action = ready(system, objective).act(belief, None, None)
     assert action.dtype == np.float64
     assert np.abs(action).max() <= 1.0
-    value = OBJECTIVES[objective](system, public, action[:, None])[0, 0]
-    grid = OBJECTIVES[objective](system, public, GRID)[0]
+    value = OBJECTIVES[objective](system, belief, action[:, None])[0, 0]
+    grid = OBJECTIVES[objective](system, belief, GRID)[0]
     # wide sweeps leave S a condition number of 1e9, so the objective itself is known to 1e-6 only
     assert value <= grid.min() * (1 + 1e-6)
     # and the best grid point of a second grid, one step of the first around the answer, is no better either
     around = (action[:, None] + GRID / 50).clip(-1.0, 1.0)
-    assert value <= OBJECTIVES[objective](system, public, around).min() * (1 + 1e-6)
+    assert value <= OBJECTIVES[objective](system, belief, around).min() * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_an_interior_gate_has_the_shape_of_the_prediction(name):
     """R proportional to H P H': k^2 = A11 / (wc sqrt(det A)), g = -wc A12 / (2 A11)."""
     system = SYSTEMS[name]
-    public = beliefs(system, 5, 300)
-    actions = ready(system, "gate").act(public, None, None)
+    belief = beliefs(system, 5, 300)
+    actions = ready(system, "gate").act(belief, None, None)
     inside = (np.abs(actions) < 1.0).all(axis=1)
     assert inside.sum() > 20
-    A = system.predicted(public)[0][inside, :2, :2]
+    A = system.predicted(belief)[0][inside, :2, :2]
     k, sweep = system.actions.decode(actions[inside]).T
     wc = 2 * np.pi * system.carrier_hz
     np.testing.assert_allclose(k**2, A[:, 0, 0] / (wc * np.sqrt(np.linalg.det(A))), rtol=1e-8)
@@ -95,12 +95,12 @@ def test_all_parts_of_the_box_are_met(objective):
 def test_a_gate_on_the_edge_of_the_sweep_solves_the_quartic():
     """d/dk of A22 R11 - 2 A12 R12 + A11 R22 at the widest sweep, times k^3."""
     system = SYSTEMS["narrow"]
-    public = beliefs(system, 1, 2000)
-    actions = ready(system, "gate").act(public, None, None)
+    belief = beliefs(system, 1, 2000)
+    actions = ready(system, "gate").act(belief, None, None)
     k, sweep = system.actions.decode(actions).T
     on_edge = (np.abs(actions[:, 1]) == 1.0) & (np.abs(actions[:, 0]) < 1.0)
     wc = 2 * np.pi * system.carrier_hz
-    for A, duration, s in zip(system.predicted(public)[0][on_edge], k[on_edge], sweep[on_edge], strict=True):
+    for A, duration, s in zip(system.predicted(belief)[0][on_edge], k[on_edge], sweep[on_edge], strict=True):
         us = 1e-6  # a unit in which the coefficients are alike
         quartic = [A[1, 1] * us**4, np.pi * s * A[0, 1] / wc * us**3, 0.0, 0.0, -A[0, 0] / wc**2]
         roots = np.roots(quartic) * us
@@ -112,10 +112,10 @@ def test_a_gate_on_the_edge_of_the_sweep_solves_the_quartic():
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_batch_equals_its_elements(name, objective):
     system = SYSTEMS[name]
-    public = beliefs(system, 2, 40)
+    belief = beliefs(system, 2, 40)
     policy = ready(system, objective)
-    together = policy.act(public, None, None)
-    alone = [policy.act(oracles.rows(public, slice(e, e + 1)), None, None)[0] for e in range(40)]
+    together = policy.act(belief, None, None)
+    alone = [policy.act(oracles.rows(belief, slice(e, e + 1)), None, None)[0] for e in range(40)]
     assert (together == alone).all()
 
 

@@ -18,23 +18,23 @@ from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosit
 from wavegym.systems.rf_eo.system import RfEo
 
 
-def act(policy, system, public, seed=0):
-    policy.begin(system, len(public.step), np.random.default_rng(seed))
-    return policy.act(public, None, None)
+def act(policy, system, belief, seed=0):
+    policy.begin(system, len(belief.step), np.random.default_rng(seed))
+    return policy.act(belief, None, None)
 
 
-def listed(system, public):
+def listed(system, belief):
     """Least share and sum of information of every action, (env, action)."""
-    information = system.information(public, system.candidates()[None])
+    information = system.information(belief, system.candidates()[None])
     return information.min(axis=-1), information.sum(axis=-1)
 
 
 def held_to_all_actions(system, threshold):
     """Of beliefs along a run: whether t could be had, whether it was, and how often the choice is the best of all."""
-    public = beliefs(system)
-    rows = np.arange(len(public.step))
-    share, total = listed(system, public)
-    chosen, feasible = system.most_information(public, threshold)
+    belief = beliefs(system)
+    rows = np.arange(len(belief.step))
+    share, total = listed(system, belief)
+    chosen, feasible = system.most_information(belief, threshold)
     possible = share.max(axis=1) >= threshold
     assert (feasible == (share[rows, chosen] >= threshold)).all()
     enough = np.minimum(share.max(axis=1), threshold)[:, None]
@@ -90,11 +90,11 @@ def apart(**kwargs):
 
 def test_a_binding_threshold_widens_the_image_and_one_beyond_reach_is_said_once():
     system = apart(threshold=0.0)
-    public = beliefs(system, steps=3)
-    share, total = listed(system, public)
+    belief = beliefs(system, steps=3)
+    share, total = listed(system, belief)
     reach = share.max(axis=1)
     free, bound = (
-        act(MyopicInformation(), dataclasses.replace(system, threshold=t), public) for t in (0.0, reach.min())
+        act(MyopicInformation(), dataclasses.replace(system, threshold=t), belief) for t in (0.0, reach.min())
     )
     assert (free != bound).any()
     rows = np.arange(len(free))
@@ -109,27 +109,27 @@ def test_a_binding_threshold_widens_the_image_and_one_beyond_reach_is_said_once(
         rf"threshold is {threshold:g}, not reached in {short.sum()} of {len(reach)} environments.*{reach.min():.3g}\)$"
     )
     with pytest.warns(InfeasibleThreshold, match=words) as told:
-        chosen = act(policy, above, public)
+        chosen = act(policy, above, belief)
     assert len(told) == 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        again = policy.act(public, None, None)
+        again = policy.act(belief, None, None)
     assert "\n" not in str(told[0].message)
     assert (policy.feasible == ~short).all()
     assert (chosen == again).all()
     np.testing.assert_allclose(share[rows, chosen][short], reach[short], rtol=1e-12)
     with pytest.warns(InfeasibleThreshold):
-        act(policy, above, public)  # the next batch of episodes is told again
+        act(policy, above, belief)  # the next batch of episodes is told again
 
 
 def test_the_loop_knows_what_the_scheduler_could_not_reach():
     system = apart(threshold=1e9, action="box")
     worlds = oracles.worlds(system, 2)
-    state, policy = system.begin(worlds), MyopicInformation()
+    state, policy = system.initial(worlds), MyopicInformation()
     with pytest.warns(InfeasibleThreshold):
-        action = act(policy, system, state.public)
+        action = act(policy, system, state.belief)
     assert not policy.feasible.any()
-    assert system.metrics(system.advance(state, action, worlds))["below_threshold"].all()
+    assert system.state_info(system.transition(state, action, worlds))["below_threshold"].all()
 
 
 @pytest.mark.parametrize("far", [False, True])
@@ -145,8 +145,8 @@ def test_the_default_threshold_can_be_had(far):
     "system", [scene(horizon=6), scene(True, horizon=6), scene(penalty="deadzone"), scene(penalty="log-barrier")]
 )
 def test_a_polished_choice_is_better_than_the_grids_and_never_worse(system):
-    public = beliefs(system, 2, 3)
-    grid, polished = (system.cost(system.imagine(public, act(p, system, public))) for p in (Myopic(), Continuous()))
+    belief = beliefs(system, 2, 3)
+    grid, polished = (system.cost(system.predict(belief, act(p, system, belief))) for p in (Myopic(), Continuous()))
     assert (polished <= grid).all()
     assert polished.mean() < grid.mean()
 
@@ -154,20 +154,20 @@ def test_a_polished_choice_is_better_than_the_grids_and_never_worse(system):
 @pytest.mark.parametrize("starts", [0, 4])
 def test_slsqp_reaches_the_optimum_in_closed_form(starts):
     system = KershawEvansPosition(action="box")
-    public = beliefs(system, 3, 4)
+    belief = beliefs(system, 3, 4)
     policies = Myopic(), MyopicClosedForm(), Continuous(starts=starts)
-    grid, optimum, found = (system.cost(system.imagine(public, act(p, system, public))) for p in policies)
+    grid, optimum, found = (system.cost(system.predict(belief, act(p, system, belief))) for p in policies)
     assert (grid / optimum).max() > 1.005
     np.testing.assert_allclose(found, optimum, rtol=1e-6)
 
 
 def test_a_search_from_drawn_points_is_never_worse_than_they_are_and_more_starts_help():
     system = scene(True)
-    public = beliefs(system, 2, 3)
+    belief = beliefs(system, 2, 3)
     drawn = np.random.default_rng(7).uniform(-1, 1, (5, 6))
-    start = system.cost(system.imagine(public, drawn[None]))
-    few, many = (act(Continuous(starts=n), system, public, 7) for n in (1, 5))
-    few, many = (system.cost(system.imagine(public, a)) for a in (few, many))
+    start = system.cost(system.predict(belief, drawn[None]))
+    few, many = (act(Continuous(starts=n), system, belief, 7) for n in (1, 5))
+    few, many = (system.cost(system.predict(belief, a)) for a in (few, many))
     assert (few <= start[:, 0]).all()
     assert (many <= start.min(axis=1)).all()
     assert (many <= few).all()  # the first draw is the same
@@ -177,18 +177,18 @@ def test_a_search_from_drawn_points_is_never_worse_than_they_are_and_more_starts
 @pytest.mark.parametrize("starts", [0, 3])
 def test_a_decision_depends_on_the_belief_alone(starts):
     system = scene(True)
-    public = beliefs(system, 2, 2)
-    together = act(Continuous(starts=starts), system, public)
+    belief = beliefs(system, 2, 2)
+    together = act(Continuous(starts=starts), system, belief)
     for e in (0, 3):
-        assert (act(Continuous(starts=starts), system, oracles.rows(public, slice(e, e + 1)))[0] == together[e]).all()
+        assert (act(Continuous(starts=starts), system, oracles.rows(belief, slice(e, e + 1)))[0] == together[e]).all()
     assert (np.abs(together) <= 1).all()
 
 
 def test_continuous_information_keeps_the_threshold_and_gains_on_the_grid():
     system = scene(threshold=0.5)
-    public = beliefs(system, 2, 4)
+    belief = beliefs(system, 2, 4)
     grid, fine = (
-        system.information(public, act(p, system, public)) for p in (MyopicInformation(), Continuous("information"))
+        system.information(belief, act(p, system, belief)) for p in (MyopicInformation(), Continuous("information"))
     )
     assert (fine.sum(axis=1) >= grid.sum(axis=1)).all()
     assert fine.sum() > 1.001 * grid.sum()
@@ -197,20 +197,20 @@ def test_continuous_information_keeps_the_threshold_and_gains_on_the_grid():
 
 def test_a_binding_threshold_holds_in_the_box_too():
     system = apart(action="box")
-    public = beliefs(system, 2, 3)
-    reach = system.information(public, system.most_information(public, np.inf)[0]).min(axis=1)
+    belief = beliefs(system, 2, 3)
+    reach = system.information(belief, system.most_information(belief, np.inf)[0]).min(axis=1)
     threshold = float(0.9 * reach.min())
     policy, held = Continuous("information"), dataclasses.replace(system, threshold=threshold)
-    share = system.information(public, act(policy, held, public))
+    share = system.information(belief, act(policy, held, belief))
     assert policy.feasible.all()
     assert (share.min(axis=1) >= threshold).all()
-    assert (share.sum(axis=1) >= system.information(public, held.most_information(public)[0]).sum(axis=1)).all()
-    free = act(Continuous("information"), dataclasses.replace(system, threshold=0.0), public)
-    assert (system.information(public, free).min(axis=1) < threshold).any()
+    assert (share.sum(axis=1) >= system.information(belief, held.most_information(belief)[0]).sum(axis=1)).all()
+    free = act(Continuous("information"), dataclasses.replace(system, threshold=0.0), belief)
+    assert (system.information(belief, free).min(axis=1) < threshold).any()
     with pytest.warns(InfeasibleThreshold, match="threshold is 1e\\+09, not reached in 8 of 8"):
-        beyond = act(policy, dataclasses.replace(system, threshold=1e9), public)
+        beyond = act(policy, dataclasses.replace(system, threshold=1e9), belief)
     assert not policy.feasible.any()
-    assert (system.information(public, beyond).min(axis=1) >= reach * (1 - 1e-12)).all()
+    assert (system.information(belief, beyond).min(axis=1) >= reach * (1 - 1e-12)).all()
 
 
 @dataclasses.dataclass
@@ -220,24 +220,24 @@ class Tilt:
     threshold: float
     actions = ParameterBox((Parameter("a", "", 1.0, 2.0),))
 
-    def information(self, public, actions):
+    def information(self, belief, actions):
         return np.concatenate([5 + 4 * actions, 2 - actions], axis=-1)
 
-    def most_information(self, public):
-        return np.full((len(public.step), 1), -1.0), np.ones(len(public.step), bool)
+    def most_information(self, belief):
+        return np.full((len(belief.step), 1), -1.0), np.ones(len(belief.step), bool)
 
 
 @pytest.mark.parametrize("starts", [0, 1])
 @pytest.mark.parametrize(("threshold", "best"), [(0.0, 1.0), (0.5, 1.0), (1.5, 0.5), (2.5, -0.5), (3.5, -0.6)])
 def test_a_constraint_is_met_where_it_is_tight(starts, threshold, best):
     """Beyond a = 2 - t the second has too little; of 3.5 it never has enough, and both have most at a = -3/5."""
-    public = Level(np.zeros(2, int), np.zeros(2))
+    belief = Level(np.zeros(2, int), np.zeros(2))
     policy = Continuous("information", starts)
     if threshold == 3.5:
         with pytest.warns(InfeasibleThreshold, match="nearest that all reach: 2.6"):
-            actions = act(policy, Tilt(threshold), public)
+            actions = act(policy, Tilt(threshold), belief)
     else:
-        actions = act(policy, Tilt(threshold), public)
+        actions = act(policy, Tilt(threshold), belief)
         assert (2 - actions >= threshold).all()
     np.testing.assert_allclose(actions, best, atol=1e-5)
     assert policy.feasible.all() == (threshold < 3.5)
@@ -245,9 +245,9 @@ def test_a_constraint_is_met_where_it_is_tight(starts, threshold, best):
 
 def test_no_threshold_is_no_constraint():
     system = scene(threshold=0.0)
-    public = beliefs(system, 2, 1)
+    belief = beliefs(system, 2, 1)
     policy = Continuous("information", 2)
-    act(policy, system, public)
+    act(policy, system, belief)
     assert policy.feasible.all()
 
 
@@ -275,7 +275,7 @@ def test_impossible_searches_are_refused():
 
 def test_a_threshold_that_is_no_number_is_refused():
     system = scene(False)
-    public = beliefs(system, 1, 1)
+    belief = beliefs(system, 1, 1)
     for threshold in (-1.0, np.nan):
         with pytest.raises(InputError, match=r"threshold is .* expected a number >= 0"):
-            system.most_information(public, threshold)
+            system.most_information(belief, threshold)

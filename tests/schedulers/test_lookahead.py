@@ -40,17 +40,17 @@ def test_fused_equals_generic_equals_enumeration(make, depth, step, left):
     """``left`` is how many steps count: the episode has 8, and past its end the choice is the myopic one."""
     system = make(horizon=8)
     n = len(system.weights)
-    public = system.begin(oracles.worlds(system, 4)).public
-    public = public._replace(covariance=oracles.random_covariance(np.random.default_rng(depth), n, (4,)))
-    public = public._replace(step=np.full(4, step))
+    belief = system.initial(oracles.worlds(system, 4)).belief
+    belief = belief._replace(covariance=oracles.random_covariance(np.random.default_rng(depth), n, (4,)))
+    belief = belief._replace(step=np.full(4, step))
     fused, generic = Lookahead(depth), Lookahead(depth, fused=False)
     for policy in (fused, generic):
         policy.begin(system, 4, None)
-    chosen = fused.act(public, None, None)
-    assert (chosen == generic.act(public, None, None)).all()
-    _, costs = system.best_sequence(public, depth)
+    chosen = fused.act(belief, None, None)
+    assert (chosen == generic.act(belief, None, None)).all()
+    _, costs = system.best_sequence(belief, depth)
     for e in range(4):
-        listed = list(sequences(system, public.mean[e], public.covariance[e], left))
+        listed = list(sequences(system, belief.mean[e], belief.covariance[e], left))
         best, cost = min(listed, key=lambda pair: pair[1])
         np.testing.assert_allclose(costs[e], cost, rtol=1e-8)
         assert chosen[e] == best[0]
@@ -58,23 +58,23 @@ def test_fused_equals_generic_equals_enumeration(make, depth, step, left):
 
 def test_environments_at_different_steps_are_independent():
     system = small(horizon=5)
-    public = system.begin(oracles.worlds(system, 5)).public._replace(step=np.arange(5))
+    belief = system.initial(oracles.worlds(system, 5)).belief._replace(step=np.arange(5))
     for fused in (True, False):
         policy = Lookahead(3, fused)
         policy.begin(system, 5, None)
-        together = policy.act(public, None, None)
-        alone = [policy.act(oracles.rows(public, slice(e, e + 1)), None, None)[0] for e in range(5)]
+        together = policy.act(belief, None, None)
+        alone = [policy.act(oracles.rows(belief, slice(e, e + 1)), None, None)[0] for e in range(5)]
         assert (together == alone).all()
 
 
 def ladder_value(system, level, step, depth):
     """Best cost and first action by plain recursion, masks and early ends included."""
-    public = system.begin(Start(np.array([level]))).public._replace(step=np.array([step]))
+    belief = system.initial(Start(np.array([level]))).belief._replace(step=np.array([step]))
     best = np.inf, -1
-    for action in np.flatnonzero(system.mask(public)[0]):
-        after = system.imagine(public, np.array([action]))
+    for action in np.flatnonzero(system.mask(belief)[0]):
+        after = system.predict(belief, np.array([action]))
         cost = after.level[0]
-        if depth > 1 and not system.ended(after)[0]:
+        if depth > 1 and not system.terminal(after)[0]:
             cost += ladder_value(system, after.level[0], step + 1, depth - 1)[0]
         best = min(best, (cost, action))
     return best
@@ -83,11 +83,11 @@ def ladder_value(system, level, step, depth):
 @pytest.mark.parametrize("depth", [1, 2, 4])
 def test_masks_and_early_ends_are_foreseen(depth):
     system = Ladder()
-    public = system.begin(oracles.worlds(system, 50)).public
+    belief = system.initial(oracles.worlds(system, 50)).belief
     policy = Lookahead(depth)
     policy.begin(system, 50, None)
-    chosen = policy.act(public, None, system.mask(public))
-    assert (chosen == [ladder_value(system, level, 0, depth)[1] for level in public.level]).all()
+    chosen = policy.act(belief, None, system.mask(belief))
+    assert (chosen == [ladder_value(system, level, 0, depth)[1] for level in belief.level]).all()
 
 
 def test_depth_one_is_myopic_and_each_depth_is_better():
@@ -103,20 +103,20 @@ def test_memory_is_bounded_by_chunks(depth, monkeypatch):
     sizes = []
 
     class Counting(KershawEvansPosition):
-        def imagine(self, public, actions, outcome=None):
-            result = super().imagine(public, actions)
+        def predict(self, belief, actions, outcome=None):
+            result = super().predict(belief, actions)
             sizes.append(result.step.size)
             return result
 
     system = Counting(durations=(10e-6, 50e-6, 300e-6), sweeps=(0.0, 1e6, -1e6))
-    public = system.begin(oracles.worlds(system, 60)).public
+    belief = system.initial(oracles.worlds(system, 60)).belief
     policy = Lookahead(depth, fused=False)
     policy.begin(system, 60, None)
-    free = policy.act(public, None, None)
+    free = policy.act(belief, None, None)
     assert max(sizes) == 60 * 9**depth
     sizes.clear()
     monkeypatch.setattr(lookahead, "NODES", 1000)
-    assert (policy.act(public, None, None) == free).all()
+    assert (policy.act(belief, None, None) == free).all()
     assert max(sizes) <= 1000
     assert sum(sizes) == 60 * sum(9**d for d in range(1, depth + 1))
 
@@ -157,18 +157,18 @@ def test_a_depth_of_no_steps_is_refused():
         Lookahead(0)
 
 
-def foreseen(system, public, depth):
-    """Cost of every sequence by repeated ``imagine``, (env, first action, rest), and of the one-step scheduler's."""
-    candidates, count = system.candidates(), len(public.step)
-    own, mine, total, flat = public, 0.0, np.zeros(count), public
+def predicted(system, belief, depth):
+    """Cost of every sequence by repeated ``predict``, (env, first action, rest), and of the one-step scheduler's."""
+    candidates, count = system.candidates(), len(belief.step)
+    own, mine, total, flat = belief, 0.0, np.zeros(count), belief
     for k in range(depth):
-        on = (public.step + k < system.horizon) | (k == 0)
-        own = system.imagine(own, system.best_action(own))
+        on = (belief.step + k < system.horizon) | (k == 0)
+        own = system.predict(own, system.best_action(own))
         mine = mine + on * system.cost(own)
-        imagined = system.imagine(flat, candidates[None])
-        added = np.repeat(on, len(flat.step) // count)[:, None] * system.cost(imagined)
+        predicted = system.predict(flat, candidates[None])
+        added = np.repeat(on, len(flat.step) // count)[:, None] * system.cost(predicted)
         total = (total[:, None] + added).ravel()
-        flat = trees.tree_map(lambda a: a.reshape(-1, *a.shape[2:]), imagined)
+        flat = trees.tree_map(lambda a: a.reshape(-1, *a.shape[2:]), predicted)
     return total.reshape(count, len(candidates), -1), mine
 
 
@@ -177,9 +177,9 @@ def foreseen(system, public, depth):
 def test_a_plan_is_nearly_the_best_of_all_sequences(far, depth, points):
     """Its cost is that of a sequence with its first action, never above the one-step scheduler's own sequence."""
     system = scene(far, points=points, action="joint")
-    public = beliefs(system)
-    listed, mine = foreseen(system, public, depth)
-    chosen, cost = system.plan(public, depth)
+    belief = beliefs(system)
+    listed, mine = predicted(system, belief, depth)
+    chosen, cost = system.plan(belief, depth)
     with_it = listed[np.arange(len(chosen)), chosen]
     np.testing.assert_allclose(np.abs(with_it / cost[:, None] - 1).min(axis=1), 0.0, atol=1e-9)
     assert (cost <= mine * (1 + 1e-9)).all()
@@ -187,20 +187,20 @@ def test_a_plan_is_nearly_the_best_of_all_sequences(far, depth, points):
     assert off.max() < 0.005
     assert (off < 1e-9).mean() > 0.85
     if depth == 1:
-        assert (chosen == system.best_action(public)).all()
+        assert (chosen == system.best_action(belief)).all()
     elif not far:
         assert cost.sum() < mine.sum() * (1 - 1e-6)  # looking ahead is worth something here
 
 
 def test_a_plan_in_a_box_is_never_above_the_one_step_schedulers_sequence():
     system = scene()
-    public = beliefs(system, 2)
+    belief = beliefs(system, 2)
     for depth in (1, 4):
-        own, mine = public, 0.0
+        own, mine = belief, 0.0
         for k in range(depth):
-            own = system.imagine(own, system.best_action(own))
-            mine = mine + ((public.step + k < system.horizon) | (k == 0)) * system.cost(own)
-        _, cost = system.plan(public, depth)
+            own = system.predict(own, system.best_action(own))
+            mine = mine + ((belief.step + k < system.horizon) | (k == 0)) * system.cost(own)
+        _, cost = system.plan(belief, depth)
         assert (cost <= mine * (1 + 1e-9)).all()
         if depth == 1:
             np.testing.assert_allclose(cost, mine, rtol=1e-9)
@@ -208,36 +208,36 @@ def test_a_plan_in_a_box_is_never_above_the_one_step_schedulers_sequence():
 
 def test_a_systems_plan_is_played_at_any_depth_but_not_where_it_is_unwanted():
     system = scene(points=(3, 1, 3), action="joint")
-    public = beliefs(system, 2)
+    belief = beliefs(system, 2)
     policy = Lookahead(50)
     policy.begin(system, 2, None)
-    assert (policy.act(public, None, None) == system.plan(public, 50)[0]).all()
+    assert (policy.act(belief, None, None) == system.plan(belief, 50)[0]).all()
     with pytest.raises(InputError, match=r"81\^12 sequences"):
         Lookahead(50, fused=False).begin(system, 2, None)
     with pytest.raises(InputError, match=r"81\^12 sequences"):
-        policy.act(public, None, np.ones((len(public.step), 81), bool))
-    shallow, mask = Lookahead(2), np.ones((len(public.step), 81), bool)
+        policy.act(belief, None, np.ones((len(belief.step), 81), bool))
+    shallow, mask = Lookahead(2), np.ones((len(belief.step), 81), bool)
     shallow.begin(system, 2, None)
-    free = shallow.act(public, None, None)
+    free = shallow.act(belief, None, None)
     mask[np.arange(len(free)), free] = False
-    masked = shallow.act(public, None, mask)
+    masked = shallow.act(belief, None, mask)
     assert mask[np.arange(len(free)), masked].all()
-    assert (masked == foreseen_masked(system, public, mask)).all()
+    assert (masked == foreseen_masked(system, belief, mask)).all()
 
 
-def foreseen_masked(system, public, mask):
+def foreseen_masked(system, belief, mask):
     """The first action of the cheapest two, the first of them masked."""
-    cost = foreseen(system, public, 2)[0].min(axis=2)
+    cost = predicted(system, belief, 2)[0].min(axis=2)
     return np.where(mask, cost, np.inf).argmin(axis=1)
 
 
 def test_an_exhaustive_search_goes_before_a_plan():
     class Both(KershawEvansPosition):
-        def plan(self, public, depth):
+        def plan(self, belief, depth):
             raise AssertionError
 
     system = Both(durations=(10e-6, 50e-6, 300e-6), sweeps=(0.0, 1e6, -1e6))
-    public = system.begin(oracles.worlds(system, 3)).public
+    belief = system.initial(oracles.worlds(system, 3)).belief
     policy = Lookahead(2)
     policy.begin(system, 3, None)
-    assert (policy.act(public, None, None) == system.best_sequence(public, 2)[0]).all()
+    assert (policy.act(belief, None, None) == system.best_sequence(belief, 2)[0]).all()

@@ -36,28 +36,28 @@ def objectives(system, mean, P):
 def test_the_choice_is_the_least_over_all_actions(system, objective):
     rng = np.random.default_rng(0)
     n = len(system.weights)
-    public = system.begin(oracles.worlds(system, 30)).public
-    public = public._replace(covariance=oracles.random_covariance(rng, n, (30,)))
+    belief = system.initial(oracles.worlds(system, 30)).belief
+    belief = belief._replace(covariance=oracles.random_covariance(rng, n, (30,)))
     policy = Myopic(objective)
     policy.begin(system, 30, rng)
-    chosen = policy.act(public, None, None)
+    chosen = policy.act(belief, None, None)
     assert objective == "determinant" or len(np.unique(chosen)) > 1  # det P runs to an edge whatever the belief
     for e in range(30):
-        values = np.array(objectives(system, public.mean[e], public.covariance[e])[objective])
+        values = np.array(objectives(system, belief.mean[e], belief.covariance[e])[objective])
         assert values[chosen[e]] <= values.min() * (1 + 1e-8)
 
 
 def test_what_is_masked_is_not_chosen():
     system = KershawEvansPosition()
-    public = system.begin(oracles.worlds(system, 5)).public
+    belief = system.initial(oracles.worlds(system, 5)).belief
     policy = Myopic()
     policy.begin(system, 5, None)
-    free = policy.act(public, None, None)
+    free = policy.act(belief, None, None)
     mask = np.ones((5, 56), bool)
-    assert (policy.act(public, None, mask) == free).all()
+    assert (policy.act(belief, None, mask) == free).all()
     mask[np.arange(5), free] = False
-    second = policy.act(public, None, mask)
-    cost = system.cost(system.imagine(public, np.arange(56)[None]))
+    second = policy.act(belief, None, mask)
+    cost = system.cost(system.predict(belief, np.arange(56)[None]))
     assert (second == np.argsort(cost, axis=1)[:, 1]).all()
     ladder = Ladder()
     worlds = oracles.worlds(ladder, 20)
@@ -65,27 +65,27 @@ def test_what_is_masked_is_not_chosen():
     for k in range(ladder.horizon):
         actions = rollout(ladder, Myopic(), worlds).actions[:, k]
         live = level <= 40
-        assert ladder.mask(ladder.begin(Start(level)).public)[np.arange(20), actions][live].all()
-        level = ladder.imagine(ladder.begin(Start(level)).public, actions).level
+        assert ladder.mask(ladder.initial(Start(level)).belief)[np.arange(20), actions][live].all()
+        level = ladder.predict(ladder.initial(Start(level)).belief, actions).level
 
 
 def test_a_box_is_searched_at_its_librarys_points():
     library, box = KershawEvansPosition(), KershawEvansPosition(action="box")
-    public = library.begin(oracles.worlds(library, 10)).public
+    belief = library.initial(oracles.worlds(library, 10)).belief
     chosen = []
     for system in (library, box):
         policy = Myopic()
         policy.begin(system, 10, None)
-        chosen.append(policy.act(public, None, None))
+        chosen.append(policy.act(belief, None, None))
     assert (chosen[1] == box.candidates()[chosen[0]]).all()
 
 
 def test_an_own_objective_and_an_unknown_one():
     system = KershawEvansPosition()
-    public = system.begin(oracles.worlds(system, 4)).public
-    policy = Myopic(lambda system, public, candidates: -np.ones((4, 1)) * candidates)
+    belief = system.initial(oracles.worlds(system, 4)).belief
+    policy = Myopic(lambda system, belief, candidates: -np.ones((4, 1)) * candidates)
     policy.begin(system, 4, None)
-    assert (policy.act(public, None, None) == 55).all()
+    assert (policy.act(belief, None, None) == 55).all()
     with pytest.raises(InputError, match="did you mean 'determinant'"):
         Myopic("determinent")
 
@@ -101,12 +101,12 @@ def test_a_search_platform_after_platform_is_nearly_the_best_of_all_settings(far
     3 of 4, where it is off by 0.5 percent in the mean (of two platforms by 2 at most, of three once by 16).
     """
     system = scene(far, platforms, targets, points=points, action="joint", margin=margin)
-    public = beliefs(system)
+    belief = beliefs(system)
     costs = []
     for fused in (True, False):
         policy = Myopic(fused=fused)
-        policy.begin(system, len(public.step), None)
-        costs.append(system.cost(system.imagine(public, policy.act(public, None, None))))
+        policy.begin(system, len(belief.step), None)
+        costs.append(system.cost(system.predict(belief, policy.act(belief, None, None))))
     off = costs[0] / costs[1] - 1
     assert off.min() > -1e-9
     assert off.max() < (1e-9, 0.02, 0.2)[platforms - 1]
@@ -119,28 +119,28 @@ def test_a_systems_own_search_needs_no_candidates():
         def candidates(self):
             raise AssertionError
 
-        def best_action(self, public):
-            return np.full(len(public.step), 7)
+        def best_action(self, belief):
+            return np.full(len(belief.step), 7)
 
     system = Own()
-    public = system.begin(oracles.worlds(system, 3)).public
+    belief = system.initial(oracles.worlds(system, 3)).belief
     policy = Myopic()
     policy.begin(system, 3, None)
-    assert policy.act(public, None, None).tolist() == [7, 7, 7]
+    assert policy.act(belief, None, None).tolist() == [7, 7, 7]
     with pytest.raises(AssertionError):
-        policy.act(public, None, np.ones((3, 56), bool))
+        policy.act(belief, None, np.ones((3, 56), bool))
 
 
-def test_a_margin_of_foresight_replaces_the_systems_own():
+def test_a_margin_of_prediction_replaces_the_systems_own():
     system = scene(True, margin=0.0)
-    public = beliefs(system, 3, 4)
+    belief = beliefs(system, 3, 4)
     chosen = {}
     for margin in (None, 0.0, 2.0):
         policy = Myopic(margin=margin)
-        policy.begin(system, len(public.step), None)
-        chosen[margin] = policy.act(public, None, None)
+        policy.begin(system, len(belief.step), None)
+        chosen[margin] = policy.act(belief, None, None)
     assert (chosen[None] == chosen[0.0]).all()
-    assert (chosen[2.0] == dataclasses.replace(system, margin=2.0).best_action(public)).all()
+    assert (chosen[2.0] == dataclasses.replace(system, margin=2.0).best_action(belief)).all()
     assert (chosen[2.0] != chosen[0.0]).any()
 
 
@@ -153,9 +153,9 @@ def test_margins_that_cannot_be_are_refused():
 
 def test_the_determinant_of_several_targets_is_their_product():
     system = scene(False, action="joint", points=(2, 1, 2))
-    public = beliefs(system, 3, 4)
+    belief = beliefs(system, 3, 4)
     policy = Myopic("determinant")
-    policy.begin(system, len(public.step), None)
-    covariance = system.imagine(public, system.candidates()[None]).covariance  # (env, candidate, target, 4, 4)
+    policy.begin(system, len(belief.step), None)
+    covariance = system.predict(belief, system.candidates()[None]).covariance  # (env, candidate, target, 4, 4)
     together = np.linalg.slogdet(covariance)[1].sum(axis=2)
-    np.testing.assert_array_equal(policy.act(public, None, None), together.argmin(axis=1))
+    np.testing.assert_array_equal(policy.act(belief, None, None), together.argmin(axis=1))

@@ -19,9 +19,9 @@ def all_schedules(system, worlds):
     n = len(system.weights)
     F, Q = oracles.motion(n, system.dt, system.q)
     C = np.array([oracles.chirp_covariance(k, sweep) for k in system.durations for sweep in system.sweeps])
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     best = []
-    for path, P in zip(state.hidden.path, state.public.covariance, strict=True):
+    for path, P in zip(state.truth.path, state.belief.covariance, strict=True):
         P, cost = P[None], np.zeros(1)
         for k in range(system.horizon):
             P = F @ P @ F.T + Q
@@ -36,7 +36,7 @@ def all_schedules(system, worlds):
 def prepared(system, worlds, **kwargs):
     policy = Optimum(**kwargs)
     policy.begin(system, len(worlds.normal), None)
-    policy.foresee(worlds)
+    policy.reveal(worlds)
     return policy
 
 
@@ -65,7 +65,7 @@ def test_the_plan_is_what_is_played():
         result = rollout(system, policy, worlds)
         np.testing.assert_allclose(result.cost.sum(axis=1), policy.plan.cost, rtol=1e-8)
         assert (result.actions == system.candidates()[policy.plan.actions]).all()
-        over = system.begin(worlds).public._replace(step=np.full(4, system.horizon))
+        over = system.initial(worlds).belief._replace(step=np.full(4, system.horizon))
         assert len(policy.act(over, None, None)) == 4
 
 
@@ -125,10 +125,10 @@ def test_the_reference_case():
     """From 20 km at 200 m/s outbound, P0 = diag(1e4, 1e4), everything known: figures of an independent prototype."""
 
     class Known(KershawEvansPosition):
-        def begin(self, world):
-            state = super().begin(world)
-            mean = state.hidden.truth.copy()
-            return state._replace(public=state.public._replace(mean=mean, covariance=np.diag([1e4, 1e4])[None]))
+        def initial(self, world):
+            state = super().initial(world)
+            mean = state.truth.targets.copy()
+            return state._replace(belief=state.belief._replace(mean=mean, covariance=np.diag([1e4, 1e4])[None]))
 
     system = Known(targets="scripted", script=(), start_range=(20e3, 20e3), start_speed=(200.0, 200.0))
     worlds = oracles.worlds(system, 1)
@@ -157,10 +157,10 @@ def test_pruning_keeps_every_useful_sequence_of_distinct_waveforms():
     worlds = oracles.worlds(system, 2)
     floor = prepared(system, worlds).plan.cost
     for sequence in itertools.product(range(9), repeat=3):
-        state, cost = system.begin(worlds), np.zeros(2)
+        state, cost = system.initial(worlds), np.zeros(2)
         for action in sequence:
-            state = system.advance(state, np.full(2, action), worlds)
-            cost += system.cost(state.public)
+            state = system.transition(state, np.full(2, action), worlds)
+            cost += system.cost(state.belief)
         assert (floor <= cost * (1 + 1e-9)).all()
 
 
@@ -170,7 +170,7 @@ def test_what_cannot_be_had_is_refused():
     system = small(2)
     policy = prepared(system, oracles.worlds(system, 1))
     with pytest.raises(InputError, match="given a mask"):
-        policy.act(system.begin(oracles.worlds(system, 1)).public, None, np.ones((1, 9), bool))
+        policy.act(system.initial(oracles.worlds(system, 1)).belief, None, np.ones((1, 9), bool))
     recursion = system.deterministic_recursion(oracles.worlds(system, 1))
     for kwargs, words in (({"tolerance": -1.0}, "tolerance is -1"), ({"nodes": 0}, "nodes is 0")):
         with pytest.raises(InputError, match=words):

@@ -23,22 +23,22 @@ SENSOR = ((3e3, -16e3),)
 def beliefs():
     """Public states of six episodes under random choices, at ``STEPS``."""
     worlds, rng = oracles.worlds(BOX, 6), np.random.default_rng(1)
-    state, met = BOX.begin(worlds), {}
+    state, met = BOX.initial(worlds), {}
     for k in range(max(STEPS) + 1):
-        met[k] = state.public
+        met[k] = state.belief
         action = rng.uniform(-1, 1, (6, *BOX.candidates().shape[1:]))
-        state = BOX.advance(state, action, worlds)
+        state = BOX.transition(state, action, worlds)
     return [met[k] for k in STEPS]
 
 
-def chosen(system, public, **settings):
+def chosen(system, belief, **settings):
     policy = Progressive(**settings)
-    policy.begin(system, len(public.step), np.random.default_rng(0))
-    return policy.act(public, None, None)
+    policy.begin(system, len(belief.step), np.random.default_rng(0))
+    return policy.act(belief, None, None)
 
 
-def predicted(system, public, action):
-    return system.cost(system.imagine(public, action))
+def predicted(system, belief, action):
+    return system.cost(system.predict(belief, action))
 
 
 def fine_grid(system, points):
@@ -52,14 +52,14 @@ def fine_grid(system, points):
 def test_it_finds_what_a_fine_grid_finds(beliefs):
     """Its last grid is as fine as 17 points an axis; it may only miss another valley, by less than a grid step."""
     C = fine_grid(BOX, 17)
-    for public in beliefs:
-        ahead = BOX.ahead(public)
+    for belief in beliefs:
+        ahead = BOX.ahead(belief)
         for i in range(2):
             cost = BOX.sensor_costs(ahead, i, C[None])
             if i == 0:
                 ahead = BOX.after_sensor(ahead, 0, C[cost.argmin(axis=1)])
         best = cost.min(axis=1)
-        found = predicted(BOX, public, chosen(BOX, public))
+        found = predicted(BOX, belief, chosen(BOX, belief))
         np.testing.assert_array_less(found, best * 1.01)
         np.testing.assert_array_less(best, found * 1.01)
 
@@ -68,8 +68,8 @@ def test_more_levels_leave_less_trace(beliefs):
     """Every grid holds the best point of the one before. (Of two sensors only the first is sure to gain.)"""
     system = AgileClutter(action="box", sensors=SENSOR)
     gained = 0
-    for public in beliefs:
-        coarse, fine = (predicted(system, public, chosen(system, public, levels=levels)) for levels in (1, 4))
+    for belief in beliefs:
+        coarse, fine = (predicted(system, belief, chosen(system, belief, levels=levels)) for levels in (1, 4))
         assert (fine <= coarse * (1 + 1e-9)).all()
         gained += (fine < coarse * (1 - 1e-4)).sum()
     assert gained > 0
@@ -80,9 +80,9 @@ def test_it_foresees_no_more_than_the_library_scheduler(beliefs, sensors):
     """The library's durations and sweeps span the box but are few. Its 4 MHz lie between points of the search: 1e-4."""
     box, listed, library = AgileClutter(action="box", sensors=sensors), AgileClutter(sensors=sensors), Myopic()
     library.begin(listed, 6, np.random.default_rng(0))
-    for public in beliefs:
-        coarse = predicted(listed, public, library.act(public, None, None))
-        assert (predicted(box, public, chosen(box, public)) <= coarse * (1 + 1e-4)).all()
+    for belief in beliefs:
+        coarse = predicted(listed, belief, library.act(belief, None, None))
+        assert (predicted(box, belief, chosen(box, belief)) <= coarse * (1 + 1e-4)).all()
 
 
 def test_restricted_laws_are_all_it_transmits(beliefs):

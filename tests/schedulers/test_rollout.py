@@ -17,10 +17,10 @@ def test_costs_and_actions_are_those_of_the_loop():
     result = rollout(system, RandomChoice(), worlds, np.random.default_rng(3))
     assert result.cost.shape == result.actions.shape == (5, 7)
     assert (result.steps == 7).all()
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for k in range(7):
-        state = system.advance(state, result.actions[:, k], worlds)
-        assert (result.cost[:, k] == system.cost(state.public)).all()
+        state = system.transition(state, result.actions[:, k], worlds)
+        assert (result.cost[:, k] == system.cost(state.belief)).all()
     np.testing.assert_allclose(result.mean_cost, result.cost.mean(axis=1), rtol=1e-14)
     again = rollout(system, RandomChoice(), worlds, np.random.default_rng(3))
     assert (again.actions == result.actions).all()
@@ -50,14 +50,14 @@ def test_an_early_end_costs_nothing_more():
 
 def test_masks_reach_the_policy_only_where_a_system_has_them():
     ladder, free = Ladder(), small(horizon=2)
-    public = ladder.begin(oracles.worlds(ladder, 3)).public
-    assert (allowed(ladder, public) == ladder.mask(public)).all()
-    assert allowed(free, free.begin(oracles.worlds(free, 3)).public) is None
+    belief = ladder.initial(oracles.worlds(ladder, 3)).belief
+    assert (allowed(ladder, belief) == ladder.mask(belief)).all()
+    assert allowed(free, free.initial(oracles.worlds(free, 3)).belief) is None
 
 
 def test_a_clairvoyant_policy_is_shown_the_worlds():
     class Prophet(Myopic):
-        def foresee(self, world):
+        def reveal(self, world):
             self.seen = world
 
     system = small(horizon=2)

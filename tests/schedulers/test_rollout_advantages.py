@@ -13,17 +13,17 @@ from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 def test_without_chance_it_is_the_exact_saving():
     system = KershawEvansPosition(horizon=9)
-    public = system.begin(draw_worlds(system, world_seeds(0, "tune", 3))).public
+    belief = system.initial(draw_worlds(system, world_seeds(0, "tune", 3))).belief
     planner = RolloutPlanner(Myopic(), 4, shortlist=100)
     planner.begin(system, 3, np.random.default_rng(0))
-    told = planner.advantages(public, None)
+    told = planner.advantages(belief, None)
     costs = np.empty((3, 56))
     for first in range(56):
-        here, total = public, 0.0
+        here, total = belief, 0.0
         for k in range(4):
             policy = Fixed(first) if k == 0 else Myopic()
             policy.begin(system, 3, np.random.default_rng(0))
-            here = system.imagine(here, policy.act(here, None, None))
+            here = system.predict(here, policy.act(here, None, None))
             total = total + system.cost(here)
         costs[:, first] = total
     np.testing.assert_allclose(told, 1.0 - costs / costs.mean(axis=1, keepdims=True), rtol=1e-9, atol=1e-12)
@@ -32,12 +32,12 @@ def test_without_chance_it_is_the_exact_saving():
 
 def test_what_cannot_be_paid_has_none_and_the_rest_compare_among_themselves():
     system = EnergyBudget(budget=0.02)
-    state = system.begin(draw_worlds(system, world_seeds(0, "tune", 4)))
-    public = state.public._replace(energy=np.array([0.0, 0.25, 0.5, 2.0]))
+    state = system.initial(draw_worlds(system, world_seeds(0, "tune", 4)))
+    belief = state.belief._replace(energy=np.array([0.0, 0.25, 0.5, 2.0]))
     planner = RolloutPlanner(Fixed(0), 6, futures=2)
     planner.begin(system, 4, np.random.default_rng(0))
-    mask = allowed(system, public)
-    told = planner.advantages(public, mask)
+    mask = allowed(system, belief)
+    told = planner.advantages(belief, mask)
     assert (np.isnan(told) == ~mask).all()
     assert told[0, 0] == 0.0  # silence is all there is
     np.testing.assert_allclose(np.nansum(told, axis=1), 0.0, atol=1e-10)
@@ -46,11 +46,11 @@ def test_what_cannot_be_paid_has_none_and_the_rest_compare_among_themselves():
 @pytest.mark.parametrize("holds", [(1,), (1, 3)])
 def test_more_futures_say_the_same_with_less_noise(holds):
     system = EnergyBudget()
-    public = system.begin(draw_worlds(system, world_seeds(0, "tune", 1))).public
+    belief = system.initial(draw_worlds(system, world_seeds(0, "tune", 1))).belief
     spread = {}
     for futures in (2, 50):
         planner = RolloutPlanner(Fixed(0), 6, futures=futures, holds=holds)
         planner.begin(system, 1, np.random.default_rng(1))
-        spread[futures] = np.std([planner.advantages(public, None)[0] for _ in range(30)], axis=0).mean()
+        spread[futures] = np.std([planner.advantages(belief, None)[0] for _ in range(30)], axis=0).mean()
     # Of 25 times as many futures the spread is a fifth; over 30 samples it is known to a tenth or so.
     assert 0.1 < spread[50] / spread[2] < 0.4

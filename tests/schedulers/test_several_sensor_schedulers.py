@@ -22,7 +22,7 @@ ALL = [[i, j] for i in range(3) for j in range(3)]
 
 def ready(policy, system, count, seed=0):
     policy.begin(system, count, np.random.default_rng(seed))
-    return policy, system.begin(oracles.worlds(system, count)).public
+    return policy, system.initial(oracles.worlds(system, count)).belief
 
 
 def test_candidates_are_all_combinations_and_constants_what_the_system_says():
@@ -35,23 +35,23 @@ def test_candidates_are_all_combinations_and_constants_what_the_system_says():
 
 
 def test_fixed_and_round_robin_choose_among_the_constants():
-    policy, public = ready(Fixed(1), SYSTEM, 4)
-    assert policy.act(public, None, None).tolist() == [[1, 1]] * 4
+    policy, belief = ready(Fixed(1), SYSTEM, 4)
+    assert policy.act(belief, None, None).tolist() == [[1, 1]] * 4
     with pytest.raises(InputError, match=r"fixed:3 is no constant action, expected 0 to 2 .nearest: 2"):
         ready(Fixed(3), SYSTEM, 1)
-    policy, public = ready(RoundRobin(), SYSTEM, 4)
-    public = public._replace(step=np.array([0, 1, 2, 3]))
-    assert policy.act(public, None, None).tolist() == [[0, 0], [1, 1], [2, 2], [0, 0]]
+    policy, belief = ready(RoundRobin(), SYSTEM, 4)
+    belief = belief._replace(step=np.array([0, 1, 2, 3]))
+    assert policy.act(belief, None, None).tolist() == [[0, 0], [1, 1], [2, 2], [0, 0]]
 
 
 def test_best_fixed_is_the_cheapest_constant():
     worlds = oracles.worlds(SYSTEM, 30)
     costs = []
     for waveforms in SYSTEM.constants():
-        state, total = SYSTEM.begin(worlds), 0.0
+        state, total = SYSTEM.initial(worlds), 0.0
         for _ in range(SYSTEM.horizon):
-            state = SYSTEM.advance(state, np.tile(waveforms, (30, 1)), worlds)
-            total += SYSTEM.cost(state.public).sum()
+            state = SYSTEM.transition(state, np.tile(waveforms, (30, 1)), worlds)
+            total += SYSTEM.cost(state.belief).sum()
         costs.append(total)
     assert best_fixed(SYSTEM, worlds) == int(np.argmin(costs))
 
@@ -65,65 +65,65 @@ class Few(Coupled):
 
 
 def test_a_mask_speaks_of_actions_whatever_the_constants():
-    policy, public = ready(Fixed(0), Few(), 2)
-    public = public._replace(step=np.array([0, 1]))
-    mask = Few().mask(public)
+    policy, belief = ready(Fixed(0), Few(), 2)
+    belief = belief._replace(step=np.array([0, 1]))
+    mask = Few().mask(belief)
     assert mask.tolist() == [[True, False, False, False], [True, True, True, False]]
-    assert policy.act(public, None, mask).tolist() == [0, 0]
+    assert policy.act(belief, None, mask).tolist() == [0, 0]
     policy, _ = ready(Fixed(2), Few(), 2)
-    assert policy.act(public, None, mask).tolist() == [0, 2]
+    assert policy.act(belief, None, mask).tolist() == [0, 2]
 
 
 def test_random_is_uniform_over_all_combinations():
-    policy, public = ready(RandomChoice(), SYSTEM, 9000)
-    tally = np.bincount(policy.act(public, None, None) @ np.array([3, 1]), minlength=9)
+    policy, belief = ready(RandomChoice(), SYSTEM, 9000)
+    tally = np.bincount(policy.act(belief, None, None) @ np.array([3, 1]), minlength=9)
     assert np.square(tally - 1000).sum() / 1000 < chi2.ppf(1 - 1e-6, 8)
 
 
 def test_random_draws_every_sensor_apart_and_keeps_to_a_mask_of_combinations():
     system = TwoSensors(durations=tuple(np.geomspace(1e-7, 1e-5, 40).tolist()))
     assert len(system.candidates()) == 1600 > FEW
-    policy, public = ready(RandomChoice(), system, 16_000, seed=3)
-    chosen = policy.act(public, None, None)
+    policy, belief = ready(RandomChoice(), system, 16_000, seed=3)
+    chosen = policy.act(belief, None, None)
     counts = np.bincount(chosen @ np.array([40, 1]), minlength=1600)  # nearly Poisson of mean 10
     assert counts.max() < 30  # above this once in 2000 runs
     assert 0.85 < counts.var() / 10 < 1.15  # four standard deviations
     mask = np.zeros((16_000, 1600), bool)
     mask[:, 7:9] = True
-    masked = policy.act(public, None, mask)
+    masked = policy.act(belief, None, mask)
     assert set(map(tuple, masked.tolist())) == {(0, 7), (0, 8)}
 
 
 def test_myopic_takes_the_least_of_all_combinations():
-    policy, public = ready(Myopic(), SYSTEM, 20)
+    policy, belief = ready(Myopic(), SYSTEM, 20)
     k = np.array(SYSTEM.durations)
-    for e, action in enumerate(policy.act(public, None, None)):
+    for e, action in enumerate(policy.act(belief, None, None)):
         costs = {}
         for i, j in ALL:
-            R = variances(k[[i, j]], public.mean[e])
-            costs[i, j] = sum(1 / (1 / (public.variance[e, t] + DRIFT**2) + (1 / R[:, t]).sum()) for t in range(2))
+            R = variances(k[[i, j]], belief.mean[e])
+            costs[i, j] = sum(1 / (1 / (belief.variance[e, t] + DRIFT**2) + (1 / R[:, t]).sum()) for t in range(2))
         assert costs[tuple(action)] == pytest.approx(min(costs.values()), rel=1e-12)
 
 
 def test_a_systems_own_search_is_used_for_the_unmasked_trace_only(monkeypatch):
     calls = []
     search = Quick.best_action
-    monkeypatch.setattr(Quick, "best_action", lambda system, public: calls.append(1) or search(system, public))
+    monkeypatch.setattr(Quick, "best_action", lambda system, belief: calls.append(1) or search(system, belief))
     for form, used in (("library", True), ("joint", False), ("box", False)):
         system = Quick(action=form)
-        fused, public = ready(Myopic(), system, 200)
+        fused, belief = ready(Myopic(), system, 200)
         exhaustive, _ = ready(Myopic(fused=False), system, 200)
-        chosen = fused.act(public, None, None)
+        chosen = fused.act(belief, None, None)
         assert len(calls) == 1  # which the other forms answer with NotImplementedError
         calls.clear()
         assert len(np.unique(chosen, axis=0)) > 1 or not used
-        want = exhaustive.act(public, None, None)
-        cost = [system.cost(system.imagine(public, actions)) for actions in (chosen, want)]
+        want = exhaustive.act(belief, None, None)
+        cost = [system.cost(system.predict(belief, actions)) for actions in (chosen, want)]
         np.testing.assert_allclose(*cost, rtol=1e-12)
-        own, _ = ready(Myopic(lambda system, public, candidates: np.ones((200, candidates.shape[1]))), system, 200)
-        assert (own.act(public, None, None) == system.candidates()[0]).all()
+        own, _ = ready(Myopic(lambda system, belief, candidates: np.ones((200, candidates.shape[1]))), system, 200)
+        assert (own.act(belief, None, None) == system.candidates()[0]).all()
         everything = np.ones((200, len(system.candidates())), bool)
-        assert (fused.act(public, None, everything) == want).all()
+        assert (fused.act(belief, None, everything) == want).all()
         assert calls == []
 
 
@@ -131,17 +131,17 @@ def test_a_lookahead_holds_few_beliefs_at_a_time(monkeypatch):
     held = []
 
     class Counting(TwoSensors):
-        def imagine(self, public, actions, outcome=None):
-            imagined = super().imagine(public, actions, outcome)
-            held.append(imagined.variance[..., 0].size)
-            return imagined
+        def predict(self, belief, actions, outcome=None):
+            predicted = super().predict(belief, actions, outcome)
+            held.append(predicted.variance[..., 0].size)
+            return predicted
 
-    policy, public = ready(Lookahead(3), Counting(), 7)
-    whole = policy.act(public, None, None)
+    policy, belief = ready(Lookahead(3), Counting(), 7)
+    whole = policy.act(belief, None, None)
     assert max(held) > 200
     held.clear()
     monkeypatch.setattr(lookahead, "NODES", 30)
-    assert (policy.act(public, None, None) == whole).all()
+    assert (policy.act(belief, None, None) == whole).all()
     assert max(held) <= 30
 
 
@@ -162,10 +162,10 @@ def test_a_lookahead_over_combinations_is_no_dearer_than_one_step_foresees():
     assert (played[0].actions == played[1].actions).all()
     assert played[2].actions.shape == (5, SYSTEM.horizon, 2)
     first, second = played[1].actions[:, 0], played[2].actions[:, 0]
-    public = SYSTEM.begin(worlds).public
+    belief = SYSTEM.initial(worlds).belief
 
-    def foreseen(action):
-        after = SYSTEM.imagine(public, action)
-        return SYSTEM.cost(after) + SYSTEM.cost(SYSTEM.imagine(after, SYSTEM.candidates()[None])).min(axis=1)
+    def predicted(action):
+        after = SYSTEM.predict(belief, action)
+        return SYSTEM.cost(after) + SYSTEM.cost(SYSTEM.predict(after, SYSTEM.candidates()[None])).min(axis=1)
 
-    assert (foreseen(second) <= foreseen(first) * (1 + 1e-12)).all()
+    assert (predicted(second) <= predicted(first) * (1 + 1e-12)).all()

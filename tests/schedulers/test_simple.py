@@ -26,7 +26,7 @@ def ready(policy, system, count=1, seed=0):
 
 
 def public_of(system, count):
-    return system.begin(oracles.worlds(system, count)).public
+    return system.initial(oracles.worlds(system, count)).belief
 
 
 def test_random_is_uniform_over_what_is_allowed():
@@ -34,9 +34,9 @@ def test_random_is_uniform_over_what_is_allowed():
     mask = np.zeros((count, 56), bool)
     mask[:, ::2] = True
     policy = ready(RandomChoice(), SYSTEM)
-    public = public_of(SYSTEM, 1)._replace(step=np.zeros(count, int))
+    belief = public_of(SYSTEM, 1)._replace(step=np.zeros(count, int))
     for allowed, options in ((None, 56), (mask, 28)):
-        tally = np.bincount(policy.act(public, None, allowed), minlength=56)
+        tally = np.bincount(policy.act(belief, None, allowed), minlength=56)
         assert (tally > 0).sum() == options
         tally = tally[tally > 0]
         statistic = (np.square(tally - count / options) / (count / options)).sum()
@@ -44,8 +44,8 @@ def test_random_is_uniform_over_what_is_allowed():
 
 
 def test_random_follows_its_generator():
-    public = public_of(SYSTEM, 100)
-    first, again, other = (ready(RandomChoice(), SYSTEM, seed=s).act(public, None, None) for s in (1, 1, 2))
+    belief = public_of(SYSTEM, 100)
+    first, again, other = (ready(RandomChoice(), SYSTEM, seed=s).act(belief, None, None) for s in (1, 1, 2))
     assert (first == again).all()
     assert (first != other).any()
 
@@ -100,24 +100,24 @@ def test_an_unknown_name_is_answered_with_the_nearest():
 
 
 def test_fixed_takes_the_next_allowed_one_in_cyclic_order():
-    policy, public = ready(Fixed(7), SYSTEM), public_of(SYSTEM, 4)
+    policy, belief = ready(Fixed(7), SYSTEM), public_of(SYSTEM, 4)
     mask = np.ones((4, 56), bool)
     mask[1, 7:9] = False
     mask[2, 7:] = False
     mask[3] = np.arange(56) == 3
-    assert policy.act(public, None, mask).tolist() == [7, 9, 0, 3]
+    assert policy.act(belief, None, mask).tolist() == [7, 9, 0, 3]
 
 
 def test_round_robin_takes_turns_and_skips():
     policy = ready(RoundRobin(), SYSTEM)
-    public = public_of(SYSTEM, 3)._replace(step=np.array([0, 5, 57]))
-    assert (policy.act(public, None, None) == [0, 5, 1]).all()
+    belief = public_of(SYSTEM, 3)._replace(step=np.array([0, 5, 57]))
+    assert (policy.act(belief, None, None) == [0, 5, 1]).all()
     mask = np.ones((3, 56), bool)
     mask[0, :4] = False
     mask[1, 5:] = False
-    assert (policy.act(public, None, mask) == [4, 0, 1]).all()
+    assert (policy.act(belief, None, mask) == [4, 0, 1]).all()
     ladder = Ladder()
     policy = ready(RoundRobin(), ladder)
-    public = public_of(ladder, 40)
-    actions = policy.act(public, None, ladder.mask(public))
-    assert ladder.mask(public)[np.arange(40), actions].all()
+    belief = public_of(ladder, 40)
+    actions = policy.act(belief, None, ladder.mask(belief))
+    assert ladder.mask(belief)[np.arange(40), actions].all()

@@ -16,8 +16,8 @@ from wavegym.schedulers import registry as names
 from wavegym.schedulers import rollout
 from wavegym.schedulers import tuned_constants as settled
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay
-from wavegym.schedulers.heuristics.price_policies import AdaptivePrice
-from wavegym.schedulers.heuristics.registry import FAMILIES
+from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice
+from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.registry import is_scheduler, make_policy
 
 SYSTEM = DelaySystem()
@@ -39,9 +39,9 @@ def recorded(monkeypatch):
 
 @pytest.fixture
 def small_grids(monkeypatch):
-    for name, family in FAMILIES.items():
+    for name, family in HEURISTICS.items():
         grid = {constant: (family.start[constant],) for constant in family.grid}
-        monkeypatch.setitem(FAMILIES, name, replace(family, grid=grid))
+        monkeypatch.setitem(HEURISTICS, name, replace(family, grid=grid))
 
 
 def test_recorded_constants_are_used_without_any_world(recorded):
@@ -58,15 +58,19 @@ def test_other_parameters_than_the_recorded_ones_are_tuned_on_the_spot(recorded,
     system = DelaySystem(setup=1)
     assert settled.recorded(system) == {}
     policy = make_policy("aware-greedy", system, delay_worlds(system, 4))
-    assert (policy.kappa, policy.ahead) == tuple(FAMILIES["aware-greedy"].start.values())
+    assert (policy.kappa, policy.ahead) == tuple(HEURISTICS["aware-greedy"].start.values())
 
 
 def test_rules_without_a_record_are_tuned_on_the_spot(recorded, small_grids):
     assert isinstance(make_policy("cost-of-delay", SYSTEM, delay_worlds(SYSTEM, 4)), CostOfDelay)
-    assert isinstance(make_policy("adaptive-price", SYSTEM, delay_worlds(SYSTEM, 4)), AdaptivePrice)
+    assert isinstance(
+        make_policy("adaptive-lagrangian-price", SYSTEM, delay_worlds(SYSTEM, 4)), AdaptiveLagrangianPrice
+    )
 
 
-@pytest.mark.parametrize("name", ["best-planner", "rollout:3", "tree:2", "beam:3", "mcts:4", "replan", "plan-once"])
+@pytest.mark.parametrize(
+    "name", ["best-planner", "rollout:3", "tree:2", "beam:3", "mcts:4", "receding-horizon", "plan-once"]
+)
 def test_planners_follow_the_best_rule(recorded, name):
     system = SYSTEM
     policy = make_policy(name, system, None)
@@ -97,7 +101,7 @@ def test_the_file_reads_as_it_was_written():
         "Another": {
             "best-simple": "cycle",
             "gain": {"ahead": 3},
-            "replan": {"asks": False},
+            "receding-horizon": {"asks": False},
             "cycle": {"actions": [[0.5, -1.0]]},
         },
     }
@@ -111,7 +115,7 @@ def test_the_packaged_records_make_the_rules_that_they_name():
         assert record["best-simple"] in record
         assert record["best-simple"] == min(record["costs"], key=record["costs"].get)
         for rule in record["costs"]:
-            FAMILIES[rule].make(**record[rule])
+            HEURISTICS[rule].make(**record[rule])
         if "best-planner" in record:
             assert is_scheduler(record["best-planner"])
 
@@ -130,22 +134,31 @@ def test_the_command_tunes_compares_and_writes(tmp_path, monkeypatch, small_grid
     best = record["best-simple"]
     assert record["costs"][best] == min(record["costs"].values())
     worlds = settle.draw_worlds(SYSTEM, settle.world_seeds(0, "tune", 6))
-    cost = np.exp(np.log(rollout(SYSTEM, FAMILIES[best].make(**record[best]), worlds).mean_cost).mean())
+    cost = np.exp(np.log(rollout(SYSTEM, HEURISTICS[best].make(**record[best]), worlds).mean_cost).mean())
     assert record["costs"][best] == pytest.approx(cost, rel=1e-3)
     assert re.search(f"DelaySystem: best simple is {best}; {best} ", capsys.readouterr().out)
 
 
 def test_every_rule_and_planner_is_a_name():
     rules = {
-        "priced",
-        "adaptive-price",
-        "paced",
+        "lagrangian-price",
+        "adaptive-lagrangian-price",
+        "constant-pace",
         "cycle",
         "greedy",
         "aware-greedy",
         "gain:L",
         "cost-of-delay",
-        "until-seen",
+        "hold-until-detected",
     }
-    planners = {"plan-once", "rollout:H", "replan", "beam:W", "mcts:N", "tree:H", "best-simple", "best-planner"}
+    planners = {
+        "plan-once",
+        "rollout:H",
+        "receding-horizon",
+        "beam:W",
+        "mcts:N",
+        "tree:H",
+        "best-simple",
+        "best-planner",
+    }
     assert set(names.FORMS) >= rules | planners

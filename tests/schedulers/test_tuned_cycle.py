@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scheduler_systems import Ladder, Level, Menu, small
 
 from wavegym.core import trees
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.system import State, System
@@ -57,19 +57,23 @@ class Neglect(System):
         names = Names(("none", *(f"look {i}" for i in range(self.quantities))))
         if self.form == "box":
             return ParameterBox((Parameter("where", "1", -1.0, 1.0, "linear"),))
-        forms = {"index": names, "sensors": PerSensor(names, self.sensors), "joint": JointLibrary(names, self.sensors)}
+        forms = {
+            "index": names,
+            "sensors": PerSensorLibrary(names, self.sensors),
+            "joint": JointLibrary(names, self.sensors),
+        }
         return forms[self.form]
 
     def candidates(self):
         return np.array([[-1.0], [0.0], [1.0]]) if self.form == "box" else super().candidates()
 
-    def begin(self, world):
+    def initial(self, world):
         return State(
             None, Debts(np.zeros(len(world), int), np.zeros((len(world), self.sensors, self.quantities)), world)
         )
 
-    def advance(self, state, action, world):
-        step, debt, extra = state.public
+    def transition(self, state, action, world):
+        step, debt, extra = state.belief
         if self.form == "box":
             extra = (np.abs(action[:, 0]) - BEST) ** 2
             action = np.where(action < -0.5, 1, np.where(action > 0.5, 2, 0))
@@ -79,8 +83,8 @@ class Neglect(System):
         debt = np.where(action == 0, np.minimum(debt + 1, CAP), debt + 1)
         return State(None, Debts(step + 1, np.where(action == 1 + np.arange(self.quantities), 0, debt), extra))
 
-    def cost(self, public):
-        return public.debt.sum(axis=(1, 2)) + public.extra
+    def cost(self, belief):
+        return belief.debt.sum(axis=(1, 2)) + belief.extra
 
 
 def by_hand(cycle, quantities):
@@ -134,8 +138,8 @@ def test_in_a_box_the_slots_are_polished():
 def test_where_a_constant_is_best_one_slot_is_kept():
     @dataclass(frozen=True)
     class Same(Neglect):
-        def cost(self, public):
-            return np.maximum(super().cost(public), 100.0)
+        def cost(self, belief):
+            return np.maximum(super().cost(belief), 100.0)
 
     assert best_cycle(Same(), WORLDS).tolist() == [0]
 
@@ -156,8 +160,8 @@ def test_it_is_never_worse_than_the_best_constant_of_a_real_system():
 def test_constants_that_diverge_are_kept_out():
     @dataclass(frozen=True)
     class Broken(Neglect):
-        def advance(self, state, action, world):
-            after = super().advance(state, action, world).public
+        def transition(self, state, action, world):
+            after = super().transition(state, action, world).belief
             bad = np.where(action == 3, np.nan, np.where(action == 0, np.inf, 0.0))
             return State(None, after._replace(extra=after.extra + bad))
 
@@ -184,9 +188,9 @@ def test_a_slot_that_is_not_allowed_gives_way_to_the_next_constant(slots, step, 
     policy.begin(system, 1, np.random.default_rng(0))
     wanted = slots[step % len(slots)]
     expected = next(k % 3 for k in range(wanted, wanted + 3) if mask[k % 3])
-    public = Level(np.array([step]), np.zeros(1))
-    assert policy.act(public, None, np.array([mask])).tolist() == [expected]
-    assert policy.act(public, None, None).tolist() == [wanted]
+    belief = Level(np.array([step]), np.zeros(1))
+    assert policy.act(belief, None, np.array([mask])).tolist() == [expected]
+    assert policy.act(belief, None, None).tolist() == [wanted]
 
 
 def test_a_slot_that_is_no_constant_gives_way_to_the_first():
@@ -209,14 +213,14 @@ def test_with_masks_the_search_is_no_worse_than_a_constant_and_transmits_what_is
     few = trees.tree_map(lambda leaf: leaf[: searching.WORLDS], worlds)
     tuned = best_cycle(system, few)
     assert cost_of(system, tuned, few) == pytest.approx(min(cost_of(system, cycle, few) for cycle in cycles), rel=1e-12)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     policy = Cycle(found)
     policy.begin(system, 30, np.random.default_rng(0))
     for _ in range(system.horizon):
-        mask = system.mask(state.public)
-        action = policy.act(state.public, None, mask)
+        mask = system.mask(state.belief)
+        action = policy.act(state.belief, None, mask)
         assert mask[np.arange(30), action].all()
-        state = system.advance(state, action, worlds)
+        state = system.transition(state, action, worlds)
 
 
 def test_of_a_finite_set_the_tuned_constant_is_the_best_fixed_one():

@@ -38,7 +38,7 @@ def test_it_is_the_cheapest_of_all_played_in_the_environment(env_id, system):
     assert best_fixed(system, tape) == int(np.argmin(totals))
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     step: Any  # (env,)
     last: Any  # (env,) candidate chosen last
 
@@ -51,17 +51,17 @@ class Leaving(System):
     def candidates(self):
         return np.arange(2)
 
-    def begin(self, world):
-        return State(None, Public(np.zeros(len(world), np.int64), np.ones(len(world), np.int64)))
+    def initial(self, world):
+        return State(None, Belief(np.zeros(len(world), np.int64), np.ones(len(world), np.int64)))
 
-    def advance(self, state, action, world):
-        return State(None, Public(state.public.step + 1, action))
+    def transition(self, state, action, world):
+        return State(None, Belief(state.belief.step + 1, action))
 
-    def cost(self, public):
-        return 3.0 - public.last
+    def cost(self, belief):
+        return 3.0 - belief.last
 
-    def ended(self, public):
-        return (public.step >= 4) | (public.last == 0)
+    def terminal(self, belief):
+        return (belief.step >= 4) | (belief.last == 0)
 
 
 def test_ending_early_is_no_saving():
@@ -71,10 +71,10 @@ def test_ending_early_is_no_saving():
 def test_a_candidate_whose_cost_is_not_a_number_is_never_best():
     @dataclass(frozen=True)
     class Broken(KershawEvans):
-        def advance(self, state, action, world):
-            after = super().advance(state, action, world)
+        def transition(self, state, action, world):
+            after = super().transition(state, action, world)
             bad = np.where(action == 3, np.nan, 1.0)[:, None, None]
-            return State(after.hidden, after.public._replace(covariance=after.public.covariance * bad))
+            return State(after.truth, after.belief._replace(covariance=after.belief.covariance * bad))
 
     plain = KershawEvans(horizon=4)
     assert best_fixed(Broken(horizon=4), worlds(plain, 3)) == best_fixed(plain, worlds(plain, 3)) != 3
@@ -100,16 +100,16 @@ class Bowl(System):
     def candidates(self):
         return np.stack(np.meshgrid(*[np.linspace(-1, 1, 4)] * 2), axis=-1).reshape(-1, 2)
 
-    def begin(self, world):
+    def initial(self, world):
         return State(None, Shot(np.zeros(len(world), np.int64), np.zeros((len(world), 2))))
 
-    def advance(self, state, action, world):
-        return State(None, Shot(state.public.step + 1, action))
+    def transition(self, state, action, world):
+        return State(None, Shot(state.belief.step + 1, action))
 
-    def cost(self, public):
-        cost = 1 + np.square(public.action - self.best).sum(axis=-1)
-        beyond = np.where(public.action[:, 0] > 0, np.inf, np.nan)
-        return np.where(np.abs(public.action).max(axis=-1) > self.cliff, beyond, cost)
+    def cost(self, belief):
+        cost = 1 + np.square(belief.action - self.best).sum(axis=-1)
+        beyond = np.where(belief.action[:, 0] > 0, np.inf, np.nan)
+        return np.where(np.abs(belief.action).max(axis=-1) > self.cliff, beyond, cost)
 
 
 inside = st.floats(-0.6, 0.6)

@@ -9,33 +9,33 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.systems.kershaw_evans.system import KershawEvans
 from wavegym.testing import check_vector_env
 from wavegym.testing.check import ConformanceError
-from wavegym.testing.model_check import foresight_defect
+from wavegym.testing.model_check import prediction_defect
 
 
 class Stuck(KershawEvans):
-    def imagine(self, public, actions, outcome=None):
-        return public
+    def predict(self, belief, actions, outcome=None):
+        return belief
 
 
 class Frozen(KershawEvans):
-    def imagine(self, public, actions, outcome=None):
-        imagined = super().imagine(public, actions)
-        return imagined._replace(step=imagined.step - 1)
+    def predict(self, belief, actions, outcome=None):
+        predicted = super().predict(belief, actions)
+        return predicted._replace(step=predicted.step - 1)
 
 
 class Careless(KershawEvans):
-    def imagine(self, public, actions, outcome=None):
-        public.mean[:] = 0.0
-        return super().imagine(public, actions)
+    def predict(self, belief, actions, outcome=None):
+        belief.mean[:] = 0.0
+        return super().predict(belief, actions)
 
 
 class NotANumber(KershawEvans):
-    def cost(self, public):
-        return super().cost(public) * np.nan
+    def cost(self, belief):
+        return super().cost(belief) * np.nan
 
 
 class FlatMask(KershawEvans):
-    def mask(self, public):
+    def mask(self, belief):
         return np.ones(len(self.library), bool)
 
 
@@ -59,4 +59,4 @@ def test_a_system_that_breaks_its_promise_is_rejected(system, words):
 
 @pytest.mark.parametrize("action", ["library", "box"])
 def test_ours_keep_theirs(action):
-    assert foresight_defect(KershawEvans(action=action)) is None
+    assert prediction_defect(KershawEvans(action=action)) is None

@@ -30,7 +30,7 @@ def measure(x, sensor):
     return np.stack([r, (d * x[..., 2:]).sum(-1) / r], axis=-1)
 
 
-def foresee(x, P, noise, sensor):
+def predict_ahead(x, P, noise, sensor):
     """Unscented transform of one target, written out: predicted measurement, its covariance, cross-covariance."""
     spread = np.sqrt(len(x)) * np.linalg.cholesky(P).T
     images = measure(x + np.concatenate([spread, -spread]), sensor)
@@ -38,9 +38,9 @@ def foresee(x, P, noise, sensor):
     return z, (images - z).T @ (images - z) / len(images) + noise, spread.T @ (images[:4] - images[4:]) / len(images)
 
 
-def correct(x, P, z, foreseen):
+def correct(x, P, z, predicted):
     """The unscented Kalman filter's update with the measurement z."""
-    centre, S, G = foreseen
+    centre, S, G = predicted
     K = G @ np.linalg.inv(S)
     return x + K @ (z - centre), P - K @ S @ K.T
 
@@ -84,16 +84,16 @@ def scene(steps, targets=2, apart=30.0, seed=1):
 def branch(histories, z, pd, noise, sensor):
     """One scan: every history (log weight, means, covariances) times every feasible association."""
     for log_weight, x, P in histories:
-        foreseen = [foresee(*each, sensor) for each in zip(x, P, noise, strict=True)]
+        predicted = [predict_ahead(*each, sensor) for each in zip(x, P, noise, strict=True)]
         for owner in feasible(len(x), len(z)):
             weight, means, covariances = log_weight, x.copy(), P.copy()
             for t, m in enumerate(owner):
                 if m:
-                    centre, S, _ = foreseen[t]
+                    centre, S, _ = predicted[t]
                     y = z[m - 1] - centre
                     norm = DENSITY * 2.0 * np.pi * np.sqrt(np.linalg.det(S))
                     weight += np.log(pd[t] / norm) - 0.5 * y @ np.linalg.solve(S, y)
-                    means[t], covariances[t] = correct(x[t], P[t], z[m - 1], foreseen[t])
+                    means[t], covariances[t] = correct(x[t], P[t], z[m - 1], predicted[t])
                 else:
                     weight += np.log(1.0 - pd[t] * PG)
             yield weight, means, covariances
@@ -177,8 +177,8 @@ def test_the_evidence_of_identical_particles_is_the_joint_association_s():
     X, V = particles(s, 50)
     z, pd, noise = s.scans[0][1], s.pd[1], s.noise[1]
     ours = particle_update(3, X, V, [z], pd[None], noise[None], SENSORS[1:], DENSITY, PG)
-    foreseen = [foresee(*each, SENSORS[1]) for each in zip(s.mean, s.covariance, noise, strict=True)]
-    N = [scipy.stats.multivariate_normal.pdf(z, centre, S) for centre, S, _ in foreseen]
+    predicted = [predict_ahead(*each, SENSORS[1]) for each in zip(s.mean, s.covariance, noise, strict=True)]
+    N = [scipy.stats.multivariate_normal.pdf(z, centre, S) for centre, S, _ in predicted]
     wanted = joint_association(N, pd, DENSITY, PG).log_evidence
     np.testing.assert_allclose(ours.log_evidence, wanted, rtol=1e-9)
     np.testing.assert_allclose(ours.effective_sample_size, 50.0, rtol=1e-12)

@@ -15,7 +15,7 @@ from wavegym.trackers import ukf_kernels as kernels
 SENSOR = np.array([300.0, -400.0])
 
 
-def foresee(x, P, sensor=SENSOR):
+def predict_ahead(x, P, sensor=SENSOR):
     """z (2), S (2, 2), G (4, 2) of one target, which stands second of three."""
     means, covariances = np.full((3, 4), np.nan), np.full((3, 4, 4), np.nan)
     means[1], covariances[1] = x, P
@@ -45,7 +45,7 @@ def test_equals_filterpy(seed):
     images = measure(sigmas)
     z, S = unscented_transform(images, points.Wm, points.Wc)
     G = np.einsum("i,ij,ik->jk", points.Wc, sigmas - x, images - z)
-    ours = foresee(x, P)
+    ours = predict_ahead(x, P)
     np.testing.assert_allclose(ours[0], z, rtol=1e-12, atol=1e-9)
     s, p = np.sqrt(np.diag(S)), np.sqrt(np.diag(P))
     assert np.abs((ours[1] - S) / np.outer(s, s)).max() < 1e-7  # filterpy's range, 1e3 m, has lost that many digits
@@ -79,7 +79,7 @@ def test_is_the_linearised_filter_for_small_spreads(seed):
     H = jacobian(x, SENSOR)
     errors = []
     for scale in (1e-2, 1e-3):
-        z, S, G = foresee(x, scale * scale * P)
+        z, S, G = predict_ahead(x, scale * scale * P)
         assert np.abs(z - measure(x)).max() < 100.0 * scale * scale
         errors.append(max(np.abs(S / scale**2 - H @ P @ H.T).max(), np.abs(G / scale**2 - P @ H.T).max()))
     assert errors[1] < 0.02 * errors[0] + 1e-6 * np.abs(P).max()  # the error is of second order in the spread
@@ -89,7 +89,7 @@ def test_no_position_spread_makes_the_transform_exact():
     """Range-rate is linear in the velocity, so only rounding and the least position spread are left."""
     x, P = np.array([2000.0, -1000.0, -100.0, 80.0]), np.diag([1e-12, 1e-12, 400.0, 900.0])
     P[2, 3] = P[3, 2] = 200.0
-    z, S, G = foresee(x, P)
+    z, S, G = predict_ahead(x, P)
     H = jacobian(x, SENSOR)
     np.testing.assert_allclose(z, measure(x), rtol=1e-13)
     np.testing.assert_allclose(S[1, 1], H[1] @ P @ H[1], rtol=1e-9)
@@ -101,7 +101,7 @@ def test_moments_of_a_curved_case_by_monte_carlo():
     P = np.diag([900.0, 1600.0, 100.0, 225.0])
     P[0, 1] = P[1, 0] = 500.0
     P[1, 3] = P[3, 1] = 200.0
-    z, S, G = foresee(x, P)
+    z, S, G = predict_ahead(x, P)
     half = np.random.default_rng(0).standard_normal((400_000, 4)) @ np.linalg.cholesky(P).T
     images = measure(x + np.concatenate([half, -half]))
     mean, covariance = images.mean(0), np.cov(images.T)
@@ -116,5 +116,5 @@ def test_moments_of_a_curved_case_by_monte_carlo():
 
 def test_a_covariance_that_is_none_gives_nan():
     x, P = problem(0)
-    for part in foresee(x, -P):
+    for part in predict_ahead(x, -P):
         assert np.isnan(part).any()

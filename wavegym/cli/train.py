@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from wavegym.cli.command import Parser, guarded, settings
-from wavegym.core.errors import choice
+from wavegym.core.errors import check_choice
 
 
 def parser() -> Parser:
@@ -44,11 +44,11 @@ def parser() -> Parser:
 def train(arguments: Sequence[str] | None) -> None:
     """Read the options and the settings, then train."""
     options = parser().read(arguments)
-    choice("algorithm", options.algo, ["ppo", "dqn"])
+    check_choice("algorithm", options.algo, ["ppo", "dqn"])
     # Seconds of imports that a misspelt option need not wait for.
     from wavegym.evaluation import full_id
     from wavegym.learning.settings import load_settings
-    from wavegym.learning.training.run_spec import Plan
+    from wavegym.learning.training.run_spec import RunSpec
     from wavegym.learning.training.train import train as run
 
     env_id, changes = full_id(options.env), settings(options.set)
@@ -63,8 +63,8 @@ def train(arguments: Sequence[str] | None) -> None:
         print(f"{best}written to {options.out}: best.toml, trials.csv, trials.log")
         return
     chosen = load_settings(env_id, options.algo, changes, settings(options.environment))
-    plan = Plan(env_id, options.algo, options.seed, chosen)
-    run(plan, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
+    spec = RunSpec(env_id, options.algo, options.seed, chosen)
+    run(spec, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
     print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
     if chosen.environment:
         same = shlex.join(f"{name}={value}" for name, value in chosen.environment.items())

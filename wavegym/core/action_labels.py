@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavegym.core.action_sets import SEPARATOR, JointLibrary, PerSensor
+from wavegym.core.action_sets import SEPARATOR, JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import Choices
@@ -27,24 +27,24 @@ class Menu:
         return len(self.labels)
 
 
-def sensor_count(actions: Choices | PerSensor) -> int:
+def sensor_count(actions: Choices | PerSensorLibrary) -> int:
     """How many sensors choose at a time."""
-    return actions.sensors if isinstance(actions, (PerSensor, JointLibrary)) else 1
+    return actions.sensors if isinstance(actions, (PerSensorLibrary, JointLibrary)) else 1
 
 
-def waveform_labels(actions: Choices | PerSensor) -> tuple[str, ...]:
+def waveform_labels(actions: Choices | PerSensorLibrary) -> tuple[str, ...]:
     """The labels of what one sensor may transmit."""
     return actions.library.labels if isinstance(actions, JointLibrary) else actions.labels
 
 
-def by_sensor(actions: Choices | PerSensor, chosen: Array) -> Array:
+def by_sensor(actions: Choices | PerSensorLibrary, chosen: Array) -> Array:
     """Which of ``waveform_labels`` each sensor transmitted, (time, sensor), for actions (time,) or (time, sensor)."""
     if isinstance(actions, JointLibrary):
         return actions.indices[chosen]
     return chosen.reshape(len(chosen), -1)
 
 
-def action_label(actions: Choices | PerSensor | ParameterBox, action: Array) -> str:
+def action_label(actions: Choices | PerSensorLibrary | ParameterBox, action: Array) -> str:
     """A short name of ``action``, (1,) or (1, ...)."""
     if isinstance(actions, ParameterBox):
         values = zip(actions.parameters, actions.decode(action)[0], strict=True)

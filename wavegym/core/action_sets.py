@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 
 SEPARATOR = " | "  # between the labels of what the sensors transmit at a time
 
@@ -41,7 +41,7 @@ class _AtEverySensor:
     sensors: int
 
     def __post_init__(self) -> None:
-        whole("sensors", self.sensors, 1)
+        check_int("sensors", self.sensors, 1)
 
     def combinations(self) -> Array:
         """What each sensor transmits in every combination, the first sensor's index changing slowest: a fresh array.
@@ -52,7 +52,7 @@ class _AtEverySensor:
         return np.ascontiguousarray(indices.T)
 
 
-class PerSensor(_AtEverySensor):
+class PerSensorLibrary(_AtEverySensor):
     """The same library at every sensor; an action is one index for each, in the order of the sensors."""
 
     def __len__(self) -> int:

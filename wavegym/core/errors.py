@@ -18,7 +18,7 @@ def nearest(value: object, choices: Iterable[str]) -> str:
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
-def choice(name: str, value: object, choices: Iterable[str]) -> str:
+def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
     """Return ``value`` if it is one of ``choices``; otherwise raise an InputError naming the nearest one."""
     allowed = list(choices)
     if isinstance(value, str) and value in allowed:
@@ -27,17 +27,17 @@ def choice(name: str, value: object, choices: Iterable[str]) -> str:
     raise InputError(f"{name} is {value!r}, expected one of {listed}{nearest(value, allowed)}")
 
 
-def positive(name: str, value: float, unit: str = "") -> float:
+def check_positive(name: str, value: float, unit: str = "") -> float:
     """Return ``value`` if it is finite and > 0; otherwise raise an InputError."""
     return _checked(name, value, unit, value > 0 and math.isfinite(value), "a finite number > 0")
 
 
-def non_negative(name: str, value: float, unit: str = "") -> float:
+def check_non_negative(name: str, value: float, unit: str = "") -> float:
     """Return ``value`` if it is finite and >= 0; otherwise raise an InputError."""
     return _checked(name, value, unit, value >= 0 and math.isfinite(value), "a finite number >= 0")
 
 
-def within(name: str, value: float, low: float, high: float, unit: str = "") -> float:
+def check_within(name: str, value: float, low: float, high: float, unit: str = "") -> float:
     """Return ``value`` if low <= value <= high; otherwise raise an InputError naming the nearest bound."""
     wanted = f"a number in [{low:g}, {high:g}]"
     if math.isfinite(value):
@@ -45,19 +45,19 @@ def within(name: str, value: float, low: float, high: float, unit: str = "") -> 
     return _checked(name, value, unit, low <= value <= high, wanted)
 
 
-def open_unit(name: str, value: float) -> float:
+def check_probability(name: str, value: float) -> float:
     """Return ``value`` if 0 < value < 1; otherwise raise an InputError."""
     return _checked(name, value, "", 0.0 < value < 1.0, "a probability above 0 and below 1")
 
 
-def whole(name: str, value: SupportsIndex, low: int) -> int:
+def check_int(name: str, value: SupportsIndex, low: int) -> int:
     """Return ``value`` as an int if it is a whole number >= low; otherwise raise an InputError naming the bound."""
     if not hasattr(value, "__index__") or int(value) < low:
         raise InputError(f"{name} is {value!r}, expected an integer >= {low} (nearest: {low})")
     return int(value)
 
 
-def ordered(name: str, low: float, high: float) -> None:
+def check_ordered(name: str, low: float, high: float) -> None:
     """Raise an InputError unless low <= high."""
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError(f"{name} is ({low:g}, {high:g}), expected finite numbers")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 
 
 def horizon_weights(F: ArrayLike, weights: ArrayLike, ahead: int) -> Array:
@@ -28,7 +28,7 @@ def horizon_weights(F: ArrayLike, weights: ArrayLike, ahead: int) -> Array:
     """
     F, power = np.asarray(F, np.float64), np.eye(len(np.asarray(F)))
     M = np.zeros_like(F)
-    for _ in range(whole("ahead", ahead, 1)):
+    for _ in range(check_int("ahead", ahead, 1)):
         M += power.T * np.asarray(weights) @ power
         power = F @ power
     return M

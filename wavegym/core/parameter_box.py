@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, choice, positive
+from wavegym.core.errors import InputError, check_choice, check_positive
 
 _ROUNDING = 1e-12  # relative to the bound: a value this far outside is a rounded bound, not a mistake
 
@@ -37,11 +37,11 @@ class Parameter:
     scale: str = "log"
 
     def __post_init__(self) -> None:
-        choice(f"scale of {self.name}", self.scale, ("log", "linear"))
+        check_choice(f"scale of {self.name}", self.scale, ("log", "linear"))
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
             raise InputError(f"range of {self.name} is [{self.low!r}, {self.high!r}], expected finite low < high")
         if self.scale == "log":
-            positive(f"low of {self.name} (log scale)", self.low, self.unit)
+            check_positive(f"low of {self.name} (log scale)", self.low, self.unit)
 
 
 @dataclass(frozen=True)

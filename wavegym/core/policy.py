@@ -17,11 +17,11 @@ class Policy(Protocol):
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """Get ready for a batch of fresh episodes; a policy's own randomness, if any, comes from ``rng``."""
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """Actions (env, ...).
 
         Args:
-            public: the public state; a scheduler reads this.
+            belief: the belief; a scheduler reads this.
             observation: what agents see, (env, elements); a learned policy reads this. None where there is no shell.
             mask: allowed actions (env, actions), or None where every action is allowed.
         """

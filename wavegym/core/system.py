@@ -21,9 +21,9 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from wavegym.core.action_sets import PerSensor
+from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.parameter_box import ParameterBox
 
@@ -31,11 +31,11 @@ from wavegym.core.parameter_box import ParameterBox
 class State(NamedTuple):
     """All there is to know of a batch of episodes: NamedTuples of arrays with axis 0 = environment."""
 
-    hidden: Any
-    public: Any
+    truth: Any
+    belief: Any
 
 
-class Element(NamedTuple):
+class ObservationField(NamedTuple):
     """One element of the observation, shown to agents as (value - centre) / scale."""
 
     name: str
@@ -65,8 +65,8 @@ class System:
         terminates: True for a finite-horizon task (its end is a termination, the time left is observed), False for a
             monitoring task cut off after ``horizon`` steps (its end is a truncation).
         strict: whether the shells refuse an action that is masked. With False the system takes it, transmits something
-            allowed in its place, in ``advance`` and ``imagine`` alike, and says so in the metric ``replaced``.
-        chances: the shape of the uniform draws that the outcome of one step takes in ``imagine``; (0,) for none.
+            allowed in its place, in ``transition`` and ``predict`` alike, and says so in the metric ``replaced``.
+        chances: the shape of the uniform draws that the outcome of one step takes in ``predict``; (0,) for none.
     """
 
     horizon: int
@@ -75,22 +75,22 @@ class System:
     strict: ClassVar[bool] = True
 
     @property
-    def chances(self) -> tuple[int, ...]:
+    def outcome_shape(self) -> tuple[int, ...]:
         """The shape of one step's outcome."""
         return (0,)
 
     @property
-    def aims(self) -> Array | None:
+    def target_of_action(self) -> Array | None:
         """Which target each candidate looks at with each of its beams, (candidate, beam) int; None: at all alike."""
         return None
 
     @property
-    def actions(self) -> Choices | PerSensor | ParameterBox:
+    def actions(self) -> Choices | PerSensorLibrary | ParameterBox:
         """The action set."""
         raise NotImplementedError
 
     @property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation's elements, in the order in which ``observe`` returns them."""
         raise NotImplementedError
 
@@ -98,11 +98,11 @@ class System:
         """Draw every random number of one episode. Arrays without an environment axis; ``rng`` is used nowhere else."""
         raise NotImplementedError
 
-    def begin(self, world: Any) -> State:
+    def initial(self, world: Any) -> State:
         """The state at step 0 of each world; world arrays have the environment axis from here on."""
         raise NotImplementedError
 
-    def advance(self, state: State, action: Array, world: Any) -> State:
+    def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: move the targets, sense with the chosen waveform, track. Returns fresh arrays.
 
         Reads the tape at [env, public.step]; environments may stand at different steps. ``action``: (env,), or
@@ -110,11 +110,11 @@ class System:
         """
         raise NotImplementedError
 
-    def imagine(self, public: Any, actions: Array, outcome: Any = None) -> Any:
-        """One step of the belief as a planner may foresee it.
+    def predict(self, belief: Any, actions: Array, outcome: Any = None) -> Any:
+        """One step of the belief as a planner may predict it.
 
         Args:
-            public: the public state, axis 0 = environment.
+            belief: the belief, axis 0 = environment.
             actions: (env,), or (env, candidate) in which case every array of the result gains the axis ``candidate``;
                 axis 0 may be 1 where all environments share their candidates. A box adds its axis d at the end, a
                 PerSensor its axis sensor.
@@ -124,33 +124,33 @@ class System:
         """
         raise NotImplementedError
 
-    def cost(self, public: Any) -> Array:
-        """The cost of a belief, trace(Lambda P), (env,), or with whatever leading axes ``public`` has."""
+    def cost(self, belief: Any) -> Array:
+        """The cost of a belief, trace(Lambda P), (env,), or with whatever leading axes ``belief`` has."""
         raise NotImplementedError
 
-    def observe(self, public: Any) -> Array:
-        """The observation's elements in the units that ``elements`` states, (env, elements)."""
+    def observe(self, belief: Any) -> Array:
+        """The observation's elements in the units that ``observation_fields`` states, (env, elements)."""
         raise NotImplementedError
 
-    def ended(self, public: Any) -> Array:
+    def terminal(self, belief: Any) -> Array:
         """Whether the episode is over, (env,) bool."""
-        return public.step >= self.horizon
+        return belief.step >= self.horizon
 
-    def mask(self, public: Any) -> Array:
+    def mask(self, belief: Any) -> Array:
         """Which actions are allowed, (env, actions) bool; finite action sets only.
 
         A PerSensor takes no mask: limits that couple sensors cannot be told sensor by sensor, so they go into the
         joint form. What agents are shown for it is all True, (env, sensors * waveforms), sensor by sensor.
         """
         actions = self.actions
-        if isinstance(actions, PerSensor):
+        if isinstance(actions, PerSensorLibrary):
             count = actions.sensors * len(actions)
         else:
             count = len(self.candidates() if isinstance(actions, ParameterBox) else actions.labels)
-        return np.ones((len(public.step), count), dtype=np.bool_)
+        return np.ones((len(belief.step), count), dtype=np.bool_)
 
     @property
-    def transition(self) -> Array:
+    def transition_matrix(self) -> Array:
         """F of the targets' motion, (n, n), for rules that look ahead: by default that of the attribute ``motion``."""
         F: Array = self.motion.F  # type: ignore[attr-defined]
         return F
@@ -159,16 +159,16 @@ class System:
         """``horizon_weights`` of 1, 2, ... ``ahead`` steps, (ahead, n, n), for systems with ``weights``; made once."""
         if ahead not in self._made_ahead:
             weights: Any = self.weights  # type: ignore[attr-defined]
-            steps = range(1, whole("ahead", ahead, 1) + 1)
-            self._made_ahead[ahead] = np.stack([horizon_weights(self.transition, weights, k) for k in steps])
+            steps = range(1, check_int("ahead", ahead, 1) + 1)
+            self._made_ahead[ahead] = np.stack([horizon_weights(self.transition_matrix, weights, k) for k in steps])
         return self._made_ahead[ahead]
 
     @cached_property
     def _made_ahead(self) -> dict[int, Array]:
         return {}
 
-    def metrics(self, state: State) -> dict[str, Array]:
-        """Key figures of the state, each (env, ...); may look at what is hidden, and is never observed.
+    def state_info(self, state: State) -> dict[str, Array]:
+        """Key figures of the state, each (env, ...); may look at the truth, and is never observed.
 
         Evaluation knows ``position_error`` (m), ``nees``, and ``lost``: tracks lost, of which those at the episode's
         end count. Those of several targets are (env, target). Where targets come and go, ``present``, (env, target)
@@ -186,7 +186,7 @@ class System:
         actions = self.actions
         if isinstance(actions, ParameterBox):
             raise NotImplementedError
-        return actions.combinations() if isinstance(actions, PerSensor) else np.arange(len(actions.labels))
+        return actions.combinations() if isinstance(actions, PerSensorLibrary) else np.arange(len(actions.labels))
 
     def constants(self) -> Array:
         """The actions that schedules without a belief (fixed:K, best-fixed, round-robin) choose among, (C, ...).
@@ -204,7 +204,7 @@ class System:
         """
         return {}
 
-    def named_loops(self) -> dict[str, tuple[str, dict[str, Any]]]:
+    def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
         """Whole loops that have a name: a scheduler, and parameters of the system that differ from this one's.
 
         A comparison plays them on the same worlds, e.g. a paper's baseline with a simpler tracker. Default: none.

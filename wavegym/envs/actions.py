@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from gymnasium import spaces
 
-from wavegym.core.action_sets import PerSensor
+from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
@@ -22,14 +22,14 @@ class ActionReader(Protocol):
     def space(self) -> spaces.Space[Any]:
         """The Gymnasium space of one environment's action."""
 
-    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
+    def read(self, actions: Any, belief: Any, ignored: Array | None) -> Array:
         """The actions as an array (env, ...). Rows in ``ignored`` (bool, env) may hold anything.
 
         Raises:
-            InputError: wrong shape or type, index out of range or masked in the state ``public``, NaN or infinity.
+            InputError: wrong shape or type, index out of range or masked in the state ``belief``, NaN or infinity.
         """
 
-    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+    def state_info(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
         """What info says of the actions taken, each a fresh array (env, ...)."""
 
 
@@ -40,9 +40,9 @@ class IndexReader:
         self.space = spaces.Discrete(count)
         self.system, self.count = system, count
 
-    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
+    def read(self, actions: Any, belief: Any, ignored: Array | None) -> Array:
         """See ``ActionReader``."""
-        array, num_envs = np.asarray(actions), len(public.step)
+        array, num_envs = np.asarray(actions), len(belief.step)
         if array.dtype.kind not in "iu":
             raise InputError(f"action has the type {array.dtype}, expected integers in [0, {self.count - 1}]")
         if array.shape != (num_envs,):
@@ -56,12 +56,12 @@ class IndexReader:
             wrong = array[(array < 0) | (array >= self.count)][0]
             nearest = min(max(int(wrong), 0), self.count - 1)
             raise InputError(f"action is {wrong}, expected an index in [0, {self.count - 1}] (nearest: {nearest})")
-        mask = allowed(self.system, public) if self.system.strict else None
+        mask = allowed(self.system, belief) if self.system.strict else None
         if mask is not None:
             _check_mask(array, mask, ignored)
         return array
 
-    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+    def state_info(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
         """The index chosen."""
         return {"waveform": chosen.copy()}  # a system or a film may keep ``chosen``
 
@@ -69,13 +69,13 @@ class IndexReader:
 class PerSensorReader:
     """One index for each sensor, (env, sensor). Knows no masks."""
 
-    def __init__(self, actions: PerSensor) -> None:
+    def __init__(self, actions: PerSensorLibrary) -> None:
         self.count, self.sensors = len(actions), actions.sensors
         self.space = spaces.MultiDiscrete([self.count] * self.sensors)
 
-    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
+    def read(self, actions: Any, belief: Any, ignored: Array | None) -> Array:
         """See ``ActionReader``."""
-        array, num_envs = np.asarray(actions), len(public.step)
+        array, num_envs = np.asarray(actions), len(belief.step)
         if array.dtype.kind not in "iu":
             raise InputError(f"action has the type {array.dtype}, expected integers in [0, {self.count - 1}]")
         if array.shape != (num_envs, self.sensors):
@@ -92,7 +92,7 @@ class PerSensorReader:
             raise InputError(f"action of sensor {sensor + 1} is {wrong}, expected {wanted}")
         return array
 
-    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+    def state_info(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
         """The indices chosen, (env, sensor)."""
         return {"waveform": chosen.copy()}
 
@@ -104,9 +104,9 @@ class BoxReader:
         self.dimension = len(box.parameters)
         self.space = spaces.Box(-1.0, 1.0, (self.dimension,), np.float32)
 
-    def read(self, actions: Any, public: Any, ignored: Array | None) -> Array:
+    def read(self, actions: Any, belief: Any, ignored: Array | None) -> Array:
         """See ``ActionReader``; masks are for finite action sets."""
-        array, num_envs = np.asarray(actions), len(public.step)
+        array, num_envs = np.asarray(actions), len(belief.step)
         if array.dtype.kind not in "fiu":
             raise InputError(f"action has the type {array.dtype}, expected numbers in [-1, 1]")
         if array.shape != (num_envs, self.dimension):
@@ -118,7 +118,7 @@ class BoxReader:
             raise InputError(f"action is {array[~finite][0].tolist()}, expected finite numbers in [-1, 1]")
         return np.minimum(np.maximum(array.astype(np.float64), -1.0), 1.0)
 
-    def facts(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
+    def state_info(self, system: System, actions: Any, chosen: Array) -> dict[str, Array]:
         """The physical parameters, and whether the action had to be clipped."""
         assert isinstance(system.actions, ParameterBox)
         return {"parameters": system.actions.decode(chosen), "action_clipped": (chosen != np.asarray(actions)).any(-1)}
@@ -131,7 +131,7 @@ def action_reader(system: System) -> ActionReader:
         InputError: the system masks the actions of a PerSensor.
     """
     actions = system.actions
-    if isinstance(actions, PerSensor):
+    if isinstance(actions, PerSensorLibrary):
         if type(system).mask is not System.mask:
             wanted = "none with a PerSensor: what couples sensors goes into the joint form, a JointLibrary"
             raise InputError(f"{type(system).__name__} has a mask of its own, expected {wanted}")

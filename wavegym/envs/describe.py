@@ -14,8 +14,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
-from wavegym.core.errors import choice
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.errors import check_choice
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.envs.build import SETTINGS
@@ -52,7 +52,7 @@ def describe(id: str, /, **parameters: Any) -> str:
     Raises:
         InputError: no such environment or parameter (nearest named), or a value out of range.
     """
-    env = gym.make(choice("environment", id, list_envs()), **parameters).unwrapped
+    env = gym.make(check_choice("environment", id, list_envs()), **parameters).unwrapped
     given = "".join(f", {name}={value!r}" for name, value in parameters.items())
     assert isinstance(env.system, System)  # type: ignore[attr-defined]
     system: System = env.system  # type: ignore[attr-defined]
@@ -111,7 +111,7 @@ def _actions(form: str, system: System) -> str:
         return f"{prefix}{space}\n\n" + table(("parameter", "unit", "at -1", "at +1", "scale"), rows)
     labelled = list(enumerate(actions.labels))
     head = ("index", "waveform")
-    if isinstance(actions, PerSensor):
+    if isinstance(actions, PerSensorLibrary):
         sizes = [len(actions)] * actions.sensors
         space = f"`MultiDiscrete({sizes})`, one index per sensor, the same waveforms at each."
     elif isinstance(actions, JointLibrary):
@@ -145,7 +145,7 @@ def _observations(system: System) -> str:
             f"{e.centre - LIMIT * e.scale:g} to {e.centre + LIMIT * e.scale:g}",
             e.meaning,
         )
-        for i, e in enumerate(system.elements)
+        for i, e in enumerate(system.observation_fields)
     ]
     text = f"`Box({-LIMIT:g}, {LIMIT:g}, ({len(rows)},), float32)`: (value - centre) / scale, held within the bounds."
     return f"{text}\n\n" + table(("index", "name", "unit", "centre", "scale", "bounds", "meaning"), rows)
@@ -157,12 +157,12 @@ def _info(env: Any, system: System) -> str:
     env.action_space.seed(0)
     info = env.step(env.action_space.sample())[-1]
     forms = [form.actions for form in _forms(system).values()]
-    boxed, several = (any(isinstance(actions, kind) for actions in forms) for kind in (ParameterBox, PerSensor))
+    boxed, several = (any(isinstance(actions, kind) for actions in forms) for kind in (ParameterBox, PerSensorLibrary))
     known = {**INFO, **(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {}), **INFO_AT_TIMES}
-    figures = " ".join((type(system).metrics.__doc__ or "").split())
+    figures = " ".join((type(system).state_info.__doc__ or "").split())
     rows = [(f"`{key}`", _kind(value), known.pop(key, "key figure, see below")) for key, value in info.items()]
     rows += [(f"`{key}`", "", meaning) for key, meaning in known.items()]
-    below = f"\n\nKey figures: {figures}" if type(system).metrics is not System.metrics else ""
+    below = f"\n\nKey figures: {figures}" if type(system).state_info is not System.state_info else ""
     return table(("key", "type", "meaning"), rows) + below
 
 

@@ -55,7 +55,7 @@ class Episodes:
         if self._state is None and not rows.all():
             raise InputError("options['reset_mask'] leaves out environments that never began, expected reset() first")
         world = trees.stack([self.system.draw_world(self.generator(i)) for i in np.flatnonzero(rows).tolist()])
-        state, memory = self.system.begin(world), self.reward.begin(self.system, world)
+        state, memory = self.system.initial(world), self.reward.begin(self.system, world)
         if rows.all():
             self.world, self._state, self._memory = world, state, memory
         else:
@@ -78,9 +78,9 @@ class Episodes:
         (``check_vector_env`` finds those that do not).
         """
         system, state = self.system, self.state
-        observation, saturated = self.observer(state.public)
-        facts = {"cost": system.cost(state.public), "saturated": saturated, **system.metrics(state)}
-        return observation, facts
+        observation, saturated = self.observer(state.belief)
+        state_info = {"cost": system.cost(state.belief), "saturated": saturated, **system.state_info(state)}
+        return observation, state_info
 
     def step(self, actions: Array, keep: Array | None = None) -> tuple[Array, Facts, Array, Facts]:
         """Advance all environments but those in ``keep`` (bool, env), which stay where they are.
@@ -91,10 +91,12 @@ class Episodes:
         if keep is not None and keep.all():
             return *self.look(), np.zeros(self.num_envs), {}
         previous = self.state
-        following = self.system.advance(previous, actions, self.world)
+        following = self.system.transition(previous, actions, self.world)
         if keep is not None:
             following = trees.merged(following, keep, previous)
         self._state = following
-        observation, facts = self.look()
-        reward, terms = self.reward(Transition(self.system, previous, actions, following, facts["cost"], self._memory))
-        return observation, facts, reward, terms
+        observation, state_info = self.look()
+        reward, terms = self.reward(
+            Transition(self.system, previous, actions, following, state_info["cost"], self._memory)
+        )
+        return observation, state_info, reward, terms

@@ -47,7 +47,7 @@ class Film:
 
     def begin(self, state: State, rows: Array) -> None:
         """New episodes in the environments ``rows`` (bool, env), which stand at ``state``."""
-        cost = self.system.cost(state.public)
+        cost = self.system.cost(state.belief)
         for i in np.flatnonzero(rows):
             self.episodes[i] = Episode([state], [], [float(cost[i])])
 

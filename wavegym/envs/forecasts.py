@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_sets import PerSensor
+from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.system import Element, System
+from wavegym.core.system import ObservationField, System
 from wavegym.envs.observations import ObservationScaler
 from wavegym.schedulers.heuristics.base import delays
 
-MOST = 256  # candidates that are worth foreseeing at every step
+MOST = 256  # candidates that are worth predicting at every step
 LOOKS = ((0, 4), (0, 8), (0, 16), (0, 40), (3, 16), (6, 16), (10, 16), (15, 16))  # steps waited, and steps summed over
 SPANS = np.array([steps for _, steps in LOOKS], np.float64)
 FLOOR = 1e-4  # share of the cost: gains below are shown as this
@@ -35,33 +35,33 @@ class Forecasts:
     """
 
     def __init__(self, system: System) -> None:
-        if isinstance(system.actions, (ParameterBox, PerSensor)) or len(system.candidates()) > MOST:
+        if isinstance(system.actions, (ParameterBox, PerSensorLibrary)) or len(system.candidates()) > MOST:
             wanted = f"one index for at most {MOST} actions (nearest: forecasts=False)"
             raise InputError(f"forecasts were asked for in {type(system).__name__}, expected {wanted}")
         self.system: Any = system
         self.candidates = system.candidates()
         self.figures = self._figures()
-        self._scaler = ObservationScaler(self.elements)
+        self._scaler = ObservationScaler(self.observation_fields)
 
     @property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The figures of every candidate, in order."""
         labels = self.system.actions.labels
         return tuple(f._replace(name=f"{f.name}[{label}]") for label in labels for f in self.figures)
 
-    def __call__(self, public: Any) -> Array:
-        """See above; ``public`` as policies take it."""
-        envs, count = len(public.step), len(self.candidates)
-        ahead = self.system.cost(self.system.imagine(public, np.broadcast_to(self.candidates, (envs, count))))
+    def __call__(self, belief: Any) -> Array:
+        """See above; ``belief`` as policies take it."""
+        envs, count = len(belief.step), len(self.candidates)
+        ahead = self.system.cost(self.system.predict(belief, np.broadcast_to(self.candidates, (envs, count))))
         mean = ahead.mean(axis=1, keepdims=True)
         ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0: all targets are gone
         values = np.empty((envs, count, len(self.figures)))
         values[..., 0] = np.log(ahead / mean)
         if hasattr(self.system, "gain"):
-            delay = np.broadcast_to(delays(self.system, public), ahead.shape)
+            delay = np.broadcast_to(delays(self.system, belief), ahead.shape)
             gains = values[..., 1 : 1 + len(LOOKS)]
             for n, (wait, steps) in enumerate(LOOKS):
-                gains[..., n] = self.system.gain(public, delay + wait, steps)
+                gains[..., n] = self.system.gain(belief, delay + wait, steps)
             gains /= mean[..., None] * SPANS
             gains += FLOOR
             np.log10(gains, out=gains)
@@ -70,15 +70,19 @@ class Forecasts:
             values[..., -1] = self.system.spending
         return self._scaler(values.reshape(envs, -1))[0]
 
-    def _figures(self) -> tuple[Element, ...]:
-        """What is foreseen of a candidate."""
-        listed = [Element("ln_cost_ahead", "1", 0.0, 0.3, "expected cost one step ahead over the candidates' mean")]
+    def _figures(self) -> tuple[ObservationField, ...]:
+        """What is predicted of a candidate."""
+        listed = [
+            ObservationField("ln_cost_ahead", "1", 0.0, 0.3, "expected cost one step ahead over the candidates' mean")
+        ]
         if hasattr(self.system, "gain"):
             for wait, steps in LOOKS:
                 late = f" {wait} steps late" if wait else ""
                 meaning = f"what its look{late} takes off the cost of {steps} steps, over that mean cost"
-                listed.append(Element(f"log10_gain_{wait}_{steps}", "log10(1)", -1.3, 1.3, meaning))
-            listed.append(Element("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps without a measurement before its look"))
+                listed.append(ObservationField(f"log10_gain_{wait}_{steps}", "log10(1)", -1.3, 1.3, meaning))
+            listed.append(
+                ObservationField("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps without a measurement before its look")
+            )
         if hasattr(self.system, "spending"):
-            listed.append(Element("spending", "1", 0.0, 1.0, "energy that it takes, in longest pulses"))
+            listed.append(ObservationField("spending", "1", 0.0, 1.0, "energy that it takes, in longest pulses"))
         return tuple(listed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.system import Element
+from wavegym.core.system import ObservationField
 from wavegym.envs import observation_kernels
 
 LIMIT = 10.0  # scaled elements end here; by their scales, an ordinary value lies within 3
@@ -17,7 +17,7 @@ class ObservationScaler:
     The constants belong to the scenario, so there are no running statistics, and an agent's policy file needs none.
     """
 
-    def __init__(self, elements: tuple[Element, ...]) -> None:
+    def __init__(self, elements: tuple[ObservationField, ...]) -> None:
         self._centre = np.array([e.centre for e in elements])
         self._scale = np.array([e.scale for e in elements])
 

@@ -9,7 +9,7 @@ from gymnasium import spaces
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.system import Element, System
+from wavegym.core.system import ObservationField, System
 from wavegym.envs.forecasts import Forecasts
 from wavegym.envs.observations import LIMIT, ObservationScaler
 
@@ -28,16 +28,16 @@ class Observer:
     def __init__(self, system: System, forecasts: bool = False) -> None:
         if not isinstance(forecasts, bool):
             raise InputError(f"forecasts is {forecasts!r}, expected True or False (nearest: {bool(forecasts)})")
-        self._system, self._scaler = system, ObservationScaler(system.elements)
+        self._system, self._scaler = system, ObservationScaler(system.observation_fields)
         self._forecasts = Forecasts(system) if forecasts else None
-        self.elements: tuple[Element, ...] = system.elements
+        self.observation_fields: tuple[ObservationField, ...] = system.observation_fields
         if self._forecasts:
-            self.elements = (*self.elements, *self._forecasts.elements)
-        self.space = spaces.Box(-LIMIT, LIMIT, (len(self.elements),), np.float32)
+            self.observation_fields = (*self.observation_fields, *self._forecasts.observation_fields)
+        self.space = spaces.Box(-LIMIT, LIMIT, (len(self.observation_fields),), np.float32)
 
-    def __call__(self, public: Any) -> tuple[Array, Array]:
+    def __call__(self, belief: Any) -> tuple[Array, Array]:
         """Observations (env, elements) float32; how many of the system's own elements are saturated, (env,)."""
-        observation, saturated = self._scaler(self._system.observe(public))
+        observation, saturated = self._scaler(self._system.observe(belief))
         if self._forecasts:
-            observation = np.concatenate([observation, self._forecasts(public)], axis=1)
+            observation = np.concatenate([observation, self._forecasts(belief)], axis=1)
         return observation, saturated

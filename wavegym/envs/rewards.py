@@ -11,11 +11,11 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.policy import Policy
 from wavegym.core.system import State, System
 from wavegym.schedulers import Myopic, rollout
-from wavegym.schedulers.heuristics.registry import FAMILIES
+from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded, rule
 
 
@@ -67,14 +67,14 @@ class TrueError(Cost):
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember. Raises an InputError where the system has no such metric."""
-        metrics = system.metrics(system.begin(world))
+        metrics = system.state_info(system.initial(world))
         if "position_error" not in metrics:
             wanted = f"a system with the metric 'position_error', which {type(system).__name__} lacks"
             raise InputError(f"reward is 'error', expected {wanted} (nearest: 'trace')")
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
-        error = transition.system.metrics(transition.following)["position_error"]
+        error = transition.system.state_info(transition.following)["position_error"]
         if error.ndim == 1:
             return -error * error, {}
         return -(error * error).reshape(len(error), -1).sum(axis=1), {}
@@ -108,8 +108,8 @@ class Relative:
     ) -> None:
         self.reference = reference or Myopic()
         if isinstance(reference, str):
-            choice("reference policy", reference, [SIMPLE, *FAMILIES])
-        self.form = choice("form", form, ["share", "log", "difference", "scaled"])
+            check_choice("reference policy", reference, [SIMPLE, *HEURISTICS])
+        self.form = check_choice("form", form, ["share", "log", "difference", "scaled"])
 
     def begin(self, system: System, world: Any) -> ReferenceCosts:
         """Run the reference on these worlds. Raises an InputError where it is a rule that the system has no record of.
@@ -129,7 +129,7 @@ class Relative:
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         memory, cost = transition.memory, transition.cost
-        step = transition.previous.public.step
+        step = transition.previous.belief.step
         reference = memory.cost[np.arange(len(step)), step]
         if self.form == "log":
             reward = np.log(reference / cost)
@@ -157,7 +157,7 @@ def make_reward(reward: str | Reward) -> Reward:
         family, _, rule_name = reward.partition(":")
         if family in RELATIVE:
             return Relative(rule_name or None, RELATIVE[family])  # type: ignore[arg-type]
-        return REWARDS[choice("reward", reward, [*REWARDS, *RELATIVE])]()
+        return REWARDS[check_choice("reward", reward, [*REWARDS, *RELATIVE])]()
     if not callable(reward) or not hasattr(reward, "begin"):
         names = ", ".join([*REWARDS, *RELATIVE])
         raise InputError(f"reward is {reward!r}, expected one of {names} or an object with begin and __call__")

@@ -45,8 +45,8 @@ class ObservationScene:
 
     def draw(self, moment: Moment) -> None:
         """See ``Scene``."""
-        elements = moment.system.elements
-        values = moment.system.observe(moment.states[-1].public)[0]
+        elements = moment.system.observation_fields
+        values = moment.system.observe(moment.states[-1].belief)[0]
         scaled = [(value - e.centre) / e.scale for e, value in zip(elements, values, strict=True)]
         units = ["" if e.unit == "1" else f" {e.unit}" for e in elements]
         labels = [f"{e.name} = {value:.3g}{unit}" for e, value, unit in zip(elements, values, units, strict=True)]

@@ -37,9 +37,9 @@ class WaveformEnv(gym.Env):
         self._over = False
 
     @property
-    def public(self) -> Any:
-        """A copy of the public state with a leading axis of one, as policies take it."""
-        return self.batch.public
+    def belief(self) -> Any:
+        """A copy of the belief with a leading axis of one, as policies take it."""
+        return self.batch.belief
 
     # Gymnasium's np_random and np_random_seed read and write these two, and its checker looks at them directly.
     @property
@@ -77,10 +77,12 @@ class WaveformEnv(gym.Env):
         """
         if self._over:
             raise InputError("the episode has ended, expected reset() before step()")
-        observation, reward, terminated, truncated, facts, deeds = self.batch.transmit(np.asarray(action)[None], None)
+        observation, reward, terminated, truncated, state_info, transition_info = self.batch.transmit(
+            np.asarray(action)[None], None
+        )
         over, late = terminated.item(), truncated.item()
         self._over = over or late
-        return observation[0], reward.item(), over, late, {**_first(facts), **_first(deeds)}
+        return observation[0], reward.item(), over, late, {**_first(state_info), **_first(transition_info)}
 
     def render(self) -> Array | None:
         """A frame (height, width, 3) uint8, or None without a render mode."""
@@ -88,6 +90,6 @@ class WaveformEnv(gym.Env):
         return frames[0] if frames else None
 
 
-def _first(facts: dict[str, Array]) -> dict[str, Any]:
+def _first(state_info: dict[str, Array]) -> dict[str, Any]:
     """The only environment's facts as plain scalars (or arrays, where a fact is one)."""
-    return {key: values.item() if values.ndim == 1 else values[0] for key, values in facts.items()}
+    return {key: values.item() if values.ndim == 1 else values[0] for key, values in state_info.items()}

@@ -10,12 +10,12 @@ from gymnasium.vector.utils import batch_space
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, choice, whole
+from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.system import System
 from wavegym.envs.actions import action_reader
 from wavegym.envs.build import build_system
 from wavegym.envs.episodes import Episodes, Facts
-from wavegym.envs.info import add_facts, final_facts
+from wavegym.envs.info import add_info, final_info
 from wavegym.envs.rewards import Reward, make_reward
 from wavegym.envs.seeds import Seed, seed_list
 
@@ -58,8 +58,8 @@ class WaveformVectorEnv(VectorEnv):
         **parameters: Any,
     ) -> None:
         self.system = build_system(system, parameters)
-        self.num_envs = whole("num_envs", num_envs, 1)
-        self.render_mode = None if render_mode is None else choice("render_mode", render_mode, ["rgb_array"])
+        self.num_envs = check_int("num_envs", num_envs, 1)
+        self.render_mode = None if render_mode is None else check_choice("render_mode", render_mode, ["rgb_array"])
         self.max_episode_steps = _limit(max_episode_steps)
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
@@ -76,9 +76,9 @@ class WaveformVectorEnv(VectorEnv):
             self._film = Film(self.system, self.num_envs)
 
     @property
-    def public(self) -> Any:
-        """A copy of the public state, for schedulers; axis 0 = environment. The hidden part stays out of reach."""
-        return trees.copied(self.episodes.state.public)
+    def belief(self) -> Any:
+        """A copy of the belief, for schedulers; axis 0 = environment. The hidden part stays out of reach."""
+        return trees.copied(self.episodes.state.belief)
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
@@ -98,7 +98,7 @@ class WaveformVectorEnv(VectorEnv):
 
     def action_masks(self) -> Array:
         """Which actions are allowed now, (env, actions) bool; of a MultiDiscrete, one sensor after the other."""
-        return self.system.mask(self.episodes.state.public)
+        return self.system.mask(self.episodes.state.belief)
 
     def reset(self, *, seed: Seed = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin new episodes, in the environments of ``options["reset_mask"]`` only where that is given.
@@ -115,11 +115,11 @@ class WaveformVectorEnv(VectorEnv):
             if s is not None and rows[i]:
                 self.episodes.seed(i, s)
         self.episodes.begin(rows)
-        observation, facts = self.episodes.look()
+        observation, state_info = self.episodes.look()
         self._ended = self._ended & ~rows
         self._some_ended = bool(self._ended.any())
         info: dict[str, Any] = {}
-        add_facts(info, facts, None if rows.all() else rows)
+        add_info(info, state_info, None if rows.all() else rows)
         if self._film:
             self._film.begin(self.episodes.state, rows)
         return observation, info
@@ -132,7 +132,7 @@ class WaveformVectorEnv(VectorEnv):
                 end; nothing has changed then.
         """
         restarting = self._restarting()
-        observation, reward, terminated, truncated, facts, deeds = self.transmit(actions, restarting)
+        observation, reward, terminated, truncated, state_info, transition_info = self.transmit(actions, restarting)
         active = None
         if restarting is not None:
             active = ~restarting
@@ -143,10 +143,10 @@ class WaveformVectorEnv(VectorEnv):
         info: dict[str, Any] = {}
         if self._some_ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
             active = ~self._ended
-            final_facts(info, observation, {**facts, **deeds}, self._ended)
-            observation, facts = self._restart_now()
-        add_facts(info, facts, None)
-        add_facts(info, deeds, active)
+            final_info(info, observation, {**state_info, **transition_info}, self._ended)
+            observation, state_info = self._restart_now()
+        add_info(info, state_info, None)
+        add_info(info, transition_info, active)
         return observation, reward, terminated, truncated, info
 
     def transmit(self, actions: Any, restarting: Array | None) -> tuple[Array, Array, Array, Array, Facts, Facts]:
@@ -155,15 +155,15 @@ class WaveformVectorEnv(VectorEnv):
         Returns:
             Observations, rewards, terminated, truncated, facts of the new states, facts of the actions and rewards.
         """
-        chosen = self._reader.read(actions, self.episodes.state.public, restarting)
+        chosen = self._reader.read(actions, self.episodes.state.belief, restarting)
         if restarting is not None:
             self.episodes.begin(restarting)
-        observation, facts, reward, deeds = self.episodes.step(chosen, restarting)
-        deeds.update(self._reader.facts(self.system, actions, chosen))
+        observation, state_info, reward, transition_info = self.episodes.step(chosen, restarting)
+        transition_info.update(self._reader.state_info(self.system, actions, chosen))
         if self._film:
-            self._film.add(self.episodes.state, chosen, facts["cost"], restarting)
-        public = self.episodes.state.public
-        return observation, reward, *endings(self.system, public, self.max_episode_steps), facts, deeds
+            self._film.add(self.episodes.state, chosen, state_info["cost"], restarting)
+        belief = self.episodes.state.belief
+        return observation, reward, *endings(self.system, belief, self.max_episode_steps), state_info, transition_info
 
     def render(self) -> tuple[Array, ...] | None:
         """A frame (height, width, 3) uint8 of each environment, or None without a render mode.
@@ -197,7 +197,7 @@ class WaveformVectorEnv(VectorEnv):
         """The environments that a reset is meant for, (env,) bool."""
         options = options or {}
         for key in options:
-            choice("option", key, ["reset_mask"])
+            check_choice("option", key, ["reset_mask"])
         if "reset_mask" not in options:
             return np.ones(self.num_envs, np.bool_)
         mask = options["reset_mask"]
@@ -208,10 +208,10 @@ class WaveformVectorEnv(VectorEnv):
         return mask.copy()
 
 
-def endings(system: System, public: Any, max_episode_steps: int | None) -> tuple[Array, Array]:
+def endings(system: System, belief: Any, max_episode_steps: int | None) -> tuple[Array, Array]:
     """Terminated and truncated, (env,) each; as Gymnasium's TimeLimit, a step may be both."""
-    over = system.ended(public)
-    late = public.step >= max_episode_steps if max_episode_steps else np.zeros(len(over), np.bool_)
+    over = system.terminal(belief)
+    late = belief.step >= max_episode_steps if max_episode_steps else np.zeros(len(over), np.bool_)
     return (over, late) if system.terminates else (np.zeros(len(over), np.bool_), over | late)
 
 
@@ -220,8 +220,8 @@ def _mode(mode: str) -> AutoresetMode:
         raise InputError(
             f"autoreset_mode is {mode}, expected the string {mode.value!r}: specifications are kept as JSON"
         )
-    return AutoresetMode(choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
+    return AutoresetMode(check_choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
 
 
 def _limit(max_episode_steps: int | None) -> int | None:
-    return None if max_episode_steps is None else whole("max_episode_steps", max_episode_steps, 1)
+    return None if max_episode_steps is None else check_int("max_episode_steps", max_episode_steps, 1)

@@ -11,7 +11,7 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, whole
+from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.evaluation.play import Played, merged, play
@@ -77,9 +77,9 @@ def compare(
         InputError: an unknown id, setting or scheduler (nearest named), a number out of range, or
             parameters with which a policy's costs are not finite.
     """
-    whole("worlds", worlds, 1)
+    check_int("worlds", worlds, 1)
     if jobs != -1:
-        whole("jobs", jobs, 1)
+        check_int("jobs", jobs, 1)
     seeds = world_seeds(root, "test", worlds)
     task = make_task(env_id, settings)
     members = _members(task, policies if BASELINE in policies else {BASELINE: None, **policies}, root)
@@ -119,7 +119,7 @@ def _members(task: Task, policies: Mapping[str, Factory | None], root: int) -> d
     """Every policy's members and what they play, each tried for one step: mistakes show before the work begins, and
     kernels get compiled here, not by several processes at once.
     """
-    loops = task.system.named_loops()
+    loops = task.system.baselines()
     tuning = draw_worlds(task.system, world_seeds(root, "tune", tuning_worlds(task.system)))
     members: dict[str, tuple[Task, Sequence[Policy]]] = {}
     for name, factory in policies.items():

@@ -53,7 +53,7 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
 
     Args:
         task: system and settings.
-        policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``foresee(world)``.
+        policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``reveal(world)``.
         seeds: of the worlds.
         max_steps: stop here, episodes unfinished.
     """
@@ -64,10 +64,10 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
     account = _Account(task, len(seeds))
     start = perf_counter()
     policy.begin(task.system, len(seeds), np.random.default_rng([word("policy"), seeds[0]]))
-    if hasattr(policy, "foresee"):
-        policy.foresee(env.world)
+    if hasattr(policy, "reveal"):
+        policy.reveal(env.world)
     while account.running.any() and len(account.costs) != max_steps:
-        action = policy.act(env.public, observation, allowed(task.system, env.public))
+        action = policy.act(env.belief, observation, allowed(task.system, env.belief))
         account.seconds[account.running] += (perf_counter() - start) / account.running.sum()
         observation, _, terminated, truncated, info = env.step(action)
         account.add(info, terminated | truncated)

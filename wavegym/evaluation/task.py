@@ -9,7 +9,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.system import System
 from wavegym.envs.build import build_system
 from wavegym.registration import list_envs
@@ -65,4 +65,4 @@ def full_id(env_id: str) -> str:
             importlib.import_module(package)
         except ImportError as error:
             raise InputError(f"environment is {env_id!r}, expected an importable package before ':': {error}") from None
-    return choice("environment", rest if "/" in rest else NAMESPACE + rest, list_envs())
+    return check_choice("environment", rest if "/" in rest else NAMESPACE + rest, list_envs())

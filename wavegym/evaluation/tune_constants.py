@@ -20,7 +20,7 @@ from wavegym.core.system import System
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.task import make_task
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.heuristics.registry import FAMILIES, best_simple
+from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple
 from wavegym.schedulers.heuristics.tuning import log_cost
 from wavegym.schedulers.registry import PLANNERS, PLANS, planner_builder
 from wavegym.schedulers.tuned_constants import BASE, FILE, PLANNER, SIMPLE, as_toml
@@ -28,7 +28,7 @@ from wavegym.schedulers.tuned_constants import BASE, FILE, PLANNER, SIMPLE, as_t
 WORLDS, PLANNED = 100, 32
 
 
-def settled_record(system: System, worlds: Any, planners: Sequence[str], before: dict[str, Any]) -> dict[str, Any]:
+def tuned_record(system: System, worlds: Any, planners: Sequence[str], before: dict[str, Any]) -> dict[str, Any]:
     """The record of one system: rules tuned and compared on tuning worlds, and planners that are based on the best.
 
     Args:
@@ -48,11 +48,11 @@ def settled_record(system: System, worlds: Any, planners: Sequence[str], before:
     kept: dict[str, Any] = {name: before[name] for name in (PLANNER, BASE, *PLANNERS, *PLANS) if name in before}
     few = trees.first(worlds, PLANNED)
     base = kept.get(BASE, best)
-    floor = log_cost(system, FAMILIES[best].make(**constants[best]), few)
+    floor = log_cost(system, HEURISTICS[best].make(**constants[best]), few)
     found: dict[str, float] = {}
     for name in planners:
         settings = before.get(name.partition(":")[0], {})
-        planner = planner_builder(name)(FAMILIES[base].make(**constants[base]), **settings)
+        planner = planner_builder(name)(HEURISTICS[base].make(**constants[base]), **settings)
         found[name] = _rounded(log_cost(system, planner, few) - floor)
         print(f"{type(system).__name__}: {name} {found[name]:g}", flush=True)
     chosen: dict[str, Any] = (
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     systems = [make_task(env_id, {}).system for env_id in read.ids]
     for system in systems:
         name, worlds = type(system).__name__, draw_worlds(system, world_seeds(read.seed, "tune", read.worlds))
-        record = table[name] = settled_record(system, worlds, planners, table.get(name, {}))
+        record = table[name] = tuned_record(system, worlds, planners, table.get(name, {}))
         ranking = sorted(record["costs"].items(), key=lambda item: item[1])
         print(f"{name}: best simple is {record[SIMPLE]}; " + ", ".join(f"{rule} {cost:g}" for rule, cost in ranking))
         write_whole(read.out.parent, {read.out.name: as_toml(table).encode()})

@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from wavegym.core import trees
-from wavegym.core.errors import choice, whole
+from wavegym.core.errors import check_choice, check_int
 from wavegym.core.system import System
 
 SPLITS = ("train", "tune", "test")
@@ -40,9 +40,9 @@ def world_seeds(root: int, split: str, count: int) -> list[int]:
     Raises:
         InputError: an unknown split, a negative root or count.
     """
-    key = word(choice("split", split, SPLITS))
-    whole("seed", root, 0)
-    return [_seed(np.random.SeedSequence([root, key, i])) for i in range(whole("worlds", count, 0))]
+    key = word(check_choice("split", split, SPLITS))
+    check_int("seed", root, 0)
+    return [_seed(np.random.SeedSequence([root, key, i])) for i in range(check_int("worlds", count, 0))]
 
 
 def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
@@ -51,8 +51,8 @@ def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
     Raises:
         InputError: a negative argument.
     """
-    parent = np.random.SeedSequence([whole("root", root, 0), word("train"), whole("seed", seed, 0)])
-    return [_seed(child) for child in parent.spawn(whole("num_envs", num_envs, 0))]
+    parent = np.random.SeedSequence([check_int("root", root, 0), word("train"), check_int("seed", seed, 0)])
+    return [_seed(child) for child in parent.spawn(check_int("num_envs", num_envs, 0))]
 
 
 def draw_worlds(system: System, seeds: Sequence[int]) -> Any:

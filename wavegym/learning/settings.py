@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameters import make_checked
 from wavegym.registration import list_envs
 
@@ -58,13 +58,13 @@ class Settings:
         teacher: a scheduler that the learner imitates before it learns by itself; "" for none. Of a planner that
             follows its base in rollouts ("rollout:H") it learns what each candidate saves.
         teacher_futures: of each candidate, where the teacher is such a planner.
-        lessons: episodes in which the teacher is asked, in each round.
-        rounds: of lessons; in all but the first the learner acts and the teacher says what it would do (DAgger).
-        lesson_every: steps from one question to the teacher to the next, on average, after as many first steps; where
-            it plays itself, it stays with its answer in between. More than 1 only where it needs no memory.
-        lesson_epochs: passes over all lessons so far, after each round.
-        warm_up: rollouts after the lessons (of DQN: steps of the batch) in which only the critic learns; where they are
-            all the steps there are, the actor stays as it was taught.
+        teacher_episodes: episodes in which the teacher is asked, in each round.
+        imitation_rounds: rounds of imitation. In all but the first the learner acts and the teacher labels (DAgger).
+        query_every: query the teacher every N steps on average, and at each of the first N steps; between queries the
+            teacher repeats its last action. More than 1 is only for a teacher without memory.
+        imitation_epochs: passes over all labelled observations so far, after each round.
+        critic_warm_up: rollouts after imitation (of DQN: steps of the batch) in which only the critic learns. If they
+            are all the steps of the run, the actor stays as imitation left it.
         environment: parameters of the environment other than its defaults.
     """
 
@@ -81,11 +81,11 @@ class Settings:
     max_grad_norm: Positive
     teacher: str
     teacher_futures: Count
-    lessons: Count
-    rounds: Count
-    lesson_every: Count
-    lesson_epochs: Count
-    warm_up: NonNegativeCount
+    teacher_episodes: Count
+    imitation_rounds: Count
+    query_every: Count
+    imitation_epochs: Count
+    critic_warm_up: NonNegativeCount
     environment: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 
@@ -152,12 +152,12 @@ def load_settings(
     Raises:
         InputError: an unknown table, algorithm or setting (nearest named), or a value out of range.
     """
-    choice("algorithm", algo, ALGORITHMS)
+    check_choice("algorithm", algo, ALGORITHMS)
     tables = _tables(file)
     own = dict(tables.get(env_id, {}).get(algo, {}))
     layers = [tables.get(algo, {}), own, changes or {}]
     if "like" in own:
-        shared = choice(
+        shared = check_choice(
             f"like in table {env_id!r} of {file.name}", own.pop("like"), tables.keys() - {*ALGORITHMS, env_id}
         )
         layers.insert(1, tables[shared].get(algo, {}))
@@ -182,9 +182,9 @@ def _tables(file: Path) -> dict[str, Any]:
     for name, table in tables.items():
         if name not in ALGORITHMS:
             if name not in _shared(tables):
-                choice(f"table of {file.name}", name, [*ALGORITHMS, *list_envs()])
+                check_choice(f"table of {file.name}", name, [*ALGORITHMS, *list_envs()])
             for algo in table:
-                choice(f"table {name!r} of {file.name}", algo, ALGORITHMS)
+                check_choice(f"table {name!r} of {file.name}", algo, ALGORITHMS)
     return tables
 
 

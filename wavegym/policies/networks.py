@@ -55,10 +55,10 @@ class Network(NamedTuple):
             context = activate(context @ given[f"W{n}"].T + given[f"b{n}"])
         hidden = (context @ given["shared"].T + given["shared_bias"])[:, None] + given["offset"]
         if "own" in given:
-            foreseen = observation[:, elements:].reshape(
+            predicted = observation[:, elements:].reshape(
                 len(observation), candidates, (observation.shape[1] - elements) // candidates
             )
-            hidden = hidden + np.concatenate([foreseen, observation[:, given["pairs"]]], axis=2) @ given["own"].T
+            hidden = hidden + np.concatenate([predicted, observation[:, given["pairs"]]], axis=2) @ given["own"].T
         hidden = activate(hidden)
         for n in range(self._count("round") // 3):
             pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
@@ -108,22 +108,22 @@ class LearnedPolicy:
 
     def __init__(self, network: Network, forecasts: bool = False) -> None:
         self.network, self.forecasts = network, forecasts
-        self._foresee: Forecasts | None = None
+        self._forecasts: Forecasts | None = None
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._foresee = Forecasts(system) if self.forecasts else None
-        self._elements = len(system.elements)
+        self._forecasts = Forecasts(system) if self.forecasts else None
+        self._elements = len(system.observation_fields)
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``: the likeliest action, or the one of highest value, among those allowed.
 
-        Forecasts that the observation lacks are made of ``public``.
+        Forecasts that the observation lacks are made of ``belief``.
         """
         if observation is None:
             raise InputError("a learned policy was shown no observation, expected an environment's")
-        if self._foresee and observation.shape[1] == self._elements:
-            observation = np.concatenate([observation, self._foresee(public)], axis=1)
+        if self._forecasts and observation.shape[1] == self._elements:
+            observation = np.concatenate([observation, self._forecasts(belief)], axis=1)
         outputs, heads = self.network.outputs(observation), self.network.heads
         if self.network.kind == "mixture":
             outputs, heads = _likeliest(outputs, *heads), ()

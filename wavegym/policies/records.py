@@ -1,4 +1,4 @@
-"""The JSON records plan.json and run.json: read, checked, compared."""
+"""The JSON records run_spec.json and run.json: read, checked, compared."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 ::
 
-    plan.json      what is being trained, written first: --resume checks it
+    run_spec.json      what is being trained, written first: --resume checks it
     checkpoints/   the last two, while training lasts and after
     tensorboard/   for ``tensorboard --logdir``
     curve.csv      steps, episodes, mean episode cost
@@ -18,17 +18,17 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
-from wavegym.core.errors import InputError, choice
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.records import difference, read_run
 
-PLAN, RUN, POLICY, MODEL, CURVE = "plan.json", "run.json", "policy.npz", "model.zip", "curve.csv"
+SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
 CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
-CONTENTS = (PLAN, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
+CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
 LEARNER = ("env", "algo", "settings")  # what training seeds of one learner have in common
 
 
@@ -36,8 +36,8 @@ def signature(system: System) -> dict[str, Any]:
     """What a network's inputs and outputs mean: the observation's elements and scaling, a hash of the actions."""
     form, count, names = _meaning(system.actions)
     return {
-        "observation": [e.name for e in system.elements],
-        "scaling": [[float(e.centre), float(e.scale)] for e in system.elements],
+        "observation": [e.name for e in system.observation_fields],
+        "scaling": [[float(e.centre), float(e.scale)] for e in system.observation_fields],
         "actions": {"form": form, "count": count, "sha256": hashlib.sha256(repr(names).encode()).hexdigest()},
     }
 
@@ -49,7 +49,7 @@ def _meaning(actions: Any) -> tuple[str, int, Any]:
     if isinstance(actions, JointLibrary):
         return "joint", len(actions), actions.labels
     names = tuple(actions.labels)
-    if isinstance(actions, PerSensor):
+    if isinstance(actions, PerSensorLibrary):
         return f"library for each of {actions.sensors} sensors", len(names), (actions.sensors, names)
     return "library", len(names), names
 
@@ -82,7 +82,7 @@ def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]
 
 
 def _is_run(folder: Path) -> bool:
-    return (folder / RUN).exists() or (folder / PLAN).exists()
+    return (folder / RUN).exists() or (folder / SPEC).exists()
 
 
 def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
@@ -91,7 +91,7 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
         raise InputError(f"training in {str(folder)!r} is unfinished, expected {RUN}; finish it with train.py --resume")
     run = read_run(folder / RUN)
     _check_same(folder, run, env_id, system)
-    choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
+    check_choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
     content = read_policy(folder, run)
     try:
         return LearnedPolicy(Network.from_bytes(content), bool(run["settings"].get("forecasts", False)))

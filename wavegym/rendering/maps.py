@@ -46,8 +46,8 @@ def draw_map(axes: Axes, system: AgileClutter, moment: Moment) -> None:
     _draw_lines_of_sight(axes, system, now, known, centre)
     for t in known:
         since = moment.states[system.births[t] :]
-        truth = KILO * np.array([state.hidden.truth[0, t, PLANE] for state in since])
-        mean = KILO * np.array([state.public.mean[0, t, PLANE] for state in since])
+        truth = KILO * np.array([state.truth.targets[0, t, PLANE] for state in since])
+        mean = KILO * np.array([state.belief.mean[0, t, PLANE] for state in since])
         draw_particles(axes, now, t, np.zeros(2), KILO)
         draw_track(axes, t, truth, mean, _outline(now, t))
 
@@ -76,23 +76,23 @@ def to_scale(axes: Axes, points: Array) -> Array:
 
 def draw_particles(axes: Axes, now: State, target: int, origin: Array, scale: float = 1.0) -> None:
     """Each particle's mean as a faint point, where the tracker has particles."""
-    if now.public.particles is not None:
-        points = scale * (now.public.particles.mean[0, :, target, PLANE] - origin)
+    if now.belief.particles is not None:
+        points = scale * (now.belief.particles.mean[0, :, target, PLANE] - origin)
         axes.plot(*points.T, color=colour(target), **PARTICLE)
 
 
 def _outline(now: State, target: int) -> Array:
     """Error ellipse around the estimate, (2, point) in km."""
-    public = now.public
-    return KILO * (public.mean[0, target, PLANE, None] + ellipse(public.covariance[0, target, PLANE, PLANE]))
+    belief = now.belief
+    return KILO * (belief.mean[0, target, PLANE, None] + ellipse(belief.covariance[0, target, PLANE, PLANE]))
 
 
 def _fit(axes: Axes, system: AgileClutter, now: State, known: list[int]) -> Array:
     """Limits around all of the episode's true paths and the present ellipses; the centre of what is known, km."""
     until = [min(system.lifetime, max(system.horizon - birth, 0)) + 1 for birth in system.births]
-    paths = [KILO * now.hidden.path[0, t, :end, PLANE].T for t, end in enumerate(until)]
+    paths = [KILO * now.truth.path[0, t, :end, PLANE].T for t, end in enumerate(until)]
     middle = to_scale(axes, np.concatenate([*paths, *(_outline(now, t) for t in known)], axis=1))
-    return KILO * now.public.mean[0, known, PLANE].mean(axis=0) if known else middle
+    return KILO * now.belief.mean[0, known, PLANE].mean(axis=0) if known else middle
 
 
 def _draw_lines_of_sight(axes: Axes, system: AgileClutter, now: State, known: list[int], centre: Array) -> None:
@@ -100,7 +100,7 @@ def _draw_lines_of_sight(axes: Axes, system: AgileClutter, now: State, known: li
     low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
     for i, position in enumerate(system.sensors):
         sensor = KILO * np.array(position)
-        targets = KILO * now.public.mean[0, known, PLANE]
+        targets = KILO * now.belief.mean[0, known, PLANE]
         ways = np.stack([targets, 0.0 * targets + sensor, 0.0 * targets + np.nan], axis=1)  # (target, end, 2)
         axes.plot(*ways.reshape(-1, 2).T, color=f"C{i}", linewidth=0.7, linestyle=(0, (4, 3)), alpha=0.7)
         step = sensor - centre

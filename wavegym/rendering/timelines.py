@@ -1,4 +1,4 @@
-"""The part of a frame that any system can show: cost, foreseen costs, choices."""
+"""The part of a frame that any system can show: cost, predicted costs, choices."""
 
 from __future__ import annotations
 
@@ -68,31 +68,31 @@ class Timelines:
 
 
 def draw_foreseen(axes: Axes, moment: Moment) -> None:
-    """What could be foreseen of each candidate one step ahead, the least of it, and what was chosen."""
-    public = (moment.states[-2] if moment.actions else moment.states[-1]).public
+    """What could be predicted of each candidate one step ahead, the least of it, and what was chosen."""
+    belief = (moment.states[-2] if moment.actions else moment.states[-1]).belief
     try:
         candidates = moment.system.candidates()
-        foreseen = moment.system.cost(moment.system.imagine(public, candidates[None]))[0]
+        predicted = moment.system.cost(moment.system.predict(belief, candidates[None]))[0]
     except NotImplementedError:
         axes.set_visible(False)
         return
-    least = int(np.argmin(foreseen))
-    axes.plot(foreseen, ".", color=OTHERS, markersize=3)
-    axes.plot([least], [foreseen[least]], "o", color=LEAST, markersize=6, fillstyle="none")
+    least = int(np.argmin(predicted))
+    axes.plot(predicted, ".", color=OTHERS, markersize=3)
+    axes.plot([least], [predicted[least]], "o", color=LEAST, markersize=6, fillstyle="none")
     title = "foreseen cost: least ○"
-    shown = foreseen
+    shown = predicted
     if moment.actions:
         action = moment.actions[-1]
-        cost = moment.system.cost(moment.system.imagine(public, action[:, None]))[0]
+        cost = moment.system.cost(moment.system.predict(belief, action[:, None]))[0]
         same = np.flatnonzero((candidates.reshape(len(candidates), -1) == action.reshape(1, -1)).all(axis=1))[:1]
         if same.size:
             axes.plot(same, cost, "o", color=CHOSEN, markersize=4)
         else:
             axes.axhline(cost[0], color=CHOSEN, linewidth=1)
-        title += f", chosen ● {_above(float(cost[0]), float(foreseen[least]))}"
-        shown = np.append(foreseen, cost)
+        title += f", chosen ● {_above(float(cost[0]), float(predicted[least]))}"
+        shown = np.append(predicted, cost)
     axes.title.set_text(title)
-    axes.set_xlim(-1, len(foreseen))
+    axes.set_xlim(-1, len(predicted))
     fit_y(axes, shown)
 
 

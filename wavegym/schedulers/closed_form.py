@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.waveforms import SPEED_OF_LIGHT
@@ -144,7 +144,7 @@ class MyopicClosedForm:
     """
 
     def __init__(self, objective: str = "trace") -> None:
-        self.objective = choice("objective", objective, ("trace", "gate"))
+        self.objective = check_choice("objective", objective, ("trace", "gate"))
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where the actions are no such box."""
@@ -156,10 +156,10 @@ class MyopicClosedForm:
         self._system: Any = system
         self._box, self._limits = box, Limits(duration.low, duration.high, sweep.high)
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``. Actions (env, 2) in [-1, 1]."""
         system, limits = self._system, self._limits
-        P, eta = system.predicted(public)
+        P, eta = system.predicted(belief)
         if self.objective == "gate":
             chosen = smallest_gate(P[:, :2, :2], limits, system.carrier_hz)
         else:

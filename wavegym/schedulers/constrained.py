@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, choice, whole
+from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import Myopic, impossible
@@ -49,12 +49,12 @@ class MyopicInformation:
         """See ``Policy``. Raises an InputError for a system without ``most_information``."""
         self._system, self._warned = informative(system, "myopic-information"), False
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        actions, self.feasible = self._system.most_information(public)
+        actions, self.feasible = self._system.most_information(belief)
         if not self._warned and not self.feasible.all():
             self._warned = True
-            _warn(self._system, self._system.information(public, actions), self.feasible)
+            _warn(self._system, self._system.information(belief, actions), self.feasible)
         return actions
 
 
@@ -81,7 +81,7 @@ class Continuous:
     feasible: Array
 
     def __init__(self, objective: str = "trace", starts: int = 0) -> None:
-        self.objective, self.starts = choice("objective", objective, OBJECTIVES), whole("starts", starts, 0)
+        self.objective, self.starts = check_choice("objective", objective, OBJECTIVES), check_int("starts", starts, 0)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for a hard penalty, another action form, or no ``most_information``."""
@@ -96,43 +96,43 @@ class Continuous:
         if not self.starts and self.objective == "trace":
             self._grid.begin(system, num_envs, rng)
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        count = len(public.step)
+        count = len(belief.step)
         if self.starts:
             starts = np.broadcast_to(self._drawn, (count, *self._drawn.shape))
         elif self.objective == "trace":
-            starts = self._grid.act(public, observation, mask)[:, None]
+            starts = self._grid.act(belief, observation, mask)[:, None]
         else:
-            starts = self._system.most_information(public)[0][:, None]
-        rows = (trees.take(public, np.array([e])) for e in range(count))
+            starts = self._system.most_information(belief)[0][:, None]
+        rows = (trees.take(belief, np.array([e])) for e in range(count))
         searches = [self._search(row, own) for row, own in zip(rows, starts, strict=True)]
         if self.objective == "information":
             self.feasible = np.array([search.lacking == 0.0 for search in searches])
             if not self._warned and not self.feasible.all():
                 self._warned = True
-                share = self._system.information(public, np.stack([search.best for search in searches]))
+                share = self._system.information(belief, np.stack([search.best for search in searches]))
                 _warn(self._system, share, self.feasible)
         return np.stack([search.best for search in searches])
 
-    def _search(self, public: Any, starts: Array) -> _Search:
+    def _search(self, belief: Any, starts: Array) -> _Search:
         threshold = self._system.threshold if self.objective == "information" else None
-        search = _Search(self._system, public, threshold)
+        search = _Search(self._system, belief, threshold)
         for start in starts:
             search.run(start)
         return search
 
 
 class _Search:
-    """SLSQP for one environment, ``public`` (1,); values, constraints and all their differences come from one call.
+    """SLSQP for one environment, ``belief`` (1,); values, constraints and all their differences come from one call.
 
     Attributes:
         best: (d,), of all points evaluated the one that lacks least of the threshold, of those the best.
         lacking: by how much its worst-off target's log information is below log t; 0 where none is.
     """
 
-    def __init__(self, system: Any, public: Any, threshold: float | None) -> None:
-        self._system, self._public, self._threshold = system, public, threshold
+    def __init__(self, system: Any, belief: Any, threshold: float | None) -> None:
+        self._system, self._public, self._threshold = system, belief, threshold
         self.best, self.lacking, self._least = np.empty(0), np.inf, np.inf
         self._at = np.empty(0)
 
@@ -178,7 +178,7 @@ class _Search:
     def _evaluate(self, points: Array) -> tuple[Array, Array]:
         """What is minimised (m,), and log information above log t (m, target), of points (m, d)."""
         if self._threshold is None:
-            value = np.log(self._system.cost(self._system.imagine(self._public, points[None]))[0])
+            value = np.log(self._system.cost(self._system.predict(self._public, points[None]))[0])
             over, lacking = np.zeros((len(points), 0)), np.zeros(len(points))
         else:
             information = np.maximum(self._system.information(self._public, points[None])[0], np.finfo(float).tiny)

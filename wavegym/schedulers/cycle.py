@@ -65,9 +65,9 @@ def best_cycle(system: System, worlds: Any) -> Array:
 class _CycleEach(Cycle):
     """Another cycle in each environment, actions (env, slots, ...)."""
 
-    def wanted(self, public: Any) -> Array:
+    def wanted(self, belief: Any) -> Array:
         """See ``Cycle``."""
-        return self.actions[np.arange(len(public.step)), public.step % self.actions.shape[1]]
+        return self.actions[np.arange(len(belief.step)), belief.step % self.actions.shape[1]]
 
 
 @dataclass
@@ -101,7 +101,7 @@ class _Search:
         return [self.seen.get(key, np.inf) for key in keys]
 
     def _costs(self, cycles: list[Array]) -> list[float]:
-        count = len(self.system.begin(self.worlds).public.step)
+        count = len(self.system.initial(self.worlds).belief.step)
         worlds = trees.take(self.worlds, np.tile(np.arange(count), len(cycles)))
         actions = np.stack([self.encode(np.resize(slots, (COMMON, slots.shape[1]))) for slots in cycles])
         policy = _CycleEach(np.repeat(actions, count, axis=0))

@@ -1,4 +1,4 @@
-"""H-step lookahead: the first choice of the cheapest foreseen sequence."""
+"""H-step lookahead: the first choice of the cheapest predicted sequence."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core import trees
-from wavegym.core.action_sets import PerSensor
+from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
@@ -20,8 +20,8 @@ class Lookahead:
     """The first choice of the best sequence of ``depth`` candidates; shorter ones towards the episode's end.
 
     A system may offer its own search, which is used when nothing is masked: ``best_sequence(public, depth)``, the same
-    as here fused into a kernel, or ``plan(public, depth) -> (first actions (env, ...), foreseen cost (env,))``, a good
-    sequence found by a local search, of any depth. Otherwise every sequence is tried by repeated ``imagine``, in chunks
+    as here fused into a kernel, or ``plan(public, depth) -> (first actions (env, ...), predicted cost (env,))``, a good
+    sequence found by a local search, of any depth. Otherwise every sequence is tried by repeated ``predict``, in chunks
     of at most ``NODES`` beliefs.
 
     Args:
@@ -47,17 +47,17 @@ class Lookahead:
         if not self._planned:
             self._enumerate()
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``. Where a mask forbids the system's plan, raises as ``begin`` does."""
         if self._planned and mask is None:
-            actions: Array = self._system.plan(public, self.depth)[0]
+            actions: Array = self._system.plan(belief, self.depth)[0]
             return actions
         if not self._ready:
             self._enumerate()
         if self._listed and mask is None:
-            first, _ = self._system.best_sequence(public, self.depth)
+            first, _ = self._system.best_sequence(belief, self.depth)
         else:
-            first = np.argmin(self._values(public, self.depth, mask), axis=1)
+            first = np.argmin(self._values(belief, self.depth, mask), axis=1)
         return self._candidates[first]
 
     def _enumerate(self) -> None:
@@ -68,33 +68,33 @@ class Lookahead:
         while possible < steps and count ** (possible + 1) <= self.most:
             possible += 1
         if possible < steps:
-            joint = isinstance(system.actions, PerSensor)
+            joint = isinstance(system.actions, PerSensorLibrary)
             hint = "; action='joint', where a system has it, has fewer candidates" if joint else ""
             what = f"lookahead depth is {self.depth}, which makes {count}^{steps} sequences a decision"
             raise InputError(f"{what}, expected at most {self.most} (nearest: {possible}){hint}")
         self._ready = True
 
-    def _values(self, public: Any, depth: int, mask: Array | None) -> Array:
+    def _values(self, belief: Any, depth: int, mask: Array | None) -> Array:
         """Cost of the best sequence that starts with each candidate, (env, candidate)."""
-        count, branches = len(public.step), len(self._candidates)
+        count, branches = len(belief.step), len(self._candidates)
         chunk = max(1, NODES // branches ** min(depth, 2))
         if count > chunk:
             parts = [np.arange(start, min(start + chunk, count)) for start in range(0, count, chunk)]
             masks = [None if mask is None else mask[part] for part in parts]
             work = zip(parts, masks, strict=True)
-            return np.concatenate([self._values(trees.take(public, part), depth, m) for part, m in work])
-        imagined = self._system.imagine(public, self._candidates[None])
-        values = self._system.cost(imagined)
+            return np.concatenate([self._values(trees.take(belief, part), depth, m) for part, m in work])
+        predicted = self._system.predict(belief, self._candidates[None])
+        values = self._system.cost(predicted)
         if mask is not None:
             values = np.where(mask, values, np.inf)
         if depth > 1:
-            leaves = trees.tree_map(lambda a: a.reshape(count * branches, *a.shape[2:]), imagined)
-            over = self._system.ended(leaves)
+            leaves = trees.tree_map(lambda a: a.reshape(count * branches, *a.shape[2:]), predicted)
+            over = self._system.terminal(leaves)
             if not over.all():
                 below = self._values(leaves, depth - 1, self._masks(leaves)).min(axis=1)
                 values = values + np.where(over, 0.0, below).reshape(count, branches)
         return values
 
-    def _masks(self, public: Any) -> Array | None:
-        mask = self._system.mask(public)
+    def _masks(self, belief: Any) -> Array | None:
+        mask = self._system.mask(belief)
         return None if mask.all() else mask

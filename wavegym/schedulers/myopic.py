@@ -10,30 +10,30 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, choice, non_negative
+from wavegym.core.errors import InputError, check_choice, check_non_negative
 from wavegym.core.system import System
 
 Objective = Callable[[Any, Any, Array], Array]  # (system, public, candidates (1, c)) -> (env, c)
 
 
-def trace(system: Any, public: Any, candidates: Array) -> Array:
+def trace(system: Any, belief: Any, candidates: Array) -> Array:
     """trace(Lambda P) after the update."""
-    return system.cost(system.imagine(public, candidates))
+    return system.cost(system.predict(belief, candidates))
 
 
-def determinant(system: Any, public: Any, candidates: Array) -> Array:
+def determinant(system: Any, belief: Any, candidates: Array) -> Array:
     """det P after the update; of several targets, the product.
 
     With Gaussian chirps of fixed energy det R is the same for all, so det P = det P^- det R / det S: minimising it
     *maximises* the validation gate and runs to the edge of the box. Kept because the literature uses it.
     """
-    each = np.linalg.det(system.imagine(public, candidates).covariance)  # (env, candidate[, target])
+    each = np.linalg.det(system.predict(belief, candidates).covariance)  # (env, candidate[, target])
     return each.reshape(*each.shape[:2], -1).prod(axis=2)
 
 
-def gate_volume(system: Any, public: Any, candidates: Array) -> Array:
+def gate_volume(system: Any, belief: Any, candidates: Array) -> Array:
     """det S, proportional to the squared volume of the validation gate (Kershaw & Evans 1994)."""
-    return np.linalg.det(system.innovation_covariance(public, candidates))
+    return np.linalg.det(system.innovation_covariance(belief, candidates))
 
 
 OBJECTIVES: dict[str, Objective] = {"trace": trace, "determinant": determinant, "gate": gate_volume}
@@ -49,7 +49,7 @@ class Myopic:
     Args:
         objective: "trace", "determinant" or "gate", or a function of (system, public, candidates).
         fused: whether the system's own search may be used.
-        margin: for systems with a ``margin``: how many standard deviations of a predicted quantity foresight wants it
+        margin: for systems with a ``margin``: how many standard deviations of a predicted quantity prediction wants it
             inside the field of view, in place of the system's own number.
 
     Raises:
@@ -58,10 +58,10 @@ class Myopic:
 
     def __init__(self, objective: str | Objective = "trace", fused: bool = True, margin: float | None = None) -> None:
         if isinstance(objective, str):
-            objective = OBJECTIVES[choice("objective", objective, OBJECTIVES)]
+            objective = OBJECTIVES[check_choice("objective", objective, OBJECTIVES)]
         self.objective: Objective = objective
         self.fused = fused
-        self.margin = None if margin is None else non_negative("margin", margin)
+        self.margin = None if margin is None else check_non_negative("margin", margin)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where a margin is asked for and the system has none."""
@@ -72,14 +72,14 @@ class Myopic:
             self._system = replace(system, margin=self.margin)  # type: ignore[type-var]
         self._candidates: Array | None = None  # asked for when they are needed: the system's own search may do without
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
         if self.fused and mask is None and self.objective is trace and hasattr(self._system, "best_action"):
             with suppress(NotImplementedError):
-                return self._system.best_action(public)
+                return self._system.best_action(belief)
         if self._candidates is None:
             self._candidates = self._system.candidates()
-        values = self.objective(self._system, public, self._candidates[None])
+        values = self.objective(self._system, belief, self._candidates[None])
         return self._candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]
 
 

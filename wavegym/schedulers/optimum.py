@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, positive
+from wavegym.core.errors import InputError, check_non_negative, check_positive
 from wavegym.core.recursion import Recursion
 from wavegym.core.system import System
 
@@ -60,8 +60,8 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
     """
     from wavegym.schedulers import optimum_kernels as kernels
 
-    non_negative("tolerance", tolerance)
-    limit = int(positive("nodes", nodes))
+    check_non_negative("tolerance", tolerance)
+    limit = int(check_positive("nodes", nodes))
     P0, F, Q, M, C, scale, weights = (np.array(a, np.float64, order="C") for a in recursion)
     model, sizes = kernels.Model(F[None], Q[None], M[None], C, weights), ((0,) * len(F), (0,) * len(M))
     room = kernels.make_nodes(limit, sizes[0]), kernels.make_nodes(limit * len(C) + 1, sizes[0])
@@ -99,7 +99,7 @@ class Optimum:
             raise InputError(f"policy 'optimum' cannot be computed for {name}: it has no deterministic_recursion")
         self._system, self._candidates = system, system.candidates()
 
-    def foresee(self, world: Any) -> None:
+    def reveal(self, world: Any) -> None:
         """Plan for the worlds (axis 0 = environment) that will be played; called once after ``begin``.
 
         Raises an InputError where ``nodes`` do not suffice to certify a plan: it may be good, but is not the optimum.
@@ -110,9 +110,9 @@ class Optimum:
             found = f"{np.count_nonzero(gaps > self.gap)} of {len(gaps)} plans are certified to {gaps.max():.2g} only"
             raise InputError(f"policy 'optimum': {found}, expected {self.gap:g}; it takes more nodes than {self.nodes}")
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``. An environment whose episode is over gets some action. Raises an InputError for a mask."""
         if mask is not None:
             raise InputError("policy 'optimum' was given a mask, expected a system in which everything is allowed")
-        step = np.minimum(public.step, self.plan.actions.shape[1] - 1)
+        step = np.minimum(belief.step, self.plan.actions.shape[1] - 1)
         return self._candidates[self.plan.actions[np.arange(len(step)), step]]

@@ -7,9 +7,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, whole
+from wavegym.core.errors import InputError, check_int
 from wavegym.core.system import System
-from wavegym.systems.agile_clutter.actions import ChirpMenu
+from wavegym.systems.agile_clutter.actions import ChirpActions
 
 
 @runtime_checkable
@@ -21,10 +21,10 @@ class SensorBySensor(Protocol):
         """The form of the action set; the search needs ``"box"``."""
 
     @property
-    def menu(self) -> ChirpMenu:
+    def menu(self) -> ChirpActions:
         """What may be transmitted."""
 
-    def ahead(self, public: Any) -> Any:
+    def ahead(self, belief: Any) -> Any:
         """The belief that the next pulse meets; its field ``mean`` has axis 0 = environment."""
 
     def sensor_costs(self, ahead: Any, sensor: int, C: Array) -> Array:
@@ -50,7 +50,7 @@ class Progressive:
     """
 
     def __init__(self, points: int = 5, levels: int = 3) -> None:
-        self.points, self.levels = whole("points", points, 3), whole("levels", levels, 1)
+        self.points, self.levels = check_int("points", points, 3), check_int("levels", levels, 1)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for a system without a menu of chirps, or in another action form."""
@@ -61,10 +61,10 @@ class Progressive:
             )
         self._system: SensorBySensor = system
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
         system = self._system
-        ahead, chosen = system.ahead(public), []
+        ahead, chosen = system.ahead(belief), []
         for i in range(system.menu.sensors):
             chirp, C = self._search(ahead, i)
             chosen.append(chirp)

@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.errors import InputError, choice, whole
+from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.constrained import Continuous, MyopicInformation
 from wavegym.schedulers.cycle import best_cycle
 from wavegym.schedulers.heuristics.l_step import Gain
-from wavegym.schedulers.heuristics.registry import FAMILIES
+from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.myopic import Myopic, impossible
 from wavegym.schedulers.optimum import Optimum
 from wavegym.schedulers.planners.beam import BeamSearch
 from wavegym.schedulers.planners.mcts import MonteCarloTree
-from wavegym.schedulers.planners.receding_horizon import PlanOnce, Replan
+from wavegym.schedulers.planners.receding_horizon import PlanOnce, RecedingHorizon
 from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
 from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
@@ -43,21 +43,21 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
             action="box", with Gaussian or generalised chirps), ``myopic:slsqp`` or ``myopic:polish`` (for
             action="box": a search by gradients from 8 drawn points, or from the grid's choice), ``myopic-information``
             (the most information of which every target has the system's threshold; also with ``:slsqp`` or
-            ``:polish``), ``myopic-margin:M`` (foresight wants M standard deviations inside the field of view),
+            ``:polish``), ``myopic-margin:M`` (prediction wants M standard deviations inside the field of view),
             ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum`` (clairvoyant).
             Rules, with the constants recorded for the suite's systems (``schedulers.tuned_constants``) and otherwise
-            tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``, ``until-seen``,
-            ``priced``, ``adaptive-price``, ``paced``, ``cycle`` and ``best-simple``, the best of them and of
-            ``myopic``. Planners, with the base policy (``best-simple`` unless another is) and the settings recorded:
-            ``plan-once``, ``rollout:H``, ``replan``, ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the one
-            recorded as the best.
+            tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``,
+            ``hold-until-detected``, ``lagrangian-price``, ``adaptive-lagrangian-price``, ``constant-pace``, ``cycle``
+            and ``best-simple``, the best of them and of ``myopic``. Planners, with the base policy (``best-simple``
+            unless another is) and the settings recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``,
+            ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the one recorded as the best.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
 
     Raises:
         InputError: an unknown name (nearest named), a number after the colon that is no integer in range, an M that is
             no number >= 0, a NAME that the system lacks, a scheduler that this system cannot have, or one of its
-            ``named_loops``, which have parameters of their own and are played by ``wavegym.evaluation.compare``.
+            ``baselines``, which have parameters of their own and are played by ``wavegym.evaluation.compare``.
     """
     family, _, argument = name.partition(":")
     if family == "fixed":
@@ -68,8 +68,8 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
         return NUMBERED[family](_integer(name, family, argument))
     if family in PLANNERS or name in PLANS:
         return _planner(name, system, tuning_worlds)
-    loops = system.named_loops()
-    if choice("policy", name, (*FORMS, *loops)) in loops:
+    loops = system.baselines()
+    if check_choice("policy", name, (*FORMS, *loops)) in loops:
         scheduler, changed = loops[name]
         raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
     return PLAIN[name](system, tuning_worlds)
@@ -122,7 +122,7 @@ def _ready(policy: Policy, system: System) -> Policy:
 
 
 def _determinant(system: System, worlds: Any) -> Policy:
-    if not hasattr(system.begin(worlds).public, "covariance"):
+    if not hasattr(system.initial(worlds).belief, "covariance"):
         raise impossible("myopic:determinant", system, "its belief has no single covariance")
     return Myopic("determinant")
 
@@ -151,9 +151,9 @@ def planner_builder(name: str) -> Callable[..., Policy]:
     """
     family, _, argument = name.partition(":")
     if family in PLANS:
-        return PLANS[choice("planner", name, PLANS)]
-    make, number = PLANNERS[choice("planner", family, PLANNERS)], _integer(name, family, argument)
-    whole(f"{family}:", number, 1)
+        return PLANS[check_choice("planner", name, PLANS)]
+    make, number = PLANNERS[check_choice("planner", family, PLANNERS)], _integer(name, family, argument)
+    check_int(f"{family}:", number, 1)
     return lambda base, **settings: make(base, number, **settings)
 
 
@@ -166,7 +166,7 @@ PLANNERS: dict[str, Callable[..., Policy]] = {  # of a base, and the number afte
     "beam": BeamSearch,
     "mcts": MonteCarloTree,
 }
-PLANS: dict[str, Callable[..., Policy]] = {"replan": Replan, "plan-once": PlanOnce}
+PLANS: dict[str, Callable[..., Policy]] = {"receding-horizon": RecedingHorizon, "plan-once": PlanOnce}
 PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "random": lambda system, worlds: RandomChoice(),
     "round-robin": lambda system, worlds: RoundRobin(),
@@ -185,7 +185,7 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "myopic-information:slsqp": lambda system, worlds: _ready(Continuous("information", STARTS), system),
     "myopic-information:polish": lambda system, worlds: _ready(Continuous("information"), system),
     "optimum": lambda system, worlds: Optimum(),
-    **{name: _rule(name) for name in (*FAMILIES, SIMPLE) if name not in ("myopic", "gain")},
+    **{name: _rule(name) for name in (*HEURISTICS, SIMPLE) if name not in ("myopic", "gain")},
     PLANNER: lambda system, worlds: make_policy(planner_name(system), system, worlds),
 }
 FORMS = (

@@ -24,11 +24,11 @@ class Rollout(NamedTuple):
         return self.cost.sum(axis=1) / self.steps
 
 
-def allowed(system: System, public: Any) -> Array | None:
+def allowed(system: System, belief: Any) -> Array | None:
     """The mask as policies take it: None where everything is allowed."""
     if type(system).mask is System.mask:
         return None
-    return system.mask(public)
+    return system.mask(belief)
 
 
 def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator | None = None) -> Rollout:
@@ -36,16 +36,16 @@ def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator
 
     Policies that read observations get the unscaled ones' place holder None: this is for schedulers.
     """
-    state = system.begin(world)
-    policy.begin(system, len(state.public.step), rng or np.random.default_rng(0))
-    if hasattr(policy, "foresee"):
-        policy.foresee(world)
-    costs, actions, steps = [], [], np.zeros(len(state.public.step), np.int64)
+    state = system.initial(world)
+    policy.begin(system, len(state.belief.step), rng or np.random.default_rng(0))
+    if hasattr(policy, "reveal"):
+        policy.reveal(world)
+    costs, actions, steps = [], [], np.zeros(len(state.belief.step), np.int64)
     for _ in range(system.horizon):
-        over = system.ended(state.public)
+        over = system.terminal(state.belief)
         steps += ~over
-        action = policy.act(state.public, None, allowed(system, state.public))
-        state = system.advance(state, action, world)
-        costs.append(np.where(over, 0.0, system.cost(state.public)))
+        action = policy.act(state.belief, None, allowed(system, state.belief))
+        state = system.transition(state, action, world)
+        costs.append(np.where(over, 0.0, system.cost(state.belief)))
         actions.append(action)
     return Rollout(np.stack(costs, axis=1), steps, np.stack(actions, axis=1))

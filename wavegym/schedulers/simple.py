@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.action_sets import PerSensor
+from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, nearest
 from wavegym.core.parameter_box import ParameterBox
@@ -22,15 +22,15 @@ class RandomChoice:
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         self._rng, self._system = rng, system
-        enumerated = not isinstance(system.actions, (ParameterBox, PerSensor))
+        enumerated = not isinstance(system.actions, (ParameterBox, PerSensorLibrary))
         self._candidates = system.candidates() if enumerated else None
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``: the largest of one uniform draw per candidate; of many unmasked ones, an index drawn."""
-        envs, actions = len(public.step), self._system.actions
+        envs, actions = len(belief.step), self._system.actions
         if isinstance(actions, ParameterBox):
             return self._rng.uniform(-1.0, 1.0, (envs, len(actions)))
-        if isinstance(actions, PerSensor) and mask is None:
+        if isinstance(actions, PerSensorLibrary) and mask is None:
             return self._rng.integers(len(actions), size=(envs, actions.sensors))
         candidates = self._system.candidates() if self._candidates is None else self._candidates
         count = len(candidates)
@@ -62,9 +62,9 @@ class Cycle:
         """See ``Policy``."""
         self._constants = system.constants()
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        wanted = self.wanted(public)
+        wanted = self.wanted(belief)
         if mask is None or wanted.ndim > 1:
             return wanted
         is_allowed = mask[np.arange(len(wanted)), wanted]
@@ -73,9 +73,9 @@ class Cycle:
         at = np.argmax(wanted[:, None] == self._constants, axis=1)
         return np.where(is_allowed, wanted, _first_allowed(at, self._constants, mask))
 
-    def wanted(self, public: Any) -> Array:
+    def wanted(self, belief: Any) -> Array:
         """What each environment's slot holds, allowed or not, (env, ...)."""
-        return self.actions[public.step % len(self.actions)]
+        return self.actions[belief.step % len(self.actions)]
 
 
 class Fixed:
@@ -93,9 +93,9 @@ class Fixed:
         self._cycle = Cycle(constant_action(system, self.constant)[None])
         self._cycle.begin(system, num_envs, rng)
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        return self._cycle.act(public, observation, mask)
+        return self._cycle.act(belief, observation, mask)
 
 
 def constant_action(system: System, constant: int | str) -> Array:
@@ -124,9 +124,9 @@ class RoundRobin:
         """See ``Policy``."""
         self._constants = system.constants()
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        return _first_allowed(public.step, self._constants, mask)
+        return _first_allowed(belief.step, self._constants, mask)
 
 
 def _first_allowed(start: Array, constants: Array, mask: Array | None) -> Array:

@@ -10,8 +10,8 @@ from importlib import resources
 from typing import Any
 
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Rule
-from wavegym.schedulers.heuristics.registry import FAMILIES, best_simple, tuned_family
+from wavegym.schedulers.heuristics.base import Heuristic
+from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple, tune_heuristic
 
 FILE = "settled.toml"
 SIMPLE, PLANNER = "best-simple", "best-planner"
@@ -34,11 +34,11 @@ def recorded(system: System) -> dict[str, Any]:
     return {}
 
 
-def rule(name: str, system: System, worlds: Any) -> Rule:
+def rule(name: str, system: System, worlds: Any) -> Heuristic:
     """The rule ``name``, or "best-simple", with the constants recorded, or else tuned on ``worlds``.
 
     Args:
-        name: one of ``FAMILIES``, or "best-simple".
+        name: one of ``HEURISTICS``, or "best-simple".
         system: the closed loop.
         worlds: tapes for tuning, axis 0 = world; used only where nothing is recorded.
 
@@ -50,9 +50,9 @@ def rule(name: str, system: System, worlds: Any) -> Rule:
         name = record[SIMPLE]
     elif name == SIMPLE:
         name, constants, _ = best_simple(system, worlds)
-        return FAMILIES[name].make(**constants[name])
-    constants = record[name] if name in record else tuned_family(name, system, worlds)
-    return FAMILIES[name].make(**constants)
+        return HEURISTICS[name].make(**constants[name])
+    constants = record[name] if name in record else tune_heuristic(name, system, worlds)
+    return HEURISTICS[name].make(**constants)
 
 
 def planner_name(system: System) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, positive, within
+from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.sensors import clutter_kernels as kernels
 from wavegym.sensors.checks import shaped
 from wavegym.sensors.gates import cholesky, gate_volume
@@ -44,8 +44,8 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
         )
     if not np.isfinite(points).all():
         raise InputError(f"centre is {points[~np.isfinite(points).all(axis=1)][0].tolist()}, expected finite numbers")
-    expected = non_negative("density", density) * float(gate_volume(S, positive("gate", gate)).sum())
-    within("expected number of clutter points (density x gate volumes)", expected, 0.0, MOST_POINTS)
+    expected = check_non_negative("density", density) * float(gate_volume(S, check_positive("gate", gate)).sum())
+    check_within("expected number of clutter points (density x gate volumes)", expected, 0.0, MOST_POINTS)
     present = np.ones(len(points), dtype=np.bool_)
     z, count = kernels.add_clutter(
         np.uint64(key), points, L, present, float(gate), float(density), np.empty((64, 2)), 0

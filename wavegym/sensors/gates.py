@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, positive
+from wavegym.core.errors import InputError, check_positive
 from wavegym.sensors import gate_kernels as kernels
 from wavegym.sensors.checks import every, shaped
 
 
 def gate_probability(gate: ArrayLike) -> Array:
     """Pg = 1 - exp(-g^2 / 2), the probability that a detected target's return lies in its gate of size g > 0."""
-    g = every(positive, "gate", gate)
+    g = every(check_positive, "gate", gate)
     return -np.expm1(-0.5 * g * g)
 
 
@@ -31,12 +31,12 @@ def gate_volume(S: ArrayLike, gate: ArrayLike) -> Array:
     Raises:
         InputError: an S that is not symmetric positive definite, g not finite and > 0, shapes that do not fit.
     """
-    return kernels.volume(every(positive, "gate", gate), cholesky(S))
+    return kernels.volume(every(check_positive, "gate", gate), cholesky(S))
 
 
 def inside_gate(innovation: ArrayLike, S: ArrayLike, gate: ArrayLike) -> NDArray[np.bool_]:
     """Whether an innovation z - centre, (..., 2), lies in the gate: (...). Other arguments and errors as above."""
-    g = every(positive, "gate", gate)
+    g = every(check_positive, "gate", gate)
     squared = kernels.distance(shaped("innovation", innovation, 2), np.zeros(2), cholesky(S))
     return np.asarray(squared <= g * g)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, within
+from wavegym.core.errors import InputError, check_within
 from wavegym.sensors.checks import every, shaped
 from wavegym.sensors.geometry import range_and_rate
 from wavegym.sensors.multipath import Antenna
@@ -118,7 +118,7 @@ class Multistatic:
         state, way = shaped("state", state, 6), np.asarray(way)
         if state.ndim != 2 or way.shape != state.shape[:1]:
             raise InputError(f"state and way have shapes {state.shape} and {way.shape}, expected (n, 6) and (n,)")
-        every(lambda name, number: within(name, number, 0, len(self.ways) - 1), "way", way)
+        every(lambda name, number: check_within(name, number, 0, len(self.ways) - 1), "way", way)
         if (way != np.floor(way)).any():
             raise InputError(f"way is {way.tolist()}, expected integers")
         times, offsets = np.array(times, np.float64, ndmin=1), np.array(offsets, np.float64, ndmin=1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, choice, non_negative, positive
+from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
 from wavegym.sensors import platform_kernels as kernels
 from wavegym.sensors.checks import alike, every
 
@@ -52,10 +52,10 @@ def fov_penalty(
         InputError: an unknown kind, sharpness or high not > 0, a negative height, an empty interval, x NaN, shapes that
             do not fit.
     """
-    code = KINDS[choice("penalty", kind, PENALTIES)]
-    every(positive, "sharpness", sharpness)
-    every(positive, "high edge of the field of view", np.minimum(high, np.finfo(float).max))
-    every(non_negative, "height", height)
+    code = KINDS[check_choice("penalty", kind, PENALTIES)]
+    every(check_positive, "sharpness", sharpness)
+    every(check_positive, "high edge of the field of view", np.minimum(high, np.finfo(float).max))
+    every(check_non_negative, "height", height)
     if np.isnan(x).any():
         raise InputError("x is nan, expected numbers")
     lower, upper = alike(low=low, high=high)

@@ -18,7 +18,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, positive, whole, within
+from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive, check_within
 from wavegym.sensors import receiver_kernels as kernels
 from wavegym.sensors.checks import every, require_shape
 from wavegym.waveforms import PulseTrain
@@ -68,8 +68,8 @@ class ArrayReceiver:
         if not isinstance(self.train, PulseTrain):
             raise InputError(f"train is {self.train!r}, expected a PulseTrain")
         for name in ("carrier", "sample_rate", "reach"):
-            positive(name, getattr(self, name))
-        whole("elements", self.elements, 1)
+            check_positive(name, getattr(self, name))
+        check_int("elements", self.elements, 1)
         bandwidth = math.sqrt(self.train.pulse.fisher_factors().information()[0, 0]) / (2.0 * math.pi)
         if self.sample_rate < BANDWIDTHS * bandwidth:
             wanted = f"{BANDWIDTHS:g} times the pulses' rms bandwidth (nearest: {BANDWIDTHS * bandwidth:.6g})"
@@ -109,7 +109,7 @@ class ArrayReceiver:
                 f"delays and amplitudes have shapes {delays.shape} and {amplitudes.shape}, expected"
                 f" (way, {self.shape[0]}, {self.shape[1]}) and (way,)"
             )
-        every(non_negative, "delay", delays)
+        every(check_non_negative, "delay", delays)
         latest = 2.0 * self.reach / SPEED_OF_LIGHT + 1.0 / self.sample_rate
         heard = delays.max(axis=(1, 2)) <= latest
         spectra = np.zeros(self.shape, np.complex128)
@@ -141,7 +141,7 @@ class ArrayReceiver:
             InputError: another image's shape, a threshold that is not > 0.
         """
         require_shape("image", image, (self.elements, self._delays, self._dopplers))
-        positive("threshold", threshold)
+        check_positive("threshold", threshold)
         power = np.empty(image.shape[1:])
         kernels.brightest(image, self._steering, power)
         found = np.empty((MOST, 2), np.int64)
@@ -171,7 +171,7 @@ class ArrayReceiver:
         characteristic of excursion sets of chi^2, F and t fields", Adv. Appl. Prob. 26, 1994); less those whose top
         lies between cells. InputError for a threshold that is not > 0.
         """
-        positive("threshold", threshold)
+        check_positive("threshold", threshold)
         curvature, twice = self._curvature, 2.0 * threshold
         cell = abs(np.linalg.det(self._cells))
         density = math.sqrt(np.linalg.det(curvature)) / cell * math.exp(-threshold) / (2.0 * math.pi)
@@ -185,7 +185,7 @@ class ArrayReceiver:
     def threshold(self, density: float) -> float:
         """That noise alone exceeds ``density`` times per (m x m/s); InputError for more than it can."""
         low, high = 3.0, 100.0
-        within("density", density, self.false_returns(high), self.false_returns(low), "per (m x m/s)")
+        check_within("density", density, self.false_returns(high), self.false_returns(low), "per (m x m/s)")
         return float(scipy.optimize.brentq(lambda t: math.log(self.false_returns(t) / density), low, high))
 
     @cached_property

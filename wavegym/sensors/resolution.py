@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import positive, whole
+from wavegym.core.errors import check_int, check_positive
 from wavegym.sensors import platform_kernels as kernels
 from wavegym.sensors.checks import alike, every
 
@@ -50,7 +50,7 @@ def platform_view(
         InputError: anything that is not > 0, shapes that do not fit.
     """
     values = {"prf": prf, "bandwidth": bandwidth, "pixel_angle": pixel_angle}
-    settings = np.stack(alike(**{name: every(positive, name, value) for name, value in values.items()}), axis=-1)
-    positive("wavelength", wavelength, "m")
-    lengths = whole("fft_length", fft_length, 1), whole("pixels", pixels, 1)
+    settings = np.stack(alike(**{name: every(check_positive, name, value) for name, value in values.items()}), axis=-1)
+    check_positive("wavelength", wavelength, "m")
+    lengths = check_int("fft_length", fft_length, 1), check_int("pixels", pixels, 1)
     return View(*kernels.view(settings, wavelength, *lengths, float(as_printed)))

@@ -15,7 +15,7 @@ from pydantic import ConfigDict, FiniteFloat, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, choice, positive, within
+from wavegym.core.errors import InputError, check_choice, check_positive, check_within
 from wavegym.core.parameters import in_one_line, make_checked
 from wavegym.sensors.checks import shaped
 
@@ -49,7 +49,7 @@ class Building:
     @field_validator("reflectivity")
     @classmethod
     def _passive(cls, reflectivity: float) -> float:
-        return within("reflectivity", reflectivity, 0.0, 1.0)
+        return check_within("reflectivity", reflectivity, 0.0, 1.0)
 
 
 @in_one_line
@@ -70,7 +70,7 @@ class Road:
 
     @model_validator(mode="after")
     def _leads_somewhere(self) -> Self:
-        positive("a road's width", self.width, "m")
+        check_positive("a road's width", self.width, "m")
         if not shapely.LineString(self.centre if len(self.centre) > 1 else self.centre * 2).length > 0.0:
             raise InputError(f"a road's centre is {self.centre}, expected at least two different points")
         return self
@@ -122,7 +122,7 @@ class City:
         own = {file.stem: file for file in sorted(CITIES.glob("*.toml"))}
         file = own.get(str(source), Path(source))
         if not file.suffix:
-            choice("city", str(source), own)
+            check_choice("city", str(source), own)
         try:
             table = tomllib.loads(file.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, positive
+from wavegym.core.errors import InputError, check_positive
 from wavegym.sensors.checks import shaped
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.urban_map import City
@@ -39,7 +39,7 @@ class Grid:
     @classmethod
     def over(cls, city: City, antennas: tuple[tuple[float, float], ...] = (), cell: float = 1.0) -> Grid:
         """Cells over all that stands in the city and all antennas. InputError: a cell not > 0, or too many."""
-        positive("cell", cell, "m")
+        check_positive("cell", cell, "m")
         roads = shapely.get_coordinates(city.paved)
         every = np.concatenate([city.walls.reshape(-1, 2), roads, np.array(antennas, np.float64).reshape(-1, 2)])
         low, high = (every.min(axis=0), every.max(axis=0)) if len(every) else (np.zeros(2), np.zeros(2))

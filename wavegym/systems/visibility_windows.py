@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, ordered, within
+from wavegym.core.errors import InputError, check_ordered, check_within
 
 Window = tuple[int, int, int]
 LONGEST = 1_000_000  # steps
@@ -27,9 +27,9 @@ def window_draws(horizon: int, shown: tuple[int, int], hidden: tuple[int, int]) 
         InputError: less than one step in sight, less than none out of sight, or bounds in the wrong order.
     """
     for name, (low, high), least in (("shown", shown, 1), ("hidden", hidden, 0)):
-        ordered(name, low, high)
-        within(name, low, least, LONGEST, "steps")
-        within(name, high, least, LONGEST, "steps")
+        check_ordered(name, low, high)
+        check_within(name, low, least, LONGEST, "steps")
+        check_within(name, high, least, LONGEST, "steps")
     cycles = 1 + -(-horizon // (shown[0] + hidden[0]))  # the first one may be nearly over
     return 1 + 2 * cycles
 
@@ -85,9 +85,9 @@ def given_windows(windows: Sequence[Window], targets: int, horizon: int) -> Arra
     visible = np.ones((horizon, targets), np.bool_)
     for target, first, last in windows:
         of = f"of hidden window {(target, first, last)}"
-        within(f"target {of}", target, 0, targets - 1)
-        within(f"first step {of}", first, 0, horizon - 1)
-        within(f"last step {of}", last, first, horizon - 1)
+        check_within(f"target {of}", target, 0, targets - 1)
+        check_within(f"first step {of}", first, 0, horizon - 1)
+        check_within(f"last step {of}", last, first, horizon - 1)
         visible[first : last + 1, target] = False
     return visible
 

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from wavegym.core.errors import InputError, non_negative, positive
+from wavegym.core.errors import InputError, check_non_negative, check_positive
 from wavegym.targets.motion import MotionModel
 
 NAMES = ("x", "y", "xdot", "ydot", "xddot", "yddot")
@@ -50,14 +50,14 @@ def nearly_constant_acceleration(dt: float, sigma: float) -> MotionModel:
     Raises:
         InputError: dt not > 0, a negative standard deviation.
     """
-    T = positive("dt", dt, "s")
+    T = check_positive("dt", dt, "s")
     F = np.kron(np.array([[1.0, T, T * T / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]]), np.eye(2))
     G = np.kron([[T * T / 2], [T], [1.0]], np.eye(2))
-    return MotionModel(F, non_negative("sigma", sigma) ** 2 * (G @ G.T), NAMES)
+    return MotionModel(F, check_non_negative("sigma", sigma) ** 2 * (G @ G.T), NAMES)
 
 
 def _turning(dt: float, turn_rate: float, sigma: float, acceleration: float) -> MotionModel:
-    T, angle = positive("dt", dt, "s"), turn_rate * dt
+    T, angle = check_positive("dt", dt, "s"), turn_rate * dt
     c, s = math.cos(angle), math.sin(angle)
     along = T if angle == 0.0 else s / turn_rate  # ∫ cos(ω t) dt
     aside = 0.0 if angle == 0.0 else 2.0 * math.sin(angle / 2.0) ** 2 / turn_rate  # ∫ sin(ω t) dt
@@ -65,6 +65,6 @@ def _turning(dt: float, turn_rate: float, sigma: float, acceleration: float) -> 
     F[:2, :2], F[:2, 2:4] = np.eye(2), [[along, -aside], [aside, along]]
     F[2:4, 2:4] = [[c, -s], [s, c]]
     G = np.kron([[T * T / 2], [T], [0.0]], np.eye(2))
-    Q = non_negative("sigma", sigma) ** 2 * (G @ G.T)
-    Q[4:, 4:] += non_negative("acceleration", acceleration) ** 2 * np.eye(2)
+    Q = check_non_negative("sigma", sigma) ** 2 * (G @ G.T)
+    Q[4:, 4:] += check_non_negative("acceleration", acceleration) ** 2 * np.eye(2)
     return MotionModel(F, Q, NAMES)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, choice, non_negative, positive
+from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
 from wavegym.targets.kernels import scan, scan_batch
 
 SUFFIXES = ("", "dot", "ddot")
@@ -113,7 +113,7 @@ def random_path(
     x0 = np.asarray(start, np.float64, "C")
     n = len(model.names)
     if isinstance(noise, np.random.Generator):
-        positive("steps", steps)
+        check_positive("steps", steps)
         w = noise.standard_normal((*x0.shape[:-1], steps, n))
     else:
         w = np.asarray(noise, np.float64, "C")
@@ -143,9 +143,9 @@ def _spread(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 def _white_noise_model(dim: int, dt: float, q: float, axes: Sequence[str], order: str) -> MotionModel:
     from filterpy.common import Q_continuous_white_noise
 
-    positive("dt", dt, "s")
-    non_negative("q", q)
-    choice("order", order, ("axis", "derivative"))
+    check_positive("dt", dt, "s")
+    check_non_negative("q", q)
+    check_choice("order", order, ("axis", "derivative"))
     F = np.array([[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])[:dim, :dim]
     Q = np.asarray(Q_continuous_white_noise(dim, dt=dt, spectral_density=q), np.float64)
     eye = np.eye(len(axes))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, positive
+from wavegym.core.errors import InputError, check_positive
 
 STANDSTILL = 1e-9  # a speed below this part of the one before is rounding: the target has stopped
 
@@ -44,7 +44,7 @@ class Segment:
     turn_rate: float = 0.0
 
     def __post_init__(self) -> None:
-        positive("duration", self.duration, "s")
+        check_positive("duration", self.duration, "s")
         if not np.isfinite(self.acceleration).all():
             raise InputError(f"acceleration is {self.acceleration!r}, expected finite numbers [m/s²]")
         if not math.isfinite(self.turn_rate):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, nearest, within
+from wavegym.core.errors import InputError, check_within, nearest
 from wavegym.targets.geodesy import ecef_to_enu, geodetic_to_ecef, mean_direction
 from wavegym.targets.recorded import RecordedTrack
 from wavegym.targets.reports import fill_heights, flyable, fresh, last_of_each_time
@@ -118,8 +118,8 @@ def _checked_origin(origin: Sequence[float] | None) -> tuple[float, float, float
             f"origin is {origin!r}, expected (latitude, longitude) or (latitude, longitude, height), all finite"
         )
     latitude, longitude, height = (*map(float, numbers), 0.0)[:3]
-    within("origin's latitude", latitude, *BOUNDS[0], "deg")
-    within("origin's longitude", longitude, *BOUNDS[1], "deg")
+    check_within("origin's latitude", latitude, *BOUNDS[0], "deg")
+    check_within("origin's longitude", longitude, *BOUNDS[1], "deg")
     return latitude, longitude, height
 
 
@@ -152,7 +152,7 @@ def _parse(path: Path, stream: TextIO) -> _Table:
         row = [_number(where, header[c], cells[c]) for c in place[:2]]
         if geodetic:
             for column, value, bounds in zip(place, row, BOUNDS, strict=False):
-                within(f"{where}: {header[column]}", value, *bounds)
+                check_within(f"{where}: {header[column]}", value, *bounds)
         blank = len(place) == 2 or not cells[place[2]].strip()
         columns.append((*row, math.nan if blank else _number(where, header[place[2]], cells[place[2]])))
         ids.append(path.stem if name is None else cells[name].strip())

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, make_smoothing_spline
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, non_negative, positive
+from wavegym.core.errors import InputError, check_non_negative, check_positive
 
 MOST_SAMPLES = 10_000_000
 
@@ -68,7 +68,7 @@ class RecordedTrack:
         Raises:
             InputError: max_gap not > 0.
         """
-        positive("max_gap", max_gap, "s")
+        check_positive("max_gap", max_gap, "s")
         cuts = np.flatnonzero(np.diff(self.times) > max_gap) + 1
         parts = zip(np.split(self.times, cuts), np.split(self.positions, cuts), strict=True)
         return [replace(self, times=times, positions=positions) for times, positions in parts]
@@ -96,8 +96,8 @@ class RecordedTrack:
         Raises:
             InputError: dt or max_gap not > 0, smoothing negative, a dt that would give more than ten million samples.
         """
-        positive("dt", dt, "s")
-        non_negative("smoothing", smoothing, "s")
+        check_positive("dt", dt, "s")
+        check_non_negative("smoothing", smoothing, "s")
         if self.duration / dt > MOST_SAMPLES:
             raise InputError(
                 f"dt is {dt!r} s: track {self.id!r} would give over {MOST_SAMPLES} samples, expected a larger dt"

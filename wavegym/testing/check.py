@@ -24,7 +24,7 @@ from gymnasium.wrappers import TimeLimit
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.testing.lockstep import ConformanceError, Lockstep, Makers
-from wavegym.testing.model_check import foresight_defect
+from wavegym.testing.model_check import prediction_defect
 
 __all__ = ["ConformanceError", "check_vector_env"]
 
@@ -45,7 +45,7 @@ def check_vector_env(
     Whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments, integer and list
     seeds, partial resets that bring the environments out of step, episodes cut off by ``max_episode_steps``, and an
     unpickled copy that takes over in mid-episode. What is returned must be finite, and the caller's own: it is written
-    over. Of a wavegym system, ``imagine``, ``cost`` and ``mask`` are tried too.
+    over. Of a wavegym system, ``predict``, ``cost`` and ``mask`` are tried too.
 
     Args:
         env: an id, whose singles come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)`` that makes
@@ -92,7 +92,7 @@ def _check_system(makers: Makers) -> None:
     if not isinstance(system, System):
         return
     try:
-        defect = foresight_defect(system)
+        defect = prediction_defect(system)
     except Exception as error:
         text = " ".join(str(error).split())
         raise ConformanceError(f"{makers.name}: the system raised {type(error).__name__}: {text}") from error

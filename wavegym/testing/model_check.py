@@ -15,18 +15,18 @@ FEW = 1000  # candidates tried, spread evenly over all
 NEARLY = 0.1  # relative: a search with shortcuts, such as sensor by sensor, may miss the best one, but not by much
 
 
-def foresight_defect(system: System, seed: int = 0) -> str | None:
-    """What is wrong with ``imagine``, ``cost``, ``mask``, ``metrics``, ``constants`` or ``best_action``, in words.
+def prediction_defect(system: System, seed: int = 0) -> str | None:
+    """What is wrong with ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or ``best_action``, in words.
 
-    None where nothing is. A system without ``imagine`` (NotImplementedError) cannot be planned for, which is no defect.
+    None where nothing is. A system without ``predict`` (NotImplementedError) cannot be planned for, which is no defect.
     """
     generators = [np.random.default_rng([seed, i]) for i in range(WORLDS)]
-    state = system.begin(trees.stack([system.draw_world(rng) for rng in generators]))
-    for name, figure in system.metrics(state).items():
+    state = system.initial(trees.stack([system.draw_world(rng) for rng in generators]))
+    for name, figure in system.state_info(state).items():
         if not np.isfinite(figure).all():
             return f"metrics()[{name!r}] is not finite, expected 0 where a target is absent, and 'present' to tell"
-    public = state.public
-    before, everything = trees.copied(public), system.candidates()
+    belief = state.belief
+    before, everything = trees.copied(belief), system.candidates()
     candidates = everything[:: -(-len(everything) // FEW)]
     count = len(candidates)
     forms = {
@@ -36,47 +36,47 @@ def foresight_defect(system: System, seed: int = 0) -> str | None:
     }
     for form, (actions, shape) in forms.items():
         try:
-            imagined = system.imagine(public, actions)
+            predicted = system.predict(belief, actions)
         except NotImplementedError:
             break
-        defect = _imagined_defect(system, public, imagined, shape)
+        defect = _imagined_defect(system, belief, predicted, shape)
         if defect:
             return f"imagine() with actions {form}: {defect}"
     else:
-        defect = _best_action_defect(system, public, candidates)
+        defect = _best_action_defect(system, belief, candidates)
         if defect:
             return defect
-    if not _same(before, public):
+    if not _same(before, belief):
         return "imagine() changed the public state that it was given"
-    return _constants_defect(system, everything) or _mask_defect(system, public, len(everything))
+    return _constants_defect(system, everything) or _mask_defect(system, belief, len(everything))
 
 
-def _imagined_defect(system: System, public: Any, imagined: Any, shape: tuple[int, ...]) -> str | None:
-    for name, leaf in imagined._asdict().items():
+def _imagined_defect(system: System, belief: Any, predicted: Any, shape: tuple[int, ...]) -> str | None:
+    for name, leaf in predicted._asdict().items():
         if isinstance(leaf, np.ndarray) and leaf.shape[: len(shape)] != shape:
             return f"{name} has shape {leaf.shape}, expected {shape} and its own axes"
-    later = public.step.reshape(-1, *[1] * (len(shape) - 1)) + 1
-    if not (imagined.step == later).all():
+    later = belief.step.reshape(-1, *[1] * (len(shape) - 1)) + 1
+    if not (predicted.step == later).all():
         return "step is not one later"
-    cost = np.asarray(system.cost(imagined))
+    cost = np.asarray(system.cost(predicted))
     if cost.shape != shape:
         return f"cost() returned shape {cost.shape}, expected {shape}"
     return None if np.isfinite(cost).all() else "cost() is not finite"
 
 
-def _best_action_defect(system: Any, public: Any, candidates: Array) -> str | None:
+def _best_action_defect(system: Any, belief: Any, candidates: Array) -> str | None:
     """``best_action`` claims the least cost of all, nearly: a search sensor by sensor may miss it."""
     if not hasattr(system, "best_action"):
         return None
     try:
-        best = np.asarray(system.best_action(public))
+        best = np.asarray(system.best_action(belief))
     except NotImplementedError:
         return None
     shape = (WORLDS, *candidates.shape[1:])
     if best.shape != shape:
         return f"best_action() returned shape {best.shape}, expected {shape}"
-    cost = system.cost(system.imagine(public, best))
-    others = system.cost(system.imagine(public, candidates[None])).min(axis=1)
+    cost = system.cost(system.predict(belief, best))
+    others = system.cost(system.predict(belief, candidates[None])).min(axis=1)
     if (cost > others + NEARLY * np.abs(others)).any():
         return f"best_action() costs {cost.tolist()}, but candidates cost {others.tolist()}"
     return None
@@ -94,10 +94,10 @@ def _constants_defect(system: System, candidates: Array) -> str | None:
     return None
 
 
-def _mask_defect(system: System, public: Any, count: int) -> str | None:
+def _mask_defect(system: System, belief: Any, count: int) -> str | None:
     if type(system).mask is System.mask:
         return None
-    mask = system.mask(public)
+    mask = system.mask(belief)
     if mask.shape != (WORLDS, count) or mask.dtype != np.bool_:
         return f"mask() returned shape {mask.shape} of {mask.dtype}, expected ({WORLDS}, {count}) of bool"
     return None if mask.any(axis=1).all() else "mask() allows nothing"

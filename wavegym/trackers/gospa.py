@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, positive, within
+from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.sensors.checks import shaped
 from wavegym.trackers import gospa_kernels as kernels
 from wavegym.trackers.checks import flat
@@ -55,7 +55,7 @@ def gospa(
     Raises:
         InputError: shapes that do not fit, more than 12 targets, a cutoff or order out of range.
     """
-    c, p = positive("cutoff", cutoff, "m"), within("order", order, 1.0, 100.0)
+    c, p = check_positive("cutoff", cutoff, "m"), check_within("order", order, 1.0, 100.0)
     if p * math.log(c) > math.log(sys.float_info.max):
         most = math.log(sys.float_info.max) / math.log(c)
         raise InputError(

@@ -116,7 +116,7 @@ def imm_ukf_scan(
         Updated means, covariances and model probabilities, shaped as given.
 
     Raises:
-        InputError: shapes that do not fit, fewer than four components, rows of ``transition`` that are no
+        InputError: shapes that do not fit, fewer than four components, rows of ``transition_matrix`` that are no
             probabilities.
     """
     F = np.array(shaped("F", F), np.float64, order="C")
@@ -124,7 +124,9 @@ def imm_ukf_scan(
         raise InputError(f"F has shape {F.shape}, expected (models, n, n)")
     M, n = F.shape[:2]
     _moves("F", (n,))
-    chances = np.array(shaped("transition", _stochastic("transition", transition), M, M), order="C").reshape(1, M, M)
+    outcome_shape = np.array(shaped("transition", _stochastic("transition", transition), M, M), order="C").reshape(
+        1, M, M
+    )
     x = shaped("mean", mean, M, n)
     lead = x.shape[:-2]
     P, mu = shaped("covariance", covariance, M, n, n), shaped("probability", probability, M)
@@ -138,7 +140,7 @@ def imm_ukf_scan(
             f"{np.shape(measurement)} and {np.shape(R)}, expected leading axes that broadcast to the mean's, {lead}"
         ) from None
     places = exactly("transmitter", transmitter, 2), exactly("receiver", receiver, 2)
-    kernels.scan(x, P, mu, z, errors, *places, F, noise, chances, (0,) * n, (0,) * M)
+    kernels.scan(x, P, mu, z, errors, *places, F, noise, outcome_shape, (0,) * n, (0,) * M)
     return x.reshape(*lead, M, n), P.reshape(*lead, M, n, n), mu.reshape(*lead, M)
 
 
@@ -155,10 +157,10 @@ def variable_structure(transition: ArrayLike, active: ArrayLike) -> FloatArray:
     Raises:
         InputError: rows that are no probabilities, no active model, a model from which no active one can be reached.
     """
-    chances, possible = _stochastic("transition", transition), np.asarray(active, np.bool_)
-    if possible.shape[-1:] != chances.shape[-1:]:
-        raise InputError(f"active has shape {possible.shape}, expected (..., {chances.shape[-1]})")
-    left = np.where(possible[..., None, :], chances, 0.0)
+    outcome_shape, possible = _stochastic("transition", transition), np.asarray(active, np.bool_)
+    if possible.shape[-1:] != outcome_shape.shape[-1:]:
+        raise InputError(f"active has shape {possible.shape}, expected (..., {outcome_shape.shape[-1]})")
+    left = np.where(possible[..., None, :], outcome_shape, 0.0)
     total = left.sum(axis=-1, keepdims=True)
     if not (total > 0.0).all():
         at = np.argwhere(~(total[..., 0] > 0.0))[0]
@@ -176,9 +178,9 @@ def _moves(name: str, size: tuple[int, ...]) -> None:
 
 
 def _stochastic(name: str, transition: ArrayLike) -> FloatArray:
-    """``transition`` as an array whose rows are probabilities; otherwise InputError."""
-    chances = np.asarray(transition, np.float64)
-    if chances.ndim < 2 or chances.shape[-1] != chances.shape[-2]:
-        raise InputError(f"{name} has shape {chances.shape}, expected (..., models, models)")
-    require_distribution(name, chances, "a row of ")
-    return chances
+    """``transition_matrix`` as an array whose rows are probabilities; otherwise InputError."""
+    outcome_shape = np.asarray(transition, np.float64)
+    if outcome_shape.ndim < 2 or outcome_shape.shape[-1] != outcome_shape.shape[-2]:
+        raise InputError(f"{name} has shape {outcome_shape.shape}, expected (..., models, models)")
+    require_distribution(name, outcome_shape, "a row of ")
+    return outcome_shape

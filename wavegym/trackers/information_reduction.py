@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import non_negative, within
+from wavegym.core.errors import check_non_negative, check_within
 from wavegym.trackers.information_reduction_kernels import GATE, LIMIT, reduction
 
 TABLE = Path(__file__).with_name("information_reduction_table.csv")
@@ -75,8 +75,8 @@ def _checked(pd: ArrayLike, clutter: ArrayLike) -> tuple[tuple[int, ...], FloatA
     """The broadcast shape and both arguments, of that shape, C-contiguous and writeable."""
     p, n = np.asarray(pd, np.float64), np.asarray(clutter, np.float64)
     for value in p[~((p >= 0.0) & (p <= 1.0))].flat:
-        within("pd", float(value), 0.0, 1.0)
+        check_within("pd", float(value), 0.0, 1.0)
     for value in n[~((n >= 0.0) & np.isfinite(n))].flat:
-        non_negative("clutter", float(value))
+        check_non_negative("clutter", float(value))
     shape = np.broadcast_shapes(p.shape, n.shape)
     return shape, np.array(np.broadcast_to(p, shape), order="C"), np.array(np.broadcast_to(n, shape), order="C")

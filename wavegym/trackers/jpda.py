@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wavegym import sensors
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, positive
+from wavegym.core.errors import InputError, check_positive
 from wavegym.trackers import jpda_kernels
 from wavegym.trackers.checks import association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
@@ -55,7 +55,7 @@ def jpda_update(
         InputError: shapes that disagree, pd or gate_probability out of range, a clutter density or gate not > 0, an S
             that is not positive definite, or more targets than the exact association takes in one cluster.
     """
-    positive("gate", gate)
+    check_positive("gate", gate)
     share = float(sensors.gate_probability(gate)) if gate_probability is None else gate_probability
     detection, density, share = association_terms(pd, clutter_density, share)
     x, P, *rest = _aligned(mean, covariance, measurements, predicted, S, cross_covariance, detection, density)

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import FloatArray
 from wavegym.core.counter_rng_kernels import stream
-from wavegym.core.errors import InputError, whole
+from wavegym.core.errors import InputError, check_int
 from wavegym.trackers import rbpf_kernels as kernels
 from wavegym.trackers.checks import association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
@@ -188,7 +188,7 @@ def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatA
 
 def _require_sound(key: int, pd: FloatArray, clutter_density: float, gate_probability: float) -> None:
     """InputError for the first value out of range."""
-    if not whole("key", key, 0) < 2**64:
+    if not check_int("key", key, 0) < 2**64:
         raise InputError(f"key is {key}, expected an integer below 2^64 (nearest: {2**64 - 1})")
     association_terms(pd, clutter_density, gate_probability)
 

@@ -57,7 +57,7 @@ All that a law contributes is four moments, so one call takes any mixture of law
 ``Waveform`` with a label, a support, an envelope and a phase; all of the above then works by quadrature.
 """
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut
 from wavegym.waveforms.chirp_laws import parse_law
@@ -91,7 +91,7 @@ __all__ = [
     "Library",
     "Parameter",
     "ParameterBox",
-    "PerSensor",
+    "PerSensorLibrary",
     "PulseTrain",
     "TrapezoidChirp",
     "Waveform",

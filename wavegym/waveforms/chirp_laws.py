@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, choice
+from wavegym.core.errors import InputError, check_choice
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def resolve_shape(kind: str, shape: float | None) -> float:
     Raises:
         InputError: if the kind is unknown, an "lfm" is given a shape, or the chirp would fold or be no longer smooth.
     """
-    law = FREQUENCY_LAWS[choice("kind", kind, KINDS)]
+    law = FREQUENCY_LAWS[check_choice("kind", kind, KINDS)]
     if shape is None:
         return law.default
     if not law.shape:
@@ -106,7 +106,7 @@ def parse_law(text: str) -> tuple[str, float | None]:
     if not isinstance(text, str):
         raise InputError(f"law is {text!r}, expected a string such as 'hfm' or 'pfm:2.5'")
     kind, colon, written = text.strip().partition(":")
-    choice("kind", kind, KINDS)
+    check_choice("kind", kind, KINDS)
     if not colon:
         return kind, None
     try:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import choice, non_negative, positive
+from wavegym.core.errors import check_choice, check_non_negative, check_positive
 from wavegym.core.units import quantity
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.waveform import Waveform
@@ -39,9 +39,9 @@ class GaussianChirp(Waveform):
     direction: str = "up"
 
     def __post_init__(self) -> None:
-        positive("duration", self.duration, "s")
-        non_negative("chirp_rate", self.chirp_rate, "rad/s^2")
-        choice("direction", self.direction, DIRECTIONS)
+        check_positive("duration", self.duration, "s")
+        check_non_negative("chirp_rate", self.chirp_rate, "rad/s^2")
+        check_choice("direction", self.direction, DIRECTIONS)
 
     @property
     def signed_chirp_rate(self) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, positive
+from wavegym.core.errors import InputError, check_positive
 from wavegym.waveforms.chirp_laws import parse_law
 from wavegym.waveforms.gaussian import DIRECTIONS, GaussianChirp, chirp_rate_for_sweep
 from wavegym.waveforms.trapezoid import TrapezoidChirp
@@ -77,7 +77,7 @@ def gaussian_chirp_library(durations: Iterable[float], sweeps: Iterable[float]) 
     """
     rows, columns = [float(k) for k in durations], [float(sweep) for sweep in sweeps]
     for k in rows:
-        positive("duration", k, "s")
+        check_positive("duration", k, "s")
     for sweep in columns:
         if not math.isfinite(sweep):
             raise InputError(f"sweep is {sweep} Hz, expected a finite number")

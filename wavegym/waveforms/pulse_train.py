@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, positive
+from wavegym.core.errors import InputError, check_positive
 from wavegym.core.units import quantity
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.numeric import sample
@@ -45,7 +45,7 @@ class PulseTrain(Waveform):
             raise InputError(f"pulse is {self.pulse!r}, expected a Waveform such as GaussianChirp(duration=1e-6)")
         if isinstance(self.count, bool) or not isinstance(self.count, (int, np.integer)) or self.count < 1:
             raise InputError(f"count is {self.count!r}, expected a whole number >= 1")
-        positive("interval", self.interval, "s")
+        check_positive("interval", self.interval, "s")
         if self.count > 1:
             _check_disjoint(self.pulse, self.interval)
 

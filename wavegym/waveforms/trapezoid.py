@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, choice, positive
+from wavegym.core.errors import InputError, check_choice, check_positive
 from wavegym.core.units import quantity
 from wavegym.waveforms.chirp_laws import FREQUENCY_LAWS, resolve_shape
 from wavegym.waveforms.fisher import FisherFactors
@@ -186,11 +186,11 @@ class TrapezoidChirp(Waveform):
     law: ChirpLaw = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        positive("duration", self.duration, "s")
+        check_positive("duration", self.duration, "s")
         if not 0 <= self.sweep < np.inf:
             hint = "; for a falling frequency use direction='down'" if self.sweep < 0 else ""
             raise InputError(f"sweep is {self.sweep!r} Hz, expected a finite number >= 0{hint}")
-        choice("direction", self.direction, DIRECTIONS)
+        check_choice("direction", self.direction, DIRECTIONS)
         object.__setattr__(self, "law", chirp_law(self.kind, self.shape, self._rise_fraction()))
 
     def _rise_fraction(self) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import positive
+from wavegym.core.errors import check_positive
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.numeric import correlate, numeric_fisher_factors
 
@@ -73,8 +73,8 @@ class Waveform(ABC):
         Raises:
             InputError: if either is not a finite number > 0.
         """
-        positive("carrier_hz", carrier_hz, "Hz")
-        positive("snr", snr)
+        check_positive("carrier_hz", carrier_hz, "Hz")
+        check_positive("snr", snr)
         return self.fisher_factors().measurement_covariance(carrier_hz) / snr
 
     def ambiguity_row(self, delay: float, dopplers: FloatArray) -> NDArray[np.complex128]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 
 
 class World(NamedTuple):
@@ -14,13 +14,13 @@ class World(NamedTuple):
     normal: np.ndarray  # (H + 1, 2)
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     """The true position."""
 
-    truth: np.ndarray  # (env,)
+    targets: np.ndarray  # (env,)
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief, and the price paid for the last dwell."""
 
     step: np.ndarray  # (env,)
@@ -58,49 +58,49 @@ class ScalarDwell(System):
         return Dwells(tuple(f"dwell {r:g}" for r in self.r))
 
     @property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """Variance and time left."""
         return (
-            Element("variance", "m^2", 1.0, 1.0, "variance of the position"),
-            Element("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),
+            ObservationField("variance", "m^2", 1.0, 1.0, "variance of the position"),
+            ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),
         )
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """Row 0: the start; row k: the walk and the measurement error of step k."""
         return World(rng.standard_normal((self.horizon + 1, 2)))
 
-    def begin(self, world: World) -> State:
+    def initial(self, world: World) -> State:
         """Known to within one metre."""
         first, zero = world.normal[:, 0], np.zeros(len(world.normal))
-        return State(Hidden(first[:, 0].copy()), Public(zero.astype(np.int64), zero.copy(), zero + 1.0, zero.copy()))
+        return State(Truth(first[:, 0].copy()), Belief(zero.astype(np.int64), zero.copy(), zero + 1.0, zero.copy()))
 
-    def advance(self, state: State, action: np.ndarray, world: World) -> State:
+    def transition(self, state: State, action: np.ndarray, world: World) -> State:
         """Walk, measure, filter."""
-        public = state.public
-        draws = world.normal[np.arange(len(action)), public.step + 1]
-        truth = state.hidden.truth + np.sqrt(self.q) * draws[:, 0]
-        after = self.imagine(public, action)
+        belief = state.belief
+        draws = world.normal[np.arange(len(action)), belief.step + 1]
+        truth = state.truth.targets + np.sqrt(self.q) * draws[:, 0]
+        after = self.predict(belief, action)
         gain = after.variance / np.take(self.r, action)
         measured = truth + np.sqrt(np.take(self.r, action)) * draws[:, 1]
-        return State(Hidden(truth), after._replace(mean=public.mean + gain * (measured - public.mean)))
+        return State(Truth(truth), after._replace(mean=belief.mean + gain * (measured - belief.mean)))
 
-    def imagine(self, public: Public, actions: np.ndarray, outcome: None = None) -> Public:
+    def predict(self, belief: Belief, actions: np.ndarray, outcome: None = None) -> Belief:
         """One Kalman step; with candidates, every array gains their axis."""
-        belief = public if actions.ndim == 1 else Public(*(a[:, None] for a in public))
+        belief = belief if actions.ndim == 1 else Belief(*(a[:, None] for a in belief))
         r, price = np.take(self.r, actions), np.take(self.price, actions)
         predicted = belief.variance + self.q
         variance = predicted * r / (predicted + r)
         step, mean = (np.broadcast_to(a, variance.shape) for a in (belief.step + 1, belief.mean))
-        return Public(step, mean, variance, np.broadcast_to(price, variance.shape))
+        return Belief(step, mean, variance, np.broadcast_to(price, variance.shape))
 
-    def cost(self, public: Public) -> np.ndarray:
+    def cost(self, belief: Belief) -> np.ndarray:
         """Variance and price."""
-        return public.variance + public.price
+        return belief.variance + belief.price
 
-    def observe(self, public: Public) -> np.ndarray:
-        """See ``elements``."""
-        return np.stack([public.variance, 1.0 - public.step / self.horizon], axis=1)
+    def observe(self, belief: Belief) -> np.ndarray:
+        """See ``observation_fields``."""
+        return np.stack([belief.variance, 1.0 - belief.step / self.horizon], axis=1)
 
-    def metrics(self, state: State) -> dict[str, np.ndarray]:
+    def state_info(self, state: State) -> dict[str, np.ndarray]:
         """The absolute error in metres."""
-        return {"position_error": np.abs(state.public.mean - state.hidden.truth)}
+        return {"position_error": np.abs(state.belief.mean - state.truth.targets)}

@@ -18,7 +18,7 @@ from wavegym.learning.policies.mixture import Mixture, MixturePolicy, parts
 from wavegym.learning.settings import load_settings
 from wavegym.learning.training.imitation import imitate
 from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 
 MODES, PARAMETERS = 3, 2
 POSITION = "wavegym/KershawEvansPosition-v0"
@@ -71,13 +71,13 @@ def test_a_teacher_that_switches_between_points_is_followed_not_met_halfway() ->
     """Twice in three at -.6, else at .6, whatever is seen."""
     rng = np.random.default_rng(0)
     seen = rng.uniform(-1, 1, (600, 1)).astype(np.float32)
-    told = np.where(rng.random((600, 1)) < 2 / 3, -0.6, 0.6).astype(np.float32)
+    labels = np.where(rng.random((600, 1)) < 2 / 3, -0.6, 0.6).astype(np.float32)
 
     class Model:
         action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
         policy = policy(MixturePolicy, modes=4)
 
-    imitate(Model(), seen, told, 200, np.random.default_rng(0))  # type: ignore[arg-type]
+    imitate(Model(), seen, labels, 200, np.random.default_rng(0))  # type: ignore[arg-type]
     chosen = Model.policy.predict(seen, deterministic=True)[0]
     assert chosen == pytest.approx(-0.6, abs=0.02)
     with torch.no_grad():
@@ -107,4 +107,4 @@ def where(made: ActorCriticPolicy) -> np.ndarray:
 def test_only_a_box_has_several_modes() -> None:
     settings = load_settings(POSITION, "ppo", {**SMALL["ppo"], "modes": 2})
     with pytest.raises(InputError, match=r"modes is 2, expected 1: the actions of .* are Discrete\(56\), no box"):
-        build_model(Plan(POSITION, "ppo", 0, settings))
+        build_model(RunSpec(POSITION, "ppo", 0, settings))

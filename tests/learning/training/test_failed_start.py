@@ -13,7 +13,7 @@ from runs_for_tests import ENVIRONMENT, ID, SMALL
 import wavegym
 from wavegym.core.errors import InputError
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.train import train
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
@@ -28,9 +28,9 @@ class Unreadable(KershawEvansPosition):
 
 
 class Shortsighted(KershawEvansPosition):
-    """Offers no foresight."""
+    """Offers no prediction."""
 
-    def imagine(self, public: Any, actions: Any, outcome: Any = None) -> Any:
+    def predict(self, belief: Any, actions: Any, outcome: Any = None) -> Any:
         raise NotImplementedError
 
 
@@ -53,8 +53,8 @@ def test_an_environment_that_cannot_be_played_leaves_the_folder_unused(own: str,
     settings = load_settings(own, "ppo", {**SMALL["ppo"], "reward": "relative"}, ENVIRONMENT)
     folder = tmp_path / "run"
     with pytest.raises(InputError, match=words):
-        train(Plan(own, "ppo", 1, settings), folder, 60, progress=False)
+        train(RunSpec(own, "ppo", 1, settings), folder, 60, progress=False)
     assert not folder.exists()
     mended = load_settings(ID, "ppo", {**SMALL["ppo"], "steps": 30}, ENVIRONMENT)
-    train(Plan(ID, "ppo", 1, mended), folder, 60, progress=False)
+    train(RunSpec(ID, "ppo", 1, mended), folder, 60, progress=False)
     assert (folder / "run.json").exists()

@@ -27,14 +27,14 @@ from wavegym.learning.training.imitation import (
     _distance,
     _surprise,
     actor_parameters,
+    calibrate_temperature,
+    demonstrations,
     imitate,
-    lesson,
     preferences,
-    sharpen,
-    teach,
+    pretrain,
 )
 from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers import Fixed, Myopic
 from wavegym.schedulers.planners import RolloutPlanner
@@ -46,18 +46,20 @@ WORLDS = draw_worlds(SYSTEM, training_seeds(9, 0, 40))
 TEACHER = make_policy("cost-of-delay", SYSTEM, None)
 
 
-def plan(**changes: Any) -> Plan:
+def spec(**changes: Any) -> RunSpec:
     own = {"policy": "scorer", "network": (32,), "forecasts": True, "masks": False}
-    return Plan(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **changes}))
+    return RunSpec(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **changes}))
 
 
 def test_a_lesson_holds_what_the_teacher_does_where_the_actor_goes() -> None:
-    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
-    assert seen.shape == (40 * SYSTEM.horizon, build_model(plan()).observation_space.shape[0])
-    elsewhere, corrected = lesson(SYSTEM, TEACHER, Fixed(0), WORLDS, forecasts=True, rng=np.random.default_rng(0))
+    seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
+    assert seen.shape == (40 * SYSTEM.horizon, build_model(spec()).observation_space.shape[0])
+    elsewhere, corrected = demonstrations(
+        SYSTEM, TEACHER, Fixed(0), WORLDS, forecasts=True, rng=np.random.default_rng(0)
+    )
     assert (seen[:40] == elsewhere[:40]).all()  # the first step is the same for all
     assert not np.allclose(seen[-40:], elsewhere[-40:])
-    assert (told[:40] == corrected[:40]).all()
+    assert (labels[:40] == corrected[:40]).all()
     assert len(np.unique(corrected)) > 1  # the teacher's choices, not the actor's
 
 
@@ -66,9 +68,9 @@ class Counting(Fixed):
 
     calls = 0
 
-    def act(self, public: Any, observation: Any = None, mask: Any = None) -> Any:
+    def act(self, belief: Any, observation: Any = None, mask: Any = None) -> Any:
         self.calls += 1
-        return np.full(len(public.step), self.calls % 8)
+        return np.full(len(belief.step), self.calls % 8)
 
 
 def test_a_teacher_that_is_asked_now_and_then_stays_with_its_answer_in_between() -> None:
@@ -76,33 +78,35 @@ def test_a_teacher_that_is_asked_now_and_then_stays_with_its_answer_in_between()
     played = []
 
     class Recording(type(SYSTEM)):  # type: ignore[misc]
-        def advance(self, state: Any, action: Any, world: Any) -> Any:
+        def transition(self, state: Any, action: Any, world: Any) -> Any:
             played.append(int(action[0]))
-            return super().advance(state, action, world)
+            return super().transition(state, action, world)
 
-    _, told = lesson(Recording(), teacher := Counting(0), teacher, WORLDS, forecasts=False, rng=rng(0), every=4)
+    _, labels = demonstrations(
+        Recording(), teacher := Counting(0), teacher, WORLDS, forecasts=False, rng=rng(0), every=4
+    )
     assert len(played) == SYSTEM.horizon
-    assert len(told) == 40 * teacher.calls
+    assert len(labels) == 40 * teacher.calls
     assert played[:4] == [1, 2, 3, 4]
     assert binomtest(teacher.calls - 4, SYSTEM.horizon - 4, 0.25).pvalue > 1e-3
     assert [k for k, _ in groupby(played)] == [k % 8 for k in range(1, teacher.calls + 1)]
-    seen, _ = lesson(SYSTEM, asked := Counting(0), TEACHER, WORLDS, forecasts=False, rng=rng(0), every=4)
-    every_step, _ = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=False, rng=rng(0))
+    seen, _ = demonstrations(SYSTEM, asked := Counting(0), TEACHER, WORLDS, forecasts=False, rng=rng(0), every=4)
+    every_step, _ = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=False, rng=rng(0))
     assert asked.calls == teacher.calls
     rows = {row.tobytes() for row in every_step}
     assert all(row.tobytes() in rows for row in seen)  # the actor plays on as if nobody asked
 
 
 def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> None:
-    model: Any = build_model(plan())
+    model: Any = build_model(spec())
     critic = {n: p.detach().clone() for n, p in model.policy.named_parameters() if "value_net" in n}
-    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
+    seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
 
     def agreement() -> float:
-        return float((LearnedPolicy(export(model.policy)).act(None, seen, None) == told).mean())
+        return float((LearnedPolicy(export(model.policy)).act(None, seen, None) == labels).mean())
 
     before = agreement()
-    imitate(model, seen, told, 120, np.random.default_rng(0))
+    imitate(model, seen, labels, 120, np.random.default_rng(0))
     assert before < 0.5
     assert agreement() > 0.8
     after = dict(model.policy.named_parameters())
@@ -111,11 +115,11 @@ def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> No
 
 
 def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same_actor() -> None:
-    chosen = plan(teacher="cost-of-delay", lessons=10, rounds=2, lesson_epochs=3)
+    chosen = spec(teacher="cost-of-delay", teacher_episodes=10, imitation_rounds=2, imitation_epochs=3)
     networks = []
     for _ in range(2):
         model: Any = build_model(chosen)
-        teach(model, chosen.settings, SYSTEM, chosen.seed)
+        pretrain(model, chosen.settings, SYSTEM, chosen.seed)
         networks.append(export(model.policy).to_bytes())
     assert networks[0] == networks[1]
     assert networks[0] != export(build_model(chosen).policy).to_bytes()
@@ -147,24 +151,30 @@ def test_of_several_modes_the_likely_one_that_is_near_counts() -> None:
 
 def test_lessons_in_a_box() -> None:
     env = "wavegym/RfEoFar-v0"
-    own = {"teacher": "myopic", "lessons": 20, "rounds": 2, "lesson_epochs": 40, "network": (64, 64)}
-    chosen = Plan(env, "ppo", 0, load_settings(env, "ppo", {**SMALL["ppo"], **own}, {"horizon": 20}))
+    own = {
+        "teacher": "myopic",
+        "teacher_episodes": 20,
+        "imitation_rounds": 2,
+        "imitation_epochs": 40,
+        "network": (64, 64),
+    }
+    chosen = RunSpec(env, "ppo", 0, load_settings(env, "ppo", {**SMALL["ppo"], **own}, {"horizon": 20}))
     model: Any = build_model(chosen)
     system = make_task(env, {"horizon": 20}).system
     worlds, teacher = draw_worlds(system, training_seeds(9, 0, 20)), make_policy("myopic", system, None)
-    seen, told = lesson(system, teacher, teacher, worlds, forecasts=False, rng=np.random.default_rng(0))
+    seen, labels = demonstrations(system, teacher, teacher, worlds, forecasts=False, rng=np.random.default_rng(0))
 
     def distance() -> float:
-        return float(np.abs(LearnedPolicy(export(model.policy), False).act(None, seen, None) - told).mean())
+        return float(np.abs(LearnedPolicy(export(model.policy), False).act(None, seen, None) - labels).mean())
 
     before = distance()
-    teach(model, chosen.settings, system, chosen.seed)
+    pretrain(model, chosen.settings, system, chosen.seed)
     assert distance() < 0.2 * before
     assert model.policy.log_std.exp().detach().numpy() == pytest.approx(NEAR)
 
 
 def test_the_actor_waits_for_the_critic() -> None:
-    model: Any = build_model(plan())
+    model: Any = build_model(spec())
     rollout = model.n_steps * model.n_envs
     before = export(model.policy).to_bytes()
     model.learn(4 * rollout, callback=WarmUp(4 * rollout))
@@ -175,9 +185,9 @@ def test_the_actor_waits_for_the_critic() -> None:
 
 
 def test_a_policy_that_reads_the_belief_alone_can_be_taught_too() -> None:
-    seen, told = lesson(SYSTEM, Myopic(), Myopic(), WORLDS, forecasts=False, rng=np.random.default_rng(0))
-    assert seen.shape[1] == len(SYSTEM.elements)
-    assert told.shape == (len(seen),)
+    seen, labels = demonstrations(SYSTEM, Myopic(), Myopic(), WORLDS, forecasts=False, rng=np.random.default_rng(0))
+    assert seen.shape[1] == len(SYSTEM.observation_fields)
+    assert labels.shape == (len(seen),)
 
 
 def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
@@ -185,81 +195,81 @@ def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
     assert isinstance(planner, RolloutPlanner)
     planner.futures.count = 2
     few = draw_worlds(SYSTEM, training_seeds(9, 0, 6))
-    seen, told = lesson(SYSTEM, planner, TEACHER, few, forecasts=True, rng=np.random.default_rng(0))
-    again, the_same = lesson(SYSTEM, planner, TEACHER, few, forecasts=True, rng=np.random.default_rng(0))
-    assert told.shape == (len(seen), 8)
-    assert told.dtype == np.float32
-    assert (told == the_same).all()
-    assert (np.abs(told) <= MOST).all()
+    seen, labels = demonstrations(SYSTEM, planner, TEACHER, few, forecasts=True, rng=np.random.default_rng(0))
+    again, the_same = demonstrations(SYSTEM, planner, TEACHER, few, forecasts=True, rng=np.random.default_rng(0))
+    assert labels.shape == (len(seen), 8)
+    assert labels.dtype == np.float32
+    assert (labels == the_same).all()
+    assert (np.abs(labels) <= MOST).all()
     assert (seen == again).all()  # where the teacher's rule goes, whatever the planner would have done
 
 
 def test_the_actor_comes_to_the_distribution_it_is_told() -> None:
-    model: Any = build_model(plan())
-    seen, chosen = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
-    told = np.where(np.arange(8) == chosen[:, None], 3.0, 0.0).astype(np.float32)
-    told[:, 5] = np.nan  # not allowed, so nothing is asked of it
-    least = surprise(told, told)
+    model: Any = build_model(spec())
+    seen, chosen = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
+    labels = np.where(np.arange(8) == chosen[:, None], 3.0, 0.0).astype(np.float32)
+    labels[:, 5] = np.nan  # not allowed, so nothing is asked of it
+    least = surprise(labels, labels)
 
     def excess() -> float:
         logits = model.policy.get_distribution(torch.as_tensor(seen)).distribution.logits
-        return surprise(logits.detach().numpy(), told) - least
+        return surprise(logits.detach().numpy(), labels) - least
 
     before = excess()
-    imitate(model, seen, told, 60, np.random.default_rng(0))
+    imitate(model, seen, labels, 60, np.random.default_rng(0))
     assert 0.0 < excess() < 0.3 * before
 
 
 @pytest.mark.parametrize("policy", ["scorer", "mlp"])
 def test_a_sharper_actor_is_surer_of_the_same_choices(policy: str) -> None:
-    model: Any = build_model(plan(policy=policy))
+    model: Any = build_model(spec(policy=policy))
     seen = torch.randn(50, model.observation_space.shape[0])
     before = model.policy.get_distribution(seen).distribution
-    sharpen(model)
+    calibrate_temperature(model)
     after = model.policy.get_distribution(seen).distribution
     assert (before.probs.argmax(dim=1) == after.probs.argmax(dim=1)).all()
     assert (after.entropy() < before.entropy()).all()
     torch.testing.assert_close(after.probs, torch.softmax(SHARPER * before.logits, dim=1), rtol=1e-4, atol=1e-6)
 
 
-def surprise(logits: Any, told: Any) -> float:
-    return float(_surprise(torch.tensor(logits), torch.tensor(told)))
+def surprise(logits: Any, labels: Any) -> float:
+    return float(_surprise(torch.tensor(logits), torch.tensor(labels)))
 
 
 def test_the_surprise_is_the_cross_entropy_over_what_is_allowed() -> None:
-    told = np.array([[1.0, 2.0, np.nan]])
+    labels = np.array([[1.0, 2.0, np.nan]])
     expected = entropy(softmax([1.0, 2.0]))
-    assert surprise(np.array([[5.0, 6.0, -70.0]]), told) == pytest.approx(expected)  # only differences count
+    assert surprise(np.array([[5.0, 6.0, -70.0]]), labels) == pytest.approx(expected)  # only differences count
     more = entropy(softmax([1.0, 2.0]), softmax([2.0, 0.0]))  # Kullback-Leibler
-    assert surprise(np.array([[2.0, 0.0, 90.0]]), told) == pytest.approx(expected + more)
+    assert surprise(np.array([[2.0, 0.0, 90.0]]), labels) == pytest.approx(expected + more)
 
 
 def test_training_with_a_rollout_for_a_teacher() -> None:
-    chosen = plan(teacher="rollout:4", teacher_futures=2, lessons=3, rounds=2, lesson_epochs=2)
+    chosen = spec(teacher="rollout:4", teacher_futures=2, teacher_episodes=3, imitation_rounds=2, imitation_epochs=2)
     model: Any = build_model(chosen)
-    teach(model, chosen.settings, SYSTEM, chosen.seed)
+    pretrain(model, chosen.settings, SYSTEM, chosen.seed)
     assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()
 
 
 def test_values_that_are_taught_choices_set_them_apart_by_the_margin() -> None:
     own = {"policy": "scorer", "network": (32,), "forecasts": True}
-    model: Any = build_model(Plan(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own})))
-    seen, told = lesson(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
-    imitate(model, seen, told, 120, np.random.default_rng(0))
+    model: Any = build_model(RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own})))
+    seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
+    imitate(model, seen, labels, 120, np.random.default_rng(0))
     values = preferences(model, torch.as_tensor(seen)).detach().numpy()
-    assert (values.argmax(axis=1) == told).mean() > 0.8
+    assert (values.argmax(axis=1) == labels).mean() > 0.8
     first, second = np.sort(values, axis=1)[:, :-3:-1].T
     assert 0.5 * MARGIN < np.median(first - second) < 3 * MARGIN  # no more is asked; a cross-entropy would ask for it
 
 
 @pytest.mark.parametrize("policy", ["scorer", "mlp"])
 def test_dqn_can_be_taught_too(policy: str) -> None:
-    own = {"policy": policy, "network": (16,), "forecasts": True, "exploration_initial_eps": 0.1, "warm_up": 40}
-    lessons = {"teacher": "rollout:4", "lessons": 4, "rounds": 2, "lesson_epochs": 2}
-    chosen = Plan(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own, **lessons}))
+    own = {"policy": policy, "network": (16,), "forecasts": True, "exploration_initial_eps": 0.1, "critic_warm_up": 40}
+    imitation = {"teacher": "rollout:4", "teacher_episodes": 4, "imitation_rounds": 2, "imitation_epochs": 2}
+    chosen = RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own, **imitation}))
     model: Any = build_model(chosen)
     untaught = export(model.policy).to_bytes()
-    teach(model, chosen.settings, SYSTEM, chosen.seed)
+    pretrain(model, chosen.settings, SYSTEM, chosen.seed)
     taught = export(model.policy).to_bytes()
     assert taught != untaught
     for online, target in zip(model.q_net.parameters(), model.q_net_target.parameters(), strict=True):

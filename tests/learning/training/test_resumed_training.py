@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from runs_for_tests import EVERY, arguments, assert_same_run, small_plan
+from runs_for_tests import EVERY, arguments, assert_same_run, small_spec
 
 import train as command
 from wavegym.core.errors import InputError
-from wavegym.learning.training import callbacks as keeper
+from wavegym.learning.training import callbacks as callback
 from wavegym.learning.training import train as learn
 from wavegym.learning.training.checkpoints import load_checkpoint, save_checkpoint
 from wavegym.learning.training.train import train
@@ -28,7 +28,7 @@ class StoppedError(Exception):
 
 def stop_after(monkeypatch: pytest.MonkeyPatch, calls: int) -> None:
     """Stop training in the middle of the ``calls``-th step of the batch."""
-    add = keeper.LearningCurve.add
+    add = callback.LearningCurve.add
     left = [calls]
 
     def counting(self: Any, cost: Any, ended: Any) -> None:
@@ -37,7 +37,7 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, calls: int) -> None:
             raise StoppedError
         add(self, cost, ended)
 
-    monkeypatch.setattr(keeper.LearningCurve, "add", counting)
+    monkeypatch.setattr(callback.LearningCurve, "add", counting)
 
 
 def saved_steps(folder: Path) -> int:
@@ -50,31 +50,31 @@ def saved_steps(folder: Path) -> int:
 def test_a_run_stopped_again_and_again_ends_with_the_same_weights(
     algo: str, unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plan, folder, resume = small_plan(algo), tmp_path / "run", False
+    spec, folder, resume = small_spec(algo), tmp_path / "run", False
     for calls in (1, 37, 12, 29, 3, 40):
         before = saved_steps(folder) if resume else 0
         with monkeypatch.context() as patch:
             stop_after(patch, calls)
             with pytest.raises(StoppedError):
-                train(plan, folder, EVERY[algo], resume, progress=False)
+                train(spec, folder, EVERY[algo], resume, progress=False)
         lost = before + 3 * calls - saved_steps(folder)
         assert 0 <= lost <= EVERY[algo], "no more than a checkpoint interval"
         # What the interruption leaves behind must not matter.
         np.random.seed(0)  # noqa: NPY002
         resume = True
     assert not (folder / "run.json").exists()
-    train(plan, folder, EVERY[algo], resume=True, progress=False)
+    train(spec, folder, EVERY[algo], resume=True, progress=False)
     assert_same_run(folder, unbroken[algo])
 
 
 def test_how_often_checkpoints_are_made_changes_nothing(unbroken: dict[str, Path], tmp_path: Path) -> None:
-    train(small_plan("dqn"), tmp_path / "run", 1, progress=False)
+    train(small_spec("dqn"), tmp_path / "run", 1, progress=False)
     assert_same_run(tmp_path / "run", unbroken["dqn"])
 
 
 @pytest.mark.parametrize("algo", ["ppo", "dqn"])
 def test_another_seed_is_another_run(algo: str, unbroken: dict[str, Path], tmp_path: Path) -> None:
-    train(small_plan(algo, seed=2), tmp_path / "run", EVERY[algo], progress=False)
+    train(small_spec(algo, seed=2), tmp_path / "run", EVERY[algo], progress=False)
     with pytest.raises(AssertionError):
         assert_same_run(tmp_path / "run", unbroken[algo])
 
@@ -82,17 +82,17 @@ def test_another_seed_is_another_run(algo: str, unbroken: dict[str, Path], tmp_p
 def test_a_finished_run_is_left_alone(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-    train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+    train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
-    with pytest.raises(InputError, match=r"already holds a run \(plan.json\)"):
-        train(small_plan("ppo"), folder, EVERY["ppo"], progress=False)
+    with pytest.raises(InputError, match=r"already holds a run \(run_spec.json\)"):
+        train(small_spec("ppo"), folder, EVERY["ppo"], progress=False)
 
 
 def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
     (folder / "policy.npz").write_bytes(b"torn")
     with pytest.raises(InputError, match=r"policy\.npz is torn"):
-        train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+        train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
 
 
 @pytest.mark.parametrize("content", [b"no pickle", pickle.dumps([1, 2]), pickle.dumps({"model": b"no zip", "env": 0})])
@@ -109,8 +109,8 @@ def test_a_whole_checkpoint_that_is_no_snapshot_is_one_line(
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
-    shutil.copy(unbroken["ppo"] / "plan.json", folder)
-    train(small_plan("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+    shutil.copy(unbroken["ppo"] / "run_spec.json", folder)
+    train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
     assert_same_run(folder, unbroken["ppo"])
 
 
@@ -153,18 +153,18 @@ def test_another_plan_is_not_resumed(
     change: dict[str, Any], message: str, unbroken: dict[str, Path], tmp_path: Path
 ) -> None:
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
-    plan = small_plan(**{"algo": "ppo", **change})
+    spec = small_spec(**{"algo": "ppo", **change})
     with pytest.raises(InputError, match=message):
-        train(plan, folder, 60, resume=True, progress=False)
+        train(spec, folder, 60, resume=True, progress=False)
 
 
 def test_other_versions_are_not_resumed(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
-    plan = json.loads((folder / "plan.json").read_text())
-    plan["versions"]["torch"] = "0.4.1"
-    (folder / "plan.json").write_text(json.dumps(plan))
+    spec = json.loads((folder / "run_spec.json").read_text())
+    spec["versions"]["torch"] = "0.4.1"
+    (folder / "run_spec.json").write_text(json.dumps(spec))
     with pytest.raises(InputError, match=r"versions.torch is .* has '0.4.1'"):
-        train(small_plan("ppo"), folder, 60, resume=True, progress=False)
+        train(small_spec("ppo"), folder, 60, resume=True, progress=False)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
@@ -182,7 +182,7 @@ def test_a_full_disk_ends_training_in_one_line_and_costs_one_interval(
         save_checkpoint(checkpoints, steps, content)
 
     with monkeypatch.context() as patch:
-        patch.setattr(keeper, "save_checkpoint", save_on_a_disk_full_at_120)
+        patch.setattr(callback, "save_checkpoint", save_on_a_disk_full_at_120)
         assert command.main(arguments("ppo", folder)) != 0
     (line,) = capsys.readouterr().err.splitlines()
     assert os.strerror(errno.ENOSPC) in line

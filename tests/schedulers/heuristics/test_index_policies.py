@@ -15,11 +15,11 @@ from wavegym.core.policy import Policy
 from wavegym.schedulers import Myopic, RandomChoice, rollout
 from wavegym.schedulers.heuristics.base import Held, greatest
 from wavegym.schedulers.heuristics.dwell import best_dwell, setups
-from wavegym.schedulers.heuristics.hold_until_detected import UntilSeen
+from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Greedy
 from wavegym.schedulers.heuristics.l_step import Gain
-from wavegym.schedulers.heuristics.price_policies import AdaptivePrice, Paced, Priced
-from wavegym.schedulers.heuristics.registry import FAMILIES, best_simple, tuned_family
+from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
+from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple, tune_heuristic
 from wavegym.schedulers.heuristics.tuning import log_cost, tuned
 from wavegym.schedulers.simple import Cycle
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
@@ -27,19 +27,25 @@ from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 SYSTEM = DelaySystem()
 SILENCE = CANDIDATES.index("silence")
 RULES = [
-    Greedy(3), AwareGreedy(0.5, 3), CostOfDelay(0.4, 2, 3), Gain(3), Priced(5.0, 3), AdaptivePrice(3), Paced(3),
+    Greedy(3),
+    AwareGreedy(0.5, 3),
+    CostOfDelay(0.4, 2, 3),
+    Gain(3),
+    LagrangianPrice(5.0, 3),
+    AdaptiveLagrangianPrice(3),
+    ConstantPace(3),
     Held(Cycle([0, 2])),
-]  # fmt: skip
+]
 
 
 def beliefs(count=40, steps=5, system=SYSTEM, seed=0):
     """Public states that random actions lead to."""
     worlds = delay_worlds(system, count, seed)
-    state, policy = system.begin(worlds), RandomChoice()
+    state, policy = system.initial(worlds), RandomChoice()
     policy.begin(system, count, np.random.default_rng(seed))
     for _ in range(steps):
-        state = system.advance(state, policy.act(state.public, None, system.mask(state.public)), worlds)
-    return state.public
+        state = system.transition(state, policy.act(state.belief, None, system.mask(state.belief)), worlds)
+    return state.belief
 
 
 def begun(rule, system=SYSTEM):
@@ -47,12 +53,12 @@ def begun(rule, system=SYSTEM):
     return rule
 
 
-def summed_cost(system, public, first, ahead):
+def summed_cost(system, belief, first, ahead):
     """Cost of ``ahead`` steps of which the first transmits ``first`` and the others nothing, expected detections."""
-    total = np.zeros(len(public.step))
+    total = np.zeros(len(belief.step))
     for step in range(ahead):
-        public = system.imagine(public, np.full(len(total), first if step == 0 else SILENCE))
-        total += system.cost(public)
+        belief = system.predict(belief, np.full(len(total), first if step == 0 else SILENCE))
+        total += system.cost(belief)
     return total
 
 
@@ -61,19 +67,19 @@ def summed_cost(system, public, first, ahead):
 def test_the_gain_of_a_look_is_what_repeated_imagining_says(ahead, wait):
     """Set up for the target and after ``wait`` silent steps: what the toy's formula and horizon_weights promise."""
     system = DelaySystem(horizon=30)
-    public = beliefs(steps=4, system=system)
+    belief = beliefs(steps=4, system=system)
     for candidate, target in enumerate(TARGET[:SILENCE]):
-        ready = public._replace(pointing=np.full_like(public.step, target), dead=np.zeros_like(public.step))
+        ready = belief._replace(pointing=np.full_like(belief.step, target), dead=np.zeros_like(belief.step))
         for _ in range(wait):
-            ready = system.imagine(ready, np.full(len(ready.step), SILENCE))
+            ready = system.predict(ready, np.full(len(ready.step), SILENCE))
         expected = summed_cost(system, ready, SILENCE, ahead) - summed_cost(system, ready, candidate, ahead)
-        np.testing.assert_allclose(system.gain(public, wait, ahead)[:, candidate], expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(system.gain(belief, wait, ahead)[:, candidate], expected, rtol=1e-9, atol=1e-9)
 
 
 def test_l_step_gain_is_the_least_cost_of_the_steps_to_come():
-    public = beliefs()
-    costs = np.stack([summed_cost(SYSTEM, public, candidate, 4) for candidate in range(5)], axis=1)
-    chosen = begun(Gain(4)).act(public, None, None)
+    belief = beliefs()
+    costs = np.stack([summed_cost(SYSTEM, belief, candidate, 4) for candidate in range(5)], axis=1)
+    chosen = begun(Gain(4)).act(belief, None, None)
     np.testing.assert_allclose(costs[np.arange(len(chosen)), chosen], costs.min(axis=1), rtol=1e-12)
 
 
@@ -94,41 +100,41 @@ def test_horizon_weights_sum_the_costs_of_a_covariance_that_nothing_reduces():
 
 
 def test_aware_greedy_without_weight_on_delay_is_the_index_without_any_other_constant():
-    public = beliefs()
-    plain = begun(CostOfDelay(alpha=0.0, later=1, ahead=3, power=0.0, bonus=0.0)).act(public, None, None)
-    np.testing.assert_array_equal(begun(AwareGreedy(0.0, 3)).act(public, None, None), plain)
+    belief = beliefs()
+    plain = begun(CostOfDelay(alpha=0.0, later=1, ahead=3, power=0.0, bonus=0.0)).act(belief, None, None)
+    np.testing.assert_array_equal(begun(AwareGreedy(0.0, 3)).act(belief, None, None), plain)
 
 
 def test_the_index_is_its_formula():
-    public = beliefs()
-    delay = SYSTEM.delay(public)
-    worth = SYSTEM.gain(public, delay, 3) - 0.3 * SYSTEM.gain(public, delay + 2, 3)
+    belief = beliefs()
+    delay = SYSTEM.delay(belief)
+    worth = SYSTEM.gain(belief, delay, 3) - 0.3 * SYSTEM.gain(belief, delay + 2, 3)
     factor = np.where(delay == 0, 1.5, 1.0) / np.power(1.0 + delay, 1.3)
     values = np.where(worth > 0, worth * factor, worth / factor)
-    chosen = begun(CostOfDelay(0.3, 2, 3, 1.3, 0.5)).act(public, None, None)
+    chosen = begun(CostOfDelay(0.3, 2, 3, 1.3, 0.5)).act(belief, None, None)
     np.testing.assert_allclose(values[np.arange(len(chosen)), chosen], values.max(axis=1), rtol=1e-12)
 
 
 def test_a_target_about_to_hide_comes_first():
     """Two equal targets, set up for neither in particular (no delays): the one that hides next step is looked at."""
     system = DelaySystem(setup=0)
-    public = trees.take(system.begin(delay_worlds(system, 1)).public, np.array([0, 0]))
-    visible = np.ones_like(public.visible)
+    belief = trees.take(system.initial(delay_worlds(system, 1)).belief, np.array([0, 0]))
+    visible = np.ones_like(belief.visible)
     visible[0, 1:, 0] = False
     visible[1, 1:, 1] = False
-    public = public._replace(visible=visible, noise=np.full((2, 2), 0.3))
-    chosen = begun(CostOfDelay(0.5, 1, 3, 1.0, 0.0), system).act(public, None, None)
+    belief = belief._replace(visible=visible, noise=np.full((2, 2), 0.3))
+    chosen = begun(CostOfDelay(0.5, 1, 3, 1.0, 0.0), system).act(belief, None, None)
     np.testing.assert_array_equal(TARGET[chosen], [0, 1])
 
 
 def test_delay_blind_greedy_changes_its_mind_where_aware_greedy_stays():
     """A little more to gain at the other target does not pay two dead steps."""
-    public = trees.take(SYSTEM.begin(delay_worlds(SYSTEM, 1)).public, np.array([0]))
-    covariance = public.covariance * np.diag([1.0, 1e-3])  # hardly moving: waiting makes no gain greater
+    belief = trees.take(SYSTEM.initial(delay_worlds(SYSTEM, 1)).belief, np.array([0]))
+    covariance = belief.covariance * np.diag([1.0, 1e-3])  # hardly moving: waiting makes no gain greater
     covariance[0, 1] *= 1.5
-    public = public._replace(covariance=covariance, noise=np.full((1, 2), 1e-3), visible=np.ones_like(public.visible))
-    assert TARGET[begun(Greedy(1)).act(public, None, None)] == [1]
-    assert TARGET[begun(AwareGreedy(1.0, 1)).act(public, None, None)] == [0]
+    belief = belief._replace(covariance=covariance, noise=np.full((1, 2), 1e-3), visible=np.ones_like(belief.visible))
+    assert TARGET[begun(Greedy(1)).act(belief, None, None)] == [1]
+    assert TARGET[begun(AwareGreedy(1.0, 1)).act(belief, None, None)] == [0]
 
 
 @given(seed=st.integers(0, 2**31), masked=st.booleans())
@@ -144,13 +150,13 @@ def test_the_greatest_value_and_of_equals_the_least_burden(seed, masked):
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
 def test_a_batch_chooses_as_its_elements_do(rule):
-    public = beliefs(24)
-    mask = SYSTEM.mask(public)
+    belief = beliefs(24)
+    mask = SYSTEM.mask(belief)
     begun(rule)
     assert isinstance(rule, Policy)
-    together, settled = rule.act(public, None, mask), rule.settle(public)
+    together, settled = rule.act(belief, None, mask), rule.settle(belief)
     for env in range(24):
-        one = trees.take(public, np.array([env]))
+        one = trees.take(belief, np.array([env]))
         assert rule.act(one, None, mask[env : env + 1])[0] == together[env]
         if settled is not None:
             np.testing.assert_array_equal(rule.settle(one)[0], settled[env])
@@ -158,20 +164,20 @@ def test_a_batch_chooses_as_its_elements_do(rule):
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
 def test_rules_keep_to_the_mask_and_choose_what_is_settled(rule):
-    public, rng = beliefs(60), np.random.default_rng(1)
-    mask = SYSTEM.mask(public) & (rng.random((60, 5)) < 0.6) | (np.arange(5) == SILENCE)
+    belief, rng = beliefs(60), np.random.default_rng(1)
+    mask = SYSTEM.mask(belief) & (rng.random((60, 5)) < 0.6) | (np.arange(5) == SILENCE)
     begun(rule)
-    chosen = rule.choose(public, mask, rule.settle(public))
+    chosen = rule.choose(belief, mask, rule.settle(belief))
     assert mask[np.arange(60), chosen].all()
-    np.testing.assert_array_equal(chosen, rule.act(public, None, mask))
+    np.testing.assert_array_equal(chosen, rule.act(belief, None, mask))
 
 
 def test_after_the_end_rules_still_answer():
     """As in a shell's step that only resets."""
-    public = beliefs(8, SYSTEM.horizon)
-    assert SYSTEM.ended(public).all()
+    belief = beliefs(8, SYSTEM.horizon)
+    assert SYSTEM.terminal(belief).all()
     for rule in RULES:
-        assert begun(rule).act(public, None, SYSTEM.mask(public)).shape == (8,)
+        assert begun(rule).act(belief, None, SYSTEM.mask(belief)).shape == (8,)
 
 
 def test_setups_are_told_apart_by_their_delays():
@@ -207,9 +213,9 @@ def test_coordinate_descent_finds_the_best_of_a_small_grid():
 
 def test_until_seen_serves_first_what_is_about_to_hide():
     system = DelaySystem(setup=0, budget=99.0)
-    public = system.begin(delay_worlds(system, 40)).public
-    same = public._replace(noise=np.ones_like(public.noise), visible=np.ones_like(public.visible))
-    rule = UntilSeen(4)
+    belief = system.initial(delay_worlds(system, 40)).belief
+    same = belief._replace(noise=np.ones_like(belief.noise), visible=np.ones_like(belief.visible))
+    rule = HoldUntilDetected(4)
     rule.begin(system, 40, np.random.default_rng(0))
     greedy = Greedy(4)
     greedy.begin(system, 40, np.random.default_rng(0))
@@ -223,23 +229,26 @@ def test_until_seen_serves_first_what_is_about_to_hide():
 
 
 def test_best_simple_is_the_best_of_all(monkeypatch):
-    for name, family in FAMILIES.items():  # grids of two values: quick
+    for name, family in HEURISTICS.items():  # grids of two values: quick
         grid = {constant: (values[0], family.start[constant]) for constant, values in family.grid.items()}
-        monkeypatch.setitem(FAMILIES, name, replace(family, grid=grid))
+        monkeypatch.setitem(HEURISTICS, name, replace(family, grid=grid))
     system = DelaySystem(horizon=6)
     worlds = delay_worlds(system, 8)
     best, constants, costs = best_simple(system, worlds)
-    assert set(constants) == set(costs) == set(FAMILIES)
+    assert set(constants) == set(costs) == set(HEURISTICS)
     assert costs[best] == min(costs.values())
-    again = rollout(system, FAMILIES[best].make(**constants[best]), worlds).mean_cost
+    again = rollout(system, HEURISTICS[best].make(**constants[best]), worlds).mean_cost
     assert np.log(again).mean() == pytest.approx(costs[best], rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["greedy", "aware-greedy", "cost-of-delay", "priced", "adaptive-price", "paced"])
+@pytest.mark.parametrize(
+    "name",
+    ["greedy", "aware-greedy", "cost-of-delay", "lagrangian-price", "adaptive-lagrangian-price", "constant-pace"],
+)
 def test_rules_that_a_system_cannot_have_are_refused(name):
     system = KershawEvansPosition(horizon=3)
     with pytest.raises(InputError, match=f"'{name}' cannot be computed for KershawEvansPosition: it has no gain"):
-        tuned_family(name, system, delay_worlds(system, 2))
+        tune_heuristic(name, system, delay_worlds(system, 2))
 
 
 @pytest.mark.parametrize(
@@ -250,9 +259,9 @@ def test_rules_that_a_system_cannot_have_are_refused(name):
         (lambda: CostOfDelay(later=0), "later is 0"),
         (lambda: CostOfDelay(alpha=np.nan), "alpha is nan"),
         (lambda: Gain(0), "ahead is 0"),
-        (lambda: Priced(-1.0), "price is -1.0"),
-        (lambda: AdaptivePrice(4, 0.0), "thrift is 0.0"),
-        (lambda: Paced(4, -1.0), "share is -1.0"),
+        (lambda: LagrangianPrice(-1.0), "price is -1.0"),
+        (lambda: AdaptiveLagrangianPrice(4, 0.0), "thrift is 0.0"),
+        (lambda: ConstantPace(4, -1.0), "share is -1.0"),
     ],
 )
 def test_constants_out_of_range_are_told_in_one_line(make, message):

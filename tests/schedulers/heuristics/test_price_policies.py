@@ -9,7 +9,7 @@ from delay_systems import SPENDING, DelaySystem, delay_worlds
 from wavegym.core import trees
 from wavegym.schedulers import rollout
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
-from wavegym.schedulers.heuristics.price_policies import LADDER, AdaptivePrice, Paced, Priced
+from wavegym.schedulers.heuristics.price_policies import LADDER, AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
 
 SYSTEM = DelaySystem(horizon=10, setup=0, budget=4.0)
 
@@ -20,24 +20,24 @@ def begun(rule, system=SYSTEM):
 
 
 def start(count, system=SYSTEM):
-    return system.begin(delay_worlds(system, count)).public
+    return system.initial(delay_worlds(system, count)).belief
 
 
-def followed(system, public, rule):
+def followed(system, belief, rule):
     """What the rule spends to the end in the expected recursion, one belief at a time and without a purse."""
-    total, public = 0.0, public._replace(energy=np.array([1e6]))
-    while not system.ended(public).all():
-        action = rule.choose(public, None, None)
+    total, belief = 0.0, belief._replace(energy=np.array([1e6]))
+    while not system.terminal(belief).all():
+        action = rule.choose(belief, None, None)
         total += SPENDING[action[0]]
-        public = system.imagine(public, action)
+        belief = system.predict(belief, action)
     return total
 
 
 def test_a_price_trades_gain_against_spending():
-    public = start(30)
-    gain = SYSTEM.gain(public, SYSTEM.delay(public), 3)
+    belief = start(30)
+    gain = SYSTEM.gain(belief, SYSTEM.delay(belief), 3)
     for price in (0.0, 2.0, 20.0):
-        chosen = begun(Priced(price, 3)).act(public, None, None)
+        chosen = begun(LagrangianPrice(price, 3)).act(belief, None, None)
         for row, k in enumerate(chosen):
             assert gain[row, k] - price * SPENDING[k] == pytest.approx(np.max(gain[row] - price * SPENDING), rel=1e-12)
 
@@ -45,62 +45,64 @@ def test_a_price_trades_gain_against_spending():
 @pytest.mark.parametrize("power", [0.5, 2.0])
 def test_a_price_with_feedback_rises_as_less_is_left_for_each_step(power):
     """At one unit a step it is the price itself; with what is left cut to a fraction it is as if it had been dearer."""
-    public = start(40)
-    left = SYSTEM.horizon - public.step
+    belief = start(40)
+    left = SYSTEM.horizon - belief.step
     for energy in (left * 1.0, (left + 1.0) / 4.0 - 1.0, (left + 1.0) * 3.0 - 1.0):
-        here = public._replace(energy=energy)
+        here = belief._replace(energy=energy)
         dearer = ((left[0] + 1.0) / (energy[0] + 1.0)) ** power
-        chosen = begun(Priced(2.0, 3, power)).act(here, None, None)
-        np.testing.assert_array_equal(chosen, begun(Priced(2.0 * dearer, 3)).act(here, None, None))
+        chosen = begun(LagrangianPrice(2.0, 3, power)).act(here, None, None)
+        np.testing.assert_array_equal(chosen, begun(LagrangianPrice(2.0 * dearer, 3)).act(here, None, None))
 
 
 def test_without_a_price_it_is_greedy_and_at_a_high_one_silent():
     worlds = delay_worlds(SYSTEM, 20)
-    public = SYSTEM.begin(worlds).public
-    greedy, free = (begun(rule).act(public, None, None) for rule in (AwareGreedy(0.0, 3), Priced(0.0, 3)))
+    belief = SYSTEM.initial(worlds).belief
+    greedy, free = (begun(rule).act(belief, None, None) for rule in (AwareGreedy(0.0, 3), LagrangianPrice(0.0, 3)))
     np.testing.assert_array_equal(greedy, free)
-    assert (SPENDING[rollout(SYSTEM, Priced(1e9, 3), worlds).actions] == 0.0).all()
+    assert (SPENDING[rollout(SYSTEM, LagrangianPrice(1e9, 3), worlds).actions] == 0.0).all()
 
 
 def test_predicted_spending_is_that_of_the_expected_recursion():
-    public = start(6)
-    rule, prices = begun(AdaptivePrice(3)), np.array([0.5, 3.0, 20.0])
-    spent = rule.spent(public, np.tile(prices, (6, 1)))
+    belief = start(6)
+    rule, prices = begun(AdaptiveLagrangianPrice(3)), np.array([0.5, 3.0, 20.0])
+    spent = rule.spent(belief, np.tile(prices, (6, 1)))
     for env, (k, price) in itertools.product(range(6), enumerate(prices)):
-        one = trees.take(public, np.array([env]))
-        assert spent[env, k] == pytest.approx(followed(SYSTEM, one, begun(Priced(price, 3))), abs=1e-9)
+        one = trees.take(belief, np.array([env]))
+        assert spent[env, k] == pytest.approx(followed(SYSTEM, one, begun(LagrangianPrice(price, 3))), abs=1e-9)
 
 
 def test_the_settled_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
     """Every rung of the ladder is followed to the end; where spending falls steadily, the first that fits is found."""
-    public = start(5)
-    rule = begun(AdaptivePrice(3))
-    settled = rule.settle(public)[:, 0]
-    scale = rule.scale(public)
+    belief = start(5)
+    rule = begun(AdaptiveLagrangianPrice(3))
+    settled = rule.settle(belief)[:, 0]
+    scale = rule.scale(belief)
     for env in range(5):
-        one = trees.take(public, np.array([env]))
+        one = trees.take(belief, np.array([env]))
         rungs = scale[env] * LADDER[1:]
-        spent = rule.spent(trees.take(public, np.full(len(rungs), env)), rungs[:, None])[:, 0]
-        fits = spent <= public.energy[env]
+        spent = rule.spent(trees.take(belief, np.full(len(rungs), env)), rungs[:, None])[:, 0]
+        fits = spent <= belief.energy[env]
         at = int(np.searchsorted(rungs, settled[env] * (1 - 1e-9)))
         assert fits[at]
         assert not fits[at - 1]
         if (np.diff(spent) <= 1e-9).all():
             assert at == int(np.argmax(fits))
-        assert followed(SYSTEM, one, begun(Priced(settled[env], 3))) <= public.energy[env]
+        assert followed(SYSTEM, one, begun(LagrangianPrice(settled[env], 3))) <= belief.energy[env]
 
 
 def test_more_energy_is_a_lower_price_and_thrift_a_higher_one():
-    public = start(20)
-    rich = public._replace(energy=2.0 * public.energy)
-    plain = begun(AdaptivePrice(3)).settle(public)[:, 0]
-    assert (begun(AdaptivePrice(3)).settle(rich)[:, 0] <= plain).all()
-    assert (begun(AdaptivePrice(3, 0.5)).settle(public)[:, 0] >= plain).all()
-    assert (begun(AdaptivePrice(3)).settle(rich)[:, 0] < plain).any()
+    belief = start(20)
+    rich = belief._replace(energy=2.0 * belief.energy)
+    plain = begun(AdaptiveLagrangianPrice(3)).settle(belief)[:, 0]
+    assert (begun(AdaptiveLagrangianPrice(3)).settle(rich)[:, 0] <= plain).all()
+    assert (begun(AdaptiveLagrangianPrice(3, 0.5)).settle(belief)[:, 0] >= plain).all()
+    assert (begun(AdaptiveLagrangianPrice(3)).settle(rich)[:, 0] < plain).any()
 
 
 @pytest.mark.parametrize(
-    "rule", [Priced(5.0, 3), AdaptivePrice(3), Paced(3, 1.5)], ids=lambda rule: type(rule).__name__
+    "rule",
+    [LagrangianPrice(5.0, 3), AdaptiveLagrangianPrice(3), ConstantPace(3, 1.5)],
+    ids=lambda rule: type(rule).__name__,
 )
 def test_budgets_are_kept(rule):
     worlds = delay_worlds(SYSTEM, 30)
@@ -110,7 +112,7 @@ def test_budgets_are_kept(rule):
 def test_the_adaptive_price_uses_up_the_account_and_beats_greedy_spending():
     system = DelaySystem(horizon=20, setup=0, budget=5.0)
     worlds = delay_worlds(system, 40)
-    adaptive, greedy = rollout(system, AdaptivePrice(6), worlds), rollout(system, AwareGreedy(0.0, 6), worlds)
+    adaptive, greedy = rollout(system, AdaptiveLagrangianPrice(6), worlds), rollout(system, AwareGreedy(0.0, 6), worlds)
     left = system.budget - SPENDING[adaptive.actions].sum(axis=1)
     assert np.median(left) < 1.0  # the dearest pulse
     gap = np.log(adaptive.mean_cost) - np.log(greedy.mean_cost)
@@ -118,24 +120,24 @@ def test_the_adaptive_price_uses_up_the_account_and_beats_greedy_spending():
 
 
 def test_what_is_left_is_worth_its_price():
-    public = start(4)
-    rule = begun(AdaptivePrice(3))
-    settled = rule.settle(public)
-    np.testing.assert_array_equal(rule.leftover(public, settled), -settled[:, 0] * public.energy)
+    belief = start(4)
+    rule = begun(AdaptiveLagrangianPrice(3))
+    settled = rule.settle(belief)
+    np.testing.assert_array_equal(rule.leftover(belief, settled), -settled[:, 0] * belief.energy)
 
 
 def test_in_simulated_futures_the_price_follows_what_is_left():
     """As predicted: the price of the root. Less left: dearer; more: cheaper."""
-    public = start(6)
-    rule = begun(AdaptivePrice(3))
-    settled = rule.settle(public)
-    left = public.energy
+    belief = start(6)
+    rule = begun(AdaptiveLagrangianPrice(3))
+    settled = rule.settle(belief)
+    left = belief.energy
     for k in range(SYSTEM.horizon + 1):
         np.testing.assert_array_equal(settled[:, 1 + k] <= left, True)  # an account is never filled up
         left = settled[:, 1 + k]
         worth = {}
         for name, energy in (("as predicted", left), ("less", 0.5 * left), ("more", left + 1.0)):
-            at = public._replace(step=np.full(6, k), energy=energy)
+            at = belief._replace(step=np.full(6, k), energy=energy)
             worth[name] = rule.price(at, settled)
         spends = left > 0
         np.testing.assert_allclose(worth["as predicted"][spends], settled[spends, 0], rtol=1e-12)
@@ -144,16 +146,16 @@ def test_in_simulated_futures_the_price_follows_what_is_left():
 
 
 def test_paced_spends_no_more_than_its_share_of_an_even_pace():
-    public = start(10)
-    gain = SYSTEM.gain(public, 0, 3)
+    belief = start(10)
+    gain = SYSTEM.gain(belief, 0, 3)
     for share, allowed in [(1.0, [0, 2, 4]), (3.0, range(5)), (0.1, [4])]:  # .4 a step: the short pulses and silence
-        chosen = begun(Paced(3, share)).act(public, None, None)
+        chosen = begun(ConstantPace(3, share)).act(belief, None, None)
         assert set(chosen) <= set(allowed)
         best = gain[:, list(allowed)].max(axis=1)
         np.testing.assert_array_equal(gain[np.arange(10), chosen], best)
 
 
 def test_paced_takes_the_least_spending_where_everything_is_too_dear():
-    public = start(10)._replace(energy=np.full(10, 0.5))
-    mask = SYSTEM.mask(public) & (np.arange(5) != 4)  # no silence
-    assert set(begun(Paced(3, 0.1)).act(public, None, mask)) <= {0, 2}
+    belief = start(10)._replace(energy=np.full(10, 0.5))
+    mask = SYSTEM.mask(belief) & (np.arange(5) != 4)  # no silence
+    assert set(begun(ConstantPace(3, 0.1)).act(belief, None, mask)) <= {0, 2}

@@ -9,9 +9,16 @@ from delay_systems import CANDIDATES, DelaySystem, delay_worlds
 from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
-from wavegym.schedulers.planners import BeamSearch, MonteCarloTree, PlanOnce, Replan, RolloutPlanner, TreeSearch
+from wavegym.schedulers.planners import (
+    BeamSearch,
+    MonteCarloTree,
+    PlanOnce,
+    RecedingHorizon,
+    RolloutPlanner,
+    TreeSearch,
+)
 from wavegym.schedulers.planners.receding_horizon import neighbours
-from wavegym.schedulers.planners.sampled_futures import Futures, significant
+from wavegym.schedulers.planners.sampled_futures import SampledFutures, significant
 from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Fixed, RandomChoice
 
@@ -28,13 +35,13 @@ def exhaustive(system, worlds):
     sequences = np.array(list(product(range(len(CANDIDATES)), repeat=system.horizon)))
     count = len(worlds.noise)
     tiled = trees.take(worlds, np.repeat(np.arange(count), len(sequences)))
-    state, total = system.begin(tiled), 0.0
+    state, total = system.initial(tiled), 0.0
     can = np.ones(len(tiled.noise), np.bool_)
     for t in range(system.horizon):
         action = np.tile(sequences[:, t], count)
-        can &= system.mask(state.public)[np.arange(len(can)), action]
-        state = system.advance(state, action, tiled)
-        total = total + system.cost(state.public)
+        can &= system.mask(state.belief)[np.arange(len(can)), action]
+        state = system.transition(state, action, tiled)
+        total = total + system.cost(state.belief)
     return np.where(can, total, np.inf).reshape(count, -1).min(axis=1) / system.horizon
 
 
@@ -43,11 +50,11 @@ def exhaustive(system, worlds):
     [
         TreeSearch(base(), STEPS, STEPS),
         BeamSearch(base(), 150, STEPS, levels=STEPS),
-        Replan(base(), STEPS, rounds=40, first=40),
+        RecedingHorizon(base(), STEPS, rounds=40, first=40),
         PlanOnce(base(), rounds=80),
         MonteCarloTree(base(), 400, STEPS),
     ],
-    ids=["tree", "beam", "replan", "plan-once", "mcts"],
+    ids=["tree", "beam", "receding-horizon", "plan-once", "mcts"],
 )
 def test_planners_reach_the_exhaustive_optimum(planner):
     """Nothing is left to chance here, so the best sequence is the best policy; the base is far from it."""
@@ -57,36 +64,36 @@ def test_planners_reach_the_exhaustive_optimum(planner):
     np.testing.assert_allclose(rollout(CERTAIN, planner, worlds).mean_cost, best, rtol=1e-9)
 
 
-def expectimax(system, public, steps):
+def expectimax(system, belief, steps):
     """The least expected cost to come of any policy, (1,), by both outcomes of every pulse."""
     if steps == 0:
         return 0.0
-    mask, best = system.mask(public)[0], np.inf
+    mask, best = system.mask(belief)[0], np.inf
     for action in np.flatnonzero(mask):
-        chance = system.pd if not is_blind(system, public, action) else 0.0
+        chance = system.pd if not is_blind(system, belief, action) else 0.0
         value = 0.0
         for draw, weight in ((0.0, chance), (1.0, 1.0 - chance)):
             if weight > 0.0:
-                after = system.imagine(public, np.array([action]), np.array([[draw]]))
+                after = system.predict(belief, np.array([action]), np.array([[draw]]))
                 value += weight * (system.cost(after)[0] + expectimax(system, after, steps - 1))
         best = min(best, value)
     return best
 
 
-def is_blind(system, public, action):
+def is_blind(system, belief, action):
     """Whether neither outcome differs from the other."""
-    hit, miss = (system.imagine(public, np.array([action]), np.array([[draw]])).covariance for draw in (0.0, 1.0))
+    hit, miss = (system.predict(belief, np.array([action]), np.array([[draw]])).covariance for draw in (0.0, 1.0))
     return np.array_equal(hit, miss)
 
 
-def expected_cost(system, policy, public, tries, seed):
-    """Mean and standard error of what ``policy`` costs from ``public`` (1,) on, by sampled outcomes."""
+def expected_cost(system, policy, belief, tries, seed):
+    """Mean and standard error of what ``policy`` costs from ``belief`` (1,) on, by sampled outcomes."""
     rng = np.random.default_rng(seed)
-    here, total = trees.take(public, np.zeros(tries, np.int64)), 0.0
+    here, total = trees.take(belief, np.zeros(tries, np.int64)), 0.0
     policy.begin(system, tries, rng)
     for _ in range(system.horizon):
         action = policy.act(here, None, system.mask(here))
-        here = system.imagine(here, action, rng.random((tries, 1)))
+        here = system.predict(here, action, rng.random((tries, 1)))
         total = total + system.cost(here)
     return total.mean(), total.std() / np.sqrt(tries)
 
@@ -94,10 +101,10 @@ def expected_cost(system, policy, public, tries, seed):
 def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():
     """Against the exact expectimax over choices and outcomes: no better, and at most a few per cent worse."""
     system = DelaySystem(horizon=3, setup=1, budget=2.0, pd=0.6)
-    public = system.begin(delay_worlds(system, 1)).public
-    best = expectimax(system, public, 3)
+    belief = system.initial(delay_worlds(system, 1)).belief
+    best = expectimax(system, belief, 3)
     for planner in (TreeSearch(base(), 3, 3, futures=32), MonteCarloTree(base(), 60, 3, futures=32)):
-        mean, error = expected_cost(system, planner, public, 100, 0)
+        mean, error = expected_cost(system, planner, belief, 100, 0)
         assert best - 4 * error < mean < 1.04 * best + 4 * error
 
 
@@ -107,11 +114,11 @@ def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():
         RolloutPlanner(base(), 12),
         TreeSearch(base(), 2, 12),
         BeamSearch(base(), 4, 12, levels=3),
-        Replan(base(), 12, rounds=2, first=10),
-        Replan(base(), 12, rounds=2, first=10, asks=False),
+        RecedingHorizon(base(), 12, rounds=2, first=10),
+        RecedingHorizon(base(), 12, rounds=2, first=10, asks=False),
         MonteCarloTree(base(), 30, 12),
     ],
-    ids=["rollout", "tree", "beam", "replan", "replan-unasked", "mcts"],
+    ids=["rollout", "tree", "beam", "receding-horizon", "replan-unasked", "mcts"],
 )
 def test_no_planner_is_worse_than_its_base(planner):
     system = DelaySystem()
@@ -130,34 +137,34 @@ def test_a_policy_without_settle_can_be_a_base():
 
 def test_costs_are_those_of_following_the_plan_by_hand():
     system = DelaySystem()
-    public = system.begin(delay_worlds(system, 3)).public
-    futures = Futures(base(), depth=5, count=4)
+    belief = system.initial(delay_worlds(system, 3)).belief
+    futures = SampledFutures(base(), depth=5, count=4)
     futures.begin(system, 3, np.random.default_rng(0))
     plans = np.array([[[0, 1], [4, 2]]] * 3)
     draws = futures.draw(3)
-    got = futures.costs(public, plans, None, draws)
+    got = futures.costs(belief, plans, None, draws)
     assert got.shape == (3, 2, 4)
     for e, p, f in np.ndindex(*got.shape):
-        here, total, policy = trees.take(public, np.array([e])), 0.0, base()
+        here, total, policy = trees.take(belief, np.array([e])), 0.0, base()
         policy.begin(system, 1, np.random.default_rng(0))
         for t in range(5):
             mask = system.mask(here)
             action = policy.act(here, None, mask)
             if t < 2 and mask[0, plans[e, p, t]]:
                 action = plans[e, p, t : t + 1]
-            here = system.imagine(here, action, draws[t, e, f][None])
+            here = system.predict(here, action, draws[t, e, f][None])
             total += system.cost(here)[0]
         assert got[e, p, f] == total
 
 
 def test_futures_end_with_the_episode():
     system = DelaySystem(horizon=3)
-    public = system.begin(delay_worlds(system, 2)).public
+    belief = system.initial(delay_worlds(system, 2)).belief
     costs = []
     for depth in (3, 9):
-        futures = Futures(base(), depth, 1)
+        futures = SampledFutures(base(), depth, 1)
         futures.begin(system, 2, np.random.default_rng(0))
-        costs.append(futures.costs(public, None, None, None))
+        costs.append(futures.costs(belief, None, None, None))
     np.testing.assert_array_equal(*costs)
 
 
@@ -187,13 +194,13 @@ def test_neighbours_differ_by_a_move_or_two_of_what_is_still_to_come():
 
 def test_decisions_do_not_depend_on_the_batch_where_nothing_is_drawn():
     """A future of the expected recursion is the same whoever is beside it."""
-    public = CERTAIN.begin(delay_worlds(CERTAIN, 5)).public
-    futures = Futures(base(), STEPS, 1)
+    belief = CERTAIN.initial(delay_worlds(CERTAIN, 5)).belief
+    futures = SampledFutures(base(), STEPS, 1)
     futures.begin(CERTAIN, 5, np.random.default_rng(0))
     plans = np.tile(np.arange(5)[None, :, None], (5, 1, 1))
-    together = futures.costs(public, plans, None, None)
+    together = futures.costs(belief, plans, None, None)
     for e in range(5):
-        alone = futures.costs(trees.take(public, np.array([e])), plans[:1], None, None)
+        alone = futures.costs(trees.take(belief, np.array([e])), plans[:1], None, None)
         np.testing.assert_array_equal(alone[0], together[e])
 
 

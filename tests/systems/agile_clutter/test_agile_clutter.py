@@ -26,21 +26,21 @@ THERE = np.array([[1 <= k <= 25, 8 <= k <= 32] for k in range(33)])  # the paper
 
 def play(system, worlds, choose=None):
     """States at k = 0, 1, ...; ``choose`` (public) -> actions, the myopic ones by default."""
-    states = [system.begin(worlds)]
+    states = [system.initial(worlds)]
     for _ in range(system.horizon):
-        actions = (choose or system.best_action)(states[-1].public)
-        states.append(system.advance(states[-1], actions, worlds))
+        actions = (choose or system.best_action)(states[-1].belief)
+        states.append(system.transition(states[-1], actions, worlds))
     return states
 
 
 def at_random(system, seed=0):
     rng = np.random.default_rng(seed)
-    return lambda public: rng.integers(len(system.actions), size=(len(public.step), len(system.sensors)))
+    return lambda belief: rng.integers(len(system.actions), size=(len(belief.step), len(system.sensors)))
 
 
 def figures(system, states, name):
     """(k, env, ...) of one of the metrics."""
-    return np.array([system.metrics(state)[name] for state in states])
+    return np.array([system.state_info(state)[name] for state in states])
 
 
 def same(a, b):
@@ -52,11 +52,11 @@ def same(a, b):
 
 def test_first_estimates_and_true_paths_have_their_distributions():
     system, count = AgileClutter(q=3.0), 1000
-    state = system.begin(oracles.worlds(system, count))
-    np.testing.assert_array_equal(state.hidden.truth, np.broadcast_to(system.starts, (count, 2, 4)))
-    error = (state.hidden.first - state.hidden.truth) / np.sqrt(system.prior_variance)
+    state = system.initial(oracles.worlds(system, count))
+    np.testing.assert_array_equal(state.truth.targets, np.broadcast_to(system.starts, (count, 2, 4)))
+    error = (state.truth.first - state.truth.targets) / np.sqrt(system.prior_variance)
     F, Q = plain.transition(system)
-    path = state.hidden.path
+    path = state.truth.path
     assert path.shape == (count, 2, 26, 4)
     moves = path[:, :, 1:] - path[:, :, :-1] @ F.T
     white = np.linalg.solve(np.linalg.cholesky(Q), moves.reshape(-1, 4).T)
@@ -65,7 +65,7 @@ def test_first_estimates_and_true_paths_have_their_distributions():
         assert np.abs(draws.mean(axis=1)).max() < 5 / np.sqrt(n)
         assert np.abs(np.cov(draws) - np.eye(4)).max() < 5 * np.sqrt(2 / n)
     np.testing.assert_array_equal(
-        state.public.covariance, np.broadcast_to(np.diag(system.prior_variance), (count, 2, 4, 4))
+        state.belief.covariance, np.broadcast_to(np.diag(system.prior_variance), (count, 2, 4, 4))
     )
 
 
@@ -88,34 +88,34 @@ def test_targets_come_and_go_at_their_steps(tracker):
     for name in ("position_error", "squared_error", "nees"):
         np.testing.assert_array_equal(figures(system, states, name) > 0, np.repeat(THERE[:, None], 3, axis=1))
     for k, (before, after) in enumerate(pairwise(states), start=1):
-        P = np.diagonal(after.public.covariance, axis1=2, axis2=3).sum(axis=2)
-        np.testing.assert_allclose(system.cost(after.public), (P * THERE[k]).sum(axis=1), rtol=1e-14)
-        moved = (before.public.mean != after.public.mean).any(axis=(0, 2))
+        P = np.diagonal(after.belief.covariance, axis1=2, axis2=3).sum(axis=2)
+        np.testing.assert_allclose(system.cost(after.belief), (P * THERE[k]).sum(axis=1), rtol=1e-14)
+        moved = (before.belief.mean != after.belief.mean).any(axis=(0, 2))
         np.testing.assert_array_equal(moved, THERE[k] | (np.array(system.births) == k))
         for t in np.flatnonzero(THERE[k]):
-            want = after.hidden.path[:, t, k - system.births[t]]
-            np.testing.assert_array_equal(after.hidden.truth[:, t], want)
-        assert system.ended(after.public).all() == (k == 32)
+            want = after.truth.path[:, t, k - system.births[t]]
+            np.testing.assert_array_equal(after.truth.targets[:, t], want)
+        assert system.terminal(after.belief).all() == (k == 32)
     assert system.terminates
 
 
 def test_figures_are_errors_and_mahalanobis_distances():
     system = AgileClutter(weights=(1.0, 2.0, 0.5, 0.25))
     state = play(system, oracles.worlds(system, 4))[10]
-    d, P, got = state.public.mean - state.hidden.truth, state.public.covariance, system.metrics(state)
+    d, P, got = state.belief.mean - state.truth.targets, state.belief.covariance, system.state_info(state)
     np.testing.assert_allclose(got["position_error"], np.hypot(d[..., 0], d[..., 1]), rtol=1e-12)
     np.testing.assert_allclose(got["squared_error"], (d * d) @ system.weights, rtol=1e-12)
     nees = np.einsum("eta,eta->et", d, np.linalg.solve(P, d[..., None])[..., 0])
     np.testing.assert_allclose(got["nees"], nees, rtol=1e-9)
     cost = (np.diagonal(P, axis1=2, axis2=3) @ system.weights).sum(axis=1)
-    np.testing.assert_allclose(system.cost(state.public), cost, rtol=1e-12)
+    np.testing.assert_allclose(system.cost(state.belief), cost, rtol=1e-12)
 
 
 def test_a_track_is_lost_with_the_sixth_return_outside_its_gates():
     system = AgileClutter()
-    state = system.begin(oracles.worlds(system, 1))
+    state = system.initial(oracles.worlds(system, 1))
     outside = np.array([[5, 6]])
-    lost = system.metrics(state._replace(hidden=state.hidden._replace(outside=outside)))["lost"]
+    lost = system.state_info(state._replace(truth=state.truth._replace(outside=outside)))["lost"]
     np.testing.assert_array_equal(lost, [[False, True]])
 
 
@@ -126,24 +126,24 @@ def test_a_batch_is_its_elements_even_out_of_step(tracker):
     states = play(system, worlds, at_random(system))
     pick = trees.tree_map(lambda a, b: np.stack([a[0], b[1]]), states[20], states[6])
     actions = np.array([[3, 4], [50, 60]])
-    got = system.advance(pick, actions, worlds)
+    got = system.transition(pick, actions, worlds)
     for e, k in ((0, 20), (1, 6)):
         row = slice(e, e + 1)
-        alone = system.advance(
+        alone = system.transition(
             trees.tree_map(lambda a, r=row: a[r], states[k]), actions[row], oracles.rows(worlds, row)
         )
         assert same(trees.tree_map(lambda a, r=row: a[r], got), alone)
-        assert alone.public.step[0] == k + 1
+        assert alone.belief.step[0] == k + 1
 
 
 def test_every_element_of_the_observation_is_as_documented():
     system = AgileClutter()
     states = play(system, oracles.worlds(system, 2), at_random(system))
     for k in (0, 7, 12, 25, 32):
-        public = states[k].public
+        belief = states[k].belief
         want = {"time_left": 1 - k / 32}
         here = plain.present(system, k + 1)
-        x, P = plain.predicted(system, k + 1, public.mean[1], public.covariance[1])
+        x, P = plain.predicted(system, k + 1, belief.mean[1], belief.covariance[1])
         for t in (1, 2):
             here_t, p = here[t - 1], P[t - 1]
             want[f"present_{t}"] = float(here_t)
@@ -156,8 +156,8 @@ def test_every_element_of_the_observation_is_as_documented():
                 want[f"log10_sigma_r_{t}_{i}"] = here_t and np.log10(sigma[0])
                 want[f"log10_sigma_rdot_{t}_{i}"] = here_t and np.log10(sigma[1])
                 want[f"correlation_{t}_{i}"] = here_t and S[0, 1] / sigma.prod()
-        assert [element.name for element in system.elements] == list(want)
-        np.testing.assert_allclose(system.observe(public)[1], list(want.values()), rtol=1e-7, atol=1e-7)
+        assert [element.name for element in system.observation_fields] == list(want)
+        np.testing.assert_allclose(system.observe(belief)[1], list(want.values()), rtol=1e-7, atol=1e-7)
 
 
 def inside_bounds(nees, level):
@@ -188,9 +188,9 @@ def test_nobody_knows_an_estimate_before_it_is_handed_over(tracker):
     worlds = oracles.worlds(system, 4)
     other = worlds._replace(start=worlds.start + np.array([[0.0], [1.0]]))
     for k, (one, two) in enumerate(zip(play(system, worlds), play(system, other), strict=True)):
-        assert same(one.public, two.public) == (k < 7), k
+        assert same(one.belief, two.belief) == (k < 7), k
         if k == 7:
-            shift = two.public.mean - one.public.mean
+            shift = two.belief.mean - one.belief.mean
             np.testing.assert_allclose(shift[:, 1], np.tile(np.sqrt(system.prior_variance), (4, 1)), rtol=1e-9)
             assert not shift[:, 0].any()
 
@@ -200,7 +200,7 @@ def test_both_trackers_agree_without_clutter():
     systems = [AgileClutter(tracker=tracker, particles=50, clutter_density=0.0) for tracker in TRACKERS]
     plays = [play(s, oracles.worlds(s, 50), at_random(s)) for s in systems]
     for k, (one, other) in enumerate(zip(*plays, strict=True)):
-        d, P = one.public.mean - other.public.mean, one.public.covariance
+        d, P = one.belief.mean - other.belief.mean, one.belief.covariance
         distance = np.sqrt(np.einsum("eta,eta->et", d, np.linalg.solve(P, d[..., None])[..., 0]))[:, THERE[k]]
         assert distance.size == 0 or distance.max() < 1e-7, k
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavegym.systems.agile_clutter.actions import ChirpMenu
+from wavegym.systems.agile_clutter.actions import ChirpActions
 from wavegym.waveforms import parse_law
 
 LAWS, DURATIONS, SWEEPS, CARRIER = ("lfm", "pfm:3", "hfm:0.3", "efm"), (10e-6, 40e-6, 100e-6), (2e6, 15e6), 9e9
@@ -20,7 +20,7 @@ CHIRPS = list(product(range(4), DURATIONS, SWEEPS, (1, -1)))
 
 
 def menu(form, laws=LAWS, sensors=2):
-    return ChirpMenu(laws, DURATIONS, SWEEPS, CARRIER, sensors, form)
+    return ChirpActions(laws, DURATIONS, SWEEPS, CARRIER, sensors, form)
 
 
 def covariance(law, duration, signed_sweep):

@@ -1,4 +1,4 @@
-"""The agile-clutter loop and its foresight against plain NumPy; the one-step choice against exhaustive search."""
+"""The agile-clutter loop and its prediction against plain NumPy; the one-step choice against exhaustive search."""
 
 from __future__ import annotations
 
@@ -65,21 +65,21 @@ def test_advance_is_the_plain_loop(settings, tolerance):
     """The plain loop runs on its own results, so that errors may add up over the episode."""
     system = AgileClutter(**settings)
     worlds, rng = oracles.worlds(system, 2, seed=5), np.random.default_rng(6)
-    state = system.begin(worlds)
-    mean, covariance = state.public.mean.copy(), state.public.covariance.copy()
-    outside = np.zeros(state.hidden.outside.shape, int)
+    state = system.initial(worlds)
+    mean, covariance = state.belief.mean.copy(), state.belief.covariance.copy()
+    outside = np.zeros(state.truth.outside.shape, int)
     for k in range(system.horizon):
         actions = random_actions(system, rng, 2)
-        C, public = transmitted(system, actions), state.public._replace(mean=mean, covariance=covariance)
-        state = system.advance(state, actions, worlds)
-        steps = [plain.step(system, worlds, e, public, state.hidden.path[e], C[e]) for e in range(2)]
+        C, belief = transmitted(system, actions), state.belief._replace(mean=mean, covariance=covariance)
+        state = system.transition(state, actions, worlds)
+        steps = [plain.step(system, worlds, e, belief, state.truth.path[e], C[e]) for e in range(2)]
         want = plain.Step(*(np.array(parts) for parts in zip(*steps, strict=True)))
         mean, covariance, outside = want.mean, want.covariance, outside + want.outside
-        assert apart(state.public, want) < tolerance, f"step {k + 1}"
-        metrics = system.metrics(state)
+        assert apart(state.belief, want) < tolerance, f"step {k + 1}"
+        metrics = system.state_info(state)
         np.testing.assert_array_equal(metrics["detections"], want.detections)
         np.testing.assert_array_equal(metrics["clutter"], want.clutter)
-        np.testing.assert_array_equal(state.hidden.outside, outside)
+        np.testing.assert_array_equal(state.truth.outside, outside)
         np.testing.assert_array_equal(metrics["lost"], outside > 5)
     assert (outside.max() > 5) == (system.gate < 2.0)
 
@@ -87,11 +87,11 @@ def test_advance_is_the_plain_loop(settings, tolerance):
 def beliefs(system, count=3, steps=(0, 6, 7, 20), seed=1):
     """Public states at several steps of episodes with random actions."""
     worlds, rng = oracles.worlds(system, count, seed), np.random.default_rng(seed)
-    state, found = system.begin(worlds), []
+    state, found = system.initial(worlds), []
     for k in range(max(steps) + 1):
         if k in steps:
-            found.append(state.public)
-        state = system.advance(state, random_actions(system, rng, count), worlds)
+            found.append(state.belief)
+        state = system.transition(state, random_actions(system, rng, count), worlds)
     return found
 
 
@@ -100,27 +100,27 @@ def beliefs(system, count=3, steps=(0, 6, 7, 20), seed=1):
 def test_imagine_is_equations_13_and_14_mended(action, given):
     system = AgileClutter(laws=WELL, action=action)
     rng = np.random.default_rng(2)
-    for public in beliefs(system):
+    for belief in beliefs(system):
         actions = random_actions(system, rng, 3)
         outcome = rng.integers(2, size=(3, 2, 2)).astype(float) if given else None  # 0: detected, 1: missed
-        C, got = transmitted(system, actions), system.imagine(public, actions, outcome)
+        C, got = transmitted(system, actions), system.predict(belief, actions, outcome)
         for e in range(3):
             told = outcome[e] == 0.0 if given else None
-            x, P = plain.foreseen(system, public.step[e], public.mean[e], public.covariance[e], C[e], told)
+            x, P = plain.predicted_after(system, belief.step[e], belief.mean[e], belief.covariance[e], C[e], told)
             one = got._replace(mean=got.mean[e], covariance=got.covariance[e])
             assert apart(one, plain.Step(x, P, np.zeros(2), 0, 0)) < 1e-9
-        np.testing.assert_array_equal(got.step, public.step + 1)
+        np.testing.assert_array_equal(got.step, belief.step + 1)
 
 
 @pytest.mark.parametrize("gate", [3.0, 4.0, 6.0])
-def test_foresight_knows_clutter_by_its_density_whatever_the_gate(gate):
+def test_prediction_knows_clutter_by_its_density_whatever_the_gate(gate):
     """q2 belongs to a clutter density: a wider gate takes in more clutter, but none that could be mistaken."""
     system = AgileClutter(laws=WELL, gate=gate, clutter_density=1e-3)
-    public = beliefs(system, steps=(7,))[0]
+    belief = beliefs(system, steps=(7,))[0]
     actions = np.array([[0, 17], [5, 3], [12, 9]])
-    got, C = system.imagine(public, actions), transmitted(system, actions)
+    got, C = system.predict(belief, actions), transmitted(system, actions)
     for e in range(3):
-        _, P = plain.foreseen(system, 7, public.mean[e], public.covariance[e], C[e])
+        _, P = plain.predicted_after(system, 7, belief.mean[e], belief.covariance[e], C[e])
         assert oracles.covariance_distance(got.covariance[e], P) < 1e-9
 
 
@@ -129,32 +129,32 @@ def test_foresight_knows_clutter_by_its_density_whatever_the_gate(gate):
 def test_candidates_are_a_loop_over_them_bit_for_bit(action, tracker):
     system = AgileClutter(action=action, tracker=tracker, particles=20)
     rng = np.random.default_rng(3)
-    for public in beliefs(system, steps=(0, 7)):
+    for belief in beliefs(system, steps=(0, 7)):
         actions = np.stack([random_actions(system, rng, 3) for _ in range(6)], axis=1)
         outcome = rng.integers(2, size=(3, 6, 2, 2)).astype(float)
         for told in (None, outcome):
-            many = system.imagine(public, actions, told)
+            many = system.predict(belief, actions, told)
             cost = system.cost(many)
             assert cost.shape == (3, 6)
             for c in range(6):
-                one = system.imagine(public, actions[:, c], None if told is None else told[:, c])
+                one = system.predict(belief, actions[:, c], None if told is None else told[:, c])
                 for a, b in zip(one[:3], many[:3], strict=True):
                     np.testing.assert_array_equal(a, b[:, c])
                 np.testing.assert_array_equal(system.cost(one), cost[:, c])
-        shared = system.imagine(public, actions[:1])
-        np.testing.assert_array_equal(shared.covariance[0], system.imagine(public, actions).covariance[0])
+        shared = system.predict(belief, actions[:1])
+        np.testing.assert_array_equal(shared.covariance[0], system.predict(belief, actions).covariance[0])
 
 
 def test_sensor_costs_are_the_cost_of_imagine_sensor_after_sensor():
     system = AgileClutter()
     C = system.menu.option_covariances
-    for public in beliefs(system):
-        ahead, choices = system.ahead(public), [np.array([3, 9, 20]), np.array([17, 1, 8])]
+    for belief in beliefs(system):
+        ahead, choices = system.ahead(belief), [np.array([3, 9, 20]), np.array([17, 1, 8])]
         after = system.after_sensor(ahead, 0, C[choices[0]])
         second = system.sensor_costs(after, 1, C[None])
         actions = np.stack([np.stack([choices[0], np.full(3, c)], axis=1) for c in range(len(C))], axis=1)
-        foreseen = system.cost(system.imagine(public, actions))
-        np.testing.assert_allclose(second, foreseen, rtol=1e-9)
+        predicted = system.cost(system.predict(belief, actions))
+        np.testing.assert_allclose(second, predicted, rtol=1e-9)
         chosen = np.take_along_axis(second, choices[1][:, None], axis=1)[:, 0]
         both = system.after_sensor(after, 1, C[choices[1]])._replace(present=ahead.present)
         P = np.diagonal(both.covariance, axis1=2, axis2=3).sum(axis=2)
@@ -165,10 +165,10 @@ def test_the_second_sensor_is_chosen_as_by_trying_all():
     """With the first sensor's choice given, nothing is approximate: the second choice has the least cost of imagine."""
     system = AgileClutter()
     count = len(system.actions)
-    for public in beliefs(system):
-        best = system.best_action(public)
+    for belief in beliefs(system):
+        best = system.best_action(belief)
         actions = np.stack([np.stack([best[:, 0], np.full(3, c)], axis=1) for c in range(count)], axis=1)
-        cost = system.cost(system.imagine(public, actions))
+        cost = system.cost(system.predict(belief, actions))
         chosen = np.take_along_axis(cost, best[:, 1:], axis=1)[:, 0]
         np.testing.assert_allclose(chosen, cost.min(axis=1), rtol=1e-12)
 
@@ -185,12 +185,12 @@ def test_sensor_by_sensor_is_nearly_the_joint_grid(action):
     system = AgileClutter(action=action, **few)
     worlds, exhaustive = oracles.worlds(system, 12, seed=9), Myopic(fused=False)
     exhaustive.begin(system, 12, np.random.default_rng(0))
-    state, gaps = system.begin(worlds), []
+    state, gaps = system.initial(worlds), []
     for _ in range(system.horizon):
-        choices = system.best_action(state.public), exhaustive.act(state.public, None, None)
-        chosen, least = (system.cost(system.imagine(state.public, actions)) for actions in choices)
+        choices = system.best_action(state.belief), exhaustive.act(state.belief, None, None)
+        chosen, least = (system.cost(system.predict(state.belief, actions)) for actions in choices)
         gaps.append(chosen / least - 1)
-        state = system.advance(state, choices[0], worlds)
+        state = system.transition(state, choices[0], worlds)
     gaps = np.array(gaps)
     assert gaps.min() > -1e-12
     assert gaps.max() < 0.1

@@ -72,15 +72,15 @@ def test_the_map_is_to_scale_and_holds_truth_ellipse_and_the_way_to_the_sensors(
     assert axes.bbox.width / (right - left) == pytest.approx(axes.bbox.height / (top - bottom))
     for t in (0, 1):
         trail, means, outline, cross = of_target(axes.lines, t)
-        np.testing.assert_allclose(np.array(cross.get_data())[:, 0], now.hidden.truth[0, t, :2] / 1e3)
-        points = 1e3 * np.array(outline.get_data()) - now.public.mean[0, t, :2, None]
-        P = now.public.covariance[0, t, :2, :2]
+        np.testing.assert_allclose(np.array(cross.get_data())[:, 0], now.truth.targets[0, t, :2] / 1e3)
+        points = 1e3 * np.array(outline.get_data()) - now.belief.mean[0, t, :2, None]
+        P = now.belief.covariance[0, t, :2, :2]
         np.testing.assert_allclose(np.einsum("ip,ij,jp->p", points, np.linalg.inv(P), points), 4.0, rtol=1e-6)
         assert len(trail.get_xdata()) == len(means.get_xdata()) == 6 - BIRTHS[t]
         for line in (trail, outline):
             x, y = line.get_data()
             assert ((left < x) & (x < right) & (bottom < y) & (y < top)).all()
-    centre = now.public.mean[0, :, :2].mean(axis=0)
+    centre = now.belief.mean[0, :, :2].mean(axis=0)
     written = [text for text in axes.texts if "sensor" in text.get_text()]
     for i, text in enumerate(written):
         assert text.get_text() == f"to sensor {i + 1}: {np.linalg.norm(SYSTEM.sensors[i] - centre) / 1e3:.1f} km"
@@ -100,7 +100,7 @@ def test_a_gate_holds_its_targets_true_measurement_and_the_pulses_own_ellipse():
     held = []
     for seed in range(6):
         scene, moment = drawn(SYSTEM, 1, seed)
-        ahead, truth = SYSTEM.ahead(moment.states[0].public), moment.states[-1].hidden.truth[0, 0]
+        ahead, truth = SYSTEM.ahead(moment.states[0].belief), moment.states[-1].truth.targets[0, 0]
         for axes, sensor in zip(scene._gates, SYSTEM.sensors, strict=True):
             gate, pulse, cross = axes.lines
             expected = range_and_rate(truth, sensor) - range_and_rate(ahead.mean[0, 0], sensor)
@@ -116,7 +116,7 @@ def test_a_gate_holds_its_targets_true_measurement_and_the_pulses_own_ellipse():
 def test_gates_have_the_moments_of_the_true_measurement_function():
     """Sampled through the function that the drawing linearises."""
     scene, moment = drawn(SYSTEM, 1)
-    ahead, rng = SYSTEM.ahead(moment.states[0].public), np.random.default_rng(0)
+    ahead, rng = SYSTEM.ahead(moment.states[0].belief), np.random.default_rng(0)
     states = rng.multivariate_normal(ahead.mean[0, 0], ahead.covariance[0, 0], size=200_000)
     C = SYSTEM.menu.unit_covariance(moment.actions[-1])[0]
     for i, axes in enumerate(scene._gates):
@@ -149,7 +149,7 @@ def test_one_law_in_a_box_needs_no_parameter():
 
 def test_the_caption_counts_what_was_received():
     moment = moment_of(played(SYSTEM, 4))
-    detections, clutter = moment.states[-1].hidden.scan[0, :2]
+    detections, clutter = moment.states[-1].truth.scan[0, :2]
     expected = f"2 sensors: {detections:.0f} of 4 returns detected, {clutter:.0f} clutter points in gates"
     assert scan_caption(SYSTEM, moment) == expected
     assert "of 2 returns" in scan_caption(SYSTEM, moment_of(played(SYSTEM, 1)))
@@ -161,11 +161,11 @@ def test_particles_are_points_of_the_map_and_of_the_errors():
     scene, moment = drawn(PARTICLES, 4)
     now = moment.states[-1]
     for t in (0, 1):
-        expected = now.public.particles.mean[0, :, t, :2]
+        expected = now.belief.particles.mean[0, :, t, :2]
         cloud = next(line for line in of_target(scene._map.lines, t) if len(line.get_xdata()) == 30)
         np.testing.assert_allclose(1e3 * cloud.get_xydata(), expected)
         cloud = next(line for line in of_target(scene._errors.lines, t) if len(line.get_xdata()) == 30)
-        np.testing.assert_allclose(cloud.get_xydata(), expected - now.hidden.truth[0, t, :2])
+        np.testing.assert_allclose(cloud.get_xydata(), expected - now.truth.targets[0, t, :2])
 
 
 @pytest.mark.parametrize(

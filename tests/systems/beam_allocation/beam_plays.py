@@ -17,15 +17,15 @@ def choices(action):
     return np.stack(np.divmod(np.asarray(action), 6), axis=-1)
 
 
-def coasted(system, public):
+def coasted(system, belief):
     """F P F' + Q of every target."""
     F, Q = plain.transition(system)
-    return F @ public.covariance @ F.T + Q
+    return F @ belief.covariance @ F.T + Q
 
 
 def played(system, worlds, steps, seed=0):
     """The state after ``steps`` random actions."""
-    state, rng = system.begin(worlds), np.random.default_rng(seed)
+    state, rng = system.initial(worlds), np.random.default_rng(seed)
     for _ in range(steps):
-        state = system.advance(state, rng.integers(len(system.actions), size=len(state.public.step)), worlds)
+        state = system.transition(state, rng.integers(len(system.actions), size=len(state.belief.step)), worlds)
     return state

@@ -20,7 +20,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation.system import BeamAllocation
 from wavegym.testing import check_vector_env
-from wavegym.testing.model_check import foresight_defect
+from wavegym.testing.model_check import prediction_defect
 
 ID = "wavegym/BeamAllocation-v0"
 
@@ -32,38 +32,38 @@ def test_only_what_is_in_a_visible_beam_is_ever_detected(steps):
     worlds, total = oracles.worlds(SYSTEM, 500), 0
     F = plain.transition(SYSTEM)[0]
     for _ in range(-(-steps // (500 * SYSTEM.horizon))):
-        state = SYSTEM.begin(worlds)
+        state = SYSTEM.initial(worlds)
         for k in range(SYSTEM.horizon):
-            action, before = rng.integers(36, size=500), state.public
+            action, before = rng.integers(36, size=500), state.belief
             target = TARGET[choices(action)]
-            state = SYSTEM.advance(state, action, worlds)
-            figures, lit = SYSTEM.metrics(state), np.zeros((500, 3), bool)
+            state = SYSTEM.transition(state, action, worlds)
+            figures, lit = SYSTEM.state_info(state), np.zeros((500, 3), bool)
             expected = np.zeros(500)
             for i, site in enumerate(SYSTEM.sensors):
                 own, seen = target[:, i], before.visible[rows, k, target[:, i]]
-                r = np.hypot(*(state.hidden.truth[rows, own, :2] - site).T)
+                r = np.hypot(*(state.truth.targets[rows, own, :2] - site).T)
                 pd = SYSTEM.false_alarm ** (1 / (1 + (SYSTEM.reference_range / r) ** 4))
                 expected += seen & (worlds.detection[rows, k, i, own] < pd)
                 lit[rows[seen], own[seen]] = True
             np.testing.assert_array_equal(figures["detections"], expected)
             assert (figures["clutter"][~lit.any(axis=1)] == 0).all()
-            dark = np.abs(state.public.covariance - coasted(SYSTEM, before))[~lit]
-            assert dark.max() < 1e-9 * np.abs(state.public.covariance).max()
-            np.testing.assert_allclose(state.public.mean[~lit], (before.mean @ F.T)[~lit], rtol=1e-12)
-            assert not state.hidden.outside[(~before.visible[:, : k + 1]).all(axis=1)].any()
+            dark = np.abs(state.belief.covariance - coasted(SYSTEM, before))[~lit]
+            assert dark.max() < 1e-9 * np.abs(state.belief.covariance).max()
+            np.testing.assert_allclose(state.belief.mean[~lit], (before.mean @ F.T)[~lit], rtol=1e-12)
+            assert not state.truth.outside[(~before.visible[:, : k + 1]).all(axis=1)].any()
             total += expected.sum()
     assert total > 0.5 * steps
 
 
 def test_starts_and_worlds():
     """Starts are uniform about the middle ones, first errors have P0 (Kolmogorov, 1e-4); no setting changes a tape."""
-    state = SYSTEM.begin(oracles.worlds(SYSTEM, 400))
-    share = (state.hidden.truth - SYSTEM.starts) / SYSTEM.spread
+    state = SYSTEM.initial(oracles.worlds(SYSTEM, 400))
+    share = (state.truth.targets - SYSTEM.starts) / SYSTEM.spread
     assert kstest(share.ravel(), "uniform", (-1, 2)).pvalue > 1e-4
-    error = (state.public.mean - state.hidden.truth) / np.sqrt(SYSTEM.prior_variance)
+    error = (state.belief.mean - state.truth.targets) / np.sqrt(SYSTEM.prior_variance)
     assert kstest(error.ravel(), "norm").pvalue > 1e-4
-    np.testing.assert_array_equal(state.hidden.path[:, :, 0], state.hidden.truth)
-    assert 0.55 < state.public.visible.mean() < 0.65  # 10 of 17 steps
+    np.testing.assert_array_equal(state.truth.path[:, :, 0], state.truth.targets)
+    assert 0.55 < state.belief.visible.mean() < 0.65  # 10 of 17 steps
     want = SYSTEM.draw_world(np.random.default_rng(3))
     for settings in ({"spread": (0.0,) * 4}, {"windows": ((0, 1, 2),)}, {"laws": ("lfm",)}, {"dt": 0.5}):
         other = BeamAllocation(**settings).draw_world(np.random.default_rng(3))
@@ -72,7 +72,7 @@ def test_starts_and_worlds():
 
 def test_given_windows_are_in_place_of_drawn_ones():
     system = BeamAllocation(windows=((2, 5, 9), (0, 0, 59)))
-    visible = system.begin(oracles.worlds(system, 2)).public.visible
+    visible = system.initial(oracles.worlds(system, 2)).belief.visible
     assert not visible[:, :, 0].any()
     assert not visible[:, 5:10, 2].any()
     assert visible.sum() == 2 * (3 * 60 - 60 - 5)
@@ -82,15 +82,15 @@ def test_what_agents_see():
     """Visibility and its change, recounted; the rest is the parent's; ordinary values within the bounds."""
     shared = ("horizon", "dt", "q", "sensors", "starts", "births", "lifetime", "prior_variance", "clutter_density")
     parent = AgileClutter(**{name: getattr(SYSTEM, name) for name in shared})
-    centre, scale = (np.array([getattr(e, name) for e in SYSTEM.elements]) for name in ("centre", "scale"))
-    assert [e.name for e in SYSTEM.elements[:-9]] == [e.name for e in parent.elements]
-    names = [e.name for e in SYSTEM.elements]
+    centre, scale = (np.array([getattr(e, name) for e in SYSTEM.observation_fields]) for name in ("centre", "scale"))
+    assert [e.name for e in SYSTEM.observation_fields[:-9]] == [e.name for e in parent.observation_fields]
+    names = [e.name for e in SYSTEM.observation_fields]
     for k in (0, 13, 45, 55, 59, 60):
-        public = played(SYSTEM, oracles.worlds(SYSTEM, 40), k).public
-        seen = SYSTEM.observe(public)
-        np.testing.assert_array_equal(seen[:, :-9], parent.observe(public))
+        belief = played(SYSTEM, oracles.worlds(SYSTEM, 40), k).belief
+        seen = SYSTEM.observe(belief)
+        np.testing.assert_array_equal(seen[:, :-9], parent.observe(belief))
         assert (np.abs((seen - centre) / scale) < 10).all()
-        coming = np.pad(public.visible, ((0, 0), (0, 11), (0, 0)))[:, k : k + 10]
+        coming = np.pad(belief.visible, ((0, 0), (0, 11), (0, 0)))[:, k : k + 10]
         for t in range(3):
             now, change = coming[:, 0, t], np.full(40, 10)
             for j in reversed(range(10)):
@@ -103,17 +103,17 @@ def test_a_batch_is_its_elements_even_out_of_step():
     worlds, actions = oracles.worlds(SYSTEM, 2), np.array([7, 29])
     states = [played(SYSTEM, worlds, k) for k in (20, 6)]
     pick = trees.tree_map(lambda a, b: np.stack([a[0], b[1]]), *states)
-    got = SYSTEM.advance(pick, actions, worlds)
+    got = SYSTEM.transition(pick, actions, worlds)
     for e in range(2):
         row = slice(e, e + 1)
         alone = trees.tree_map(lambda leaf, row=row: leaf[row], states[e])
-        alone = SYSTEM.advance(alone, actions[row], oracles.rows(worlds, row))
-        for a, b in zip(alone.public, got.public, strict=True):
+        alone = SYSTEM.transition(alone, actions[row], oracles.rows(worlds, row))
+        for a, b in zip(alone.belief, got.belief, strict=True):
             assert a is None or np.array_equal(a, b[row])
 
 
 def test_registered_and_honest():
-    assert foresight_defect(SYSTEM) is None
+    assert prediction_defect(SYSTEM) is None
     check_env(gym.make(ID, disable_env_checker=True).unwrapped, skip_render_check=True)
     for k, one, _ in oracles.in_step(gym.make(ID), gym.make_vec(ID, 3), 60):
         assert one[2:4] == (k == 60, False)

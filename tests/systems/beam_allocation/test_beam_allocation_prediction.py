@@ -1,4 +1,4 @@
-"""Beam allocation: a step against plain NumPy, foresight against the world, gains against repeated foresight."""
+"""Beam allocation: a step against plain NumPy, prediction against the world, gains against repeated prediction."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from wavegym.schedulers import Myopic
 from wavegym.systems.beam_allocation.system import BeamAllocation
 
 
-def lit_by(public, e, i, action):
+def lit_by(belief, e, i, action):
     """Which target of environment e sensor i lights, if that can be seen: (target,) bool, and the chirp's C."""
     choice = choices(action)[i]
     lit = np.zeros(3, bool)
-    lit[TARGET[choice]] = public.visible[e, public.step[e], TARGET[choice]]
+    lit[TARGET[choice]] = belief.visible[e, belief.step[e], TARGET[choice]]
     return lit, CHIRPS[choice % 2]
 
 
@@ -27,69 +27,69 @@ def test_advance_and_imagine_are_the_plain_loop():
     worlds, rng = oracles.worlds(SYSTEM, 4, seed=5), np.random.default_rng(6)
     for steps in (0, 7, 30):
         state = played(SYSTEM, worlds, steps)
-        public, actions = state.public, rng.integers(36, size=4)
-        after, foreseen = SYSTEM.advance(state, actions, worlds), SYSTEM.imagine(public, actions)
+        belief, actions = state.belief, rng.integers(36, size=4)
+        after, predicted = SYSTEM.transition(state, actions, worlds), SYSTEM.predict(belief, actions)
         for e in range(4):
             k = steps + 1
-            x, P = plain.predicted(SYSTEM, k, public.mean[e], public.covariance[e])
-            np.testing.assert_allclose(foreseen.mean[e], x, rtol=1e-12)
-            guess, truth = P.copy(), state.hidden.path[e, :, k]
+            x, P = plain.predicted(SYSTEM, k, belief.mean[e], belief.covariance[e])
+            np.testing.assert_allclose(predicted.mean[e], x, rtol=1e-12)
+            guess, true_states = P.copy(), state.truth.path[e, :, k]
             for i, site in enumerate(np.array(SYSTEM.sensors)):
-                lit, C = lit_by(public, e, i, actions[e])
-                _, S, G, pd = plain.expected_scan(SYSTEM, site, C, foreseen.mean[e], guess, lit)
+                lit, C = lit_by(belief, e, i, actions[e])
+                _, S, G, pd = plain.expected_scan(SYSTEM, site, C, predicted.mean[e], guess, lit)
                 for t in np.flatnonzero(lit):
                     clutter = SYSTEM.clutter_density * 16 * np.pi * np.sqrt(np.linalg.det(S[t]))
                     guess[t] -= plain.information_reduction(pd[t], clutter) * G[t] @ np.linalg.solve(S[t], G[t].T)
                 z, S, G, pd = plain.expected_scan(SYSTEM, site, C, x, P, lit)
-                scan, _, _ = plain.received(SYSTEM, worlds, e, k, i, site, C, truth, z, S, lit)
+                scan, _, _ = plain.received(SYSTEM, worlds, e, k, i, site, C, true_states, z, S, lit)
                 key = np.uint64(plain.stream(np.uint64(plain.stream(worlds.key[e], k)), i))
                 L, room = np.linalg.cholesky(S), np.empty((64, 2))
                 false, count = plain.add_clutter(key, z, L, lit, SYSTEM.gate, SYSTEM.clutter_density, room, 0)
                 if lit.any():
                     plain.jpda(SYSTEM, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, lit)
-            assert oracles.covariance_distance(after.public.covariance[e], P) < 1e-9
-            assert oracles.covariance_distance(foreseen.covariance[e], guess) < 1e-9
+            assert oracles.covariance_distance(after.belief.covariance[e], P) < 1e-9
+            assert oracles.covariance_distance(predicted.covariance[e], guess) < 1e-9
             sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
-            assert (np.abs(after.public.mean[e] - x) / sigma).max() < 1e-9
+            assert (np.abs(after.belief.mean[e] - x) / sigma).max() < 1e-9
 
 
 def test_a_given_outcome_is_what_the_world_makes_of_it():
     """Without clutter, of targets that one sensor looks at; to 1e-12 of the predicted standard deviations.
 
-    Foresight counts LIMIT of a detection: what a gate of four standard deviations keeps.
+    Prediction counts LIMIT of a detection: what a gate of four standard deviations keeps.
     """
     system, rng, seen = BeamAllocation(clutter_density=0.0, gate=8.0), np.random.default_rng(3), 0
     worlds = oracles.worlds(system, 50, 2)
     calm = {name: 0.1 * getattr(worlds, name) for name in ("start", "process", "error")}  # nothing near a gate's edge
     worlds = worlds._replace(**calm)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(system.horizon):
         first, step = rng.integers(3, size=50), rng.integers(1, 3, size=50)
         pair = np.stack([first, (first + step) % 3], axis=1)  # different targets
         action = (2 * pair + rng.integers(2, size=(50, 2))) @ [6, 1]
-        before, after = state, system.advance(state, action, worlds)
-        learned = np.diagonal(coasted(system, before.public) - after.public.covariance, axis1=2, axis2=3).sum(axis=2)
-        updated = learned > 1e-9 * np.diagonal(after.public.covariance, axis1=2, axis2=3).sum(axis=2)
+        before, after = state, system.transition(state, action, worlds)
+        learned = np.diagonal(coasted(system, before.belief) - after.belief.covariance, axis1=2, axis2=3).sum(axis=2)
+        updated = learned > 1e-9 * np.diagonal(after.belief.covariance, axis1=2, axis2=3).sum(axis=2)
         draws = np.where(updated, 0.0, 1.0)[:, None].repeat(2, axis=1)  # (env, sensor, target)
-        told = system.imagine(before.public, action, draws)
-        wide = coasted(system, before.public)
+        told = system.predict(before.belief, action, draws)
+        wide = coasted(system, before.belief)
         whole, sigma = told.covariance, np.sqrt(np.diagonal(wide, axis1=2, axis2=3))
-        apart = (after.public.covariance - whole) / (sigma[..., None] * sigma[..., None, :])
+        apart = (after.belief.covariance - whole) / (sigma[..., None] * sigma[..., None, :])
         assert np.abs(apart).max() < 1e-12
-        np.testing.assert_array_equal(system.metrics(after)["detections"], updated.sum(axis=1))
-        np.testing.assert_array_equal(told.visible, after.public.visible)
-        np.testing.assert_array_equal(told.step, after.public.step)
+        np.testing.assert_array_equal(system.state_info(after)["detections"], updated.sum(axis=1))
+        np.testing.assert_array_equal(told.visible, after.belief.visible)
+        np.testing.assert_array_equal(told.step, after.belief.step)
         seen, state = seen + updated.sum(), after
     assert seen > 2000
 
 
 @pytest.mark.parametrize("action", [0 * 6 + 3, 1 * 6 + 0, 4 * 6 + 5])
-def test_expected_foresight_is_the_mean_of_the_world(action):
+def test_expected_prediction_is_the_mean_of_the_world(action):
     """Mean cost over 20 000 truths drawn from one belief; within 1 % of the reduction, and five standard errors."""
     count = 20_000
     one = played(SYSTEM, oracles.worlds(SYSTEM, 1, 4), 4)
-    public = trees.tree_map(lambda leaf: np.repeat(leaf, count, axis=0), one.public)
-    public = public._replace(visible=np.ones_like(public.visible))
+    belief = trees.tree_map(lambda leaf: np.repeat(leaf, count, axis=0), one.belief)
+    belief = belief._replace(visible=np.ones_like(belief.visible))
     rng, (F, Q) = np.random.default_rng(action), plain.transition(SYSTEM)
     tape = oracles.worlds(SYSTEM, 1, 4)
     worlds = type(tape)(*(np.repeat(leaf, count, axis=0) for leaf in tape))
@@ -98,18 +98,18 @@ def test_expected_foresight_is_the_mean_of_the_world(action):
         error=rng.standard_normal(worlds.error.shape),
         key=rng.integers(2**64, size=count, dtype=np.uint64),
     )
-    path = np.repeat(one.hidden.path, count, axis=0)
-    drawn = public.mean + np.einsum("tab,etb->eta", np.linalg.cholesky(one.public.covariance[0]), normal(rng, count))
+    path = np.repeat(one.truth.path, count, axis=0)
+    drawn = belief.mean + np.einsum("tab,etb->eta", np.linalg.cholesky(one.belief.covariance[0]), normal(rng, count))
     path[:, :, 5] = drawn @ F.T + normal(rng, count) @ np.linalg.cholesky(Q).T
-    hidden = trees.tree_map(lambda leaf: np.repeat(leaf, count, axis=0), one.hidden)._replace(path=path)
+    truth = trees.tree_map(lambda leaf: np.repeat(leaf, count, axis=0), one.truth)._replace(path=path)
     costs = SYSTEM.cost(
-        SYSTEM.advance(one._replace(hidden=hidden, public=public), np.full(count, action), worlds).public
+        SYSTEM.transition(one._replace(truth=truth, belief=belief), np.full(count, action), worlds).belief
     )
-    few = trees.tree_map(lambda leaf: leaf[:1], public)
-    foreseen = SYSTEM.cost(SYSTEM.imagine(few, np.array([action])))[0]
-    nothing = SYSTEM.cost(SYSTEM.imagine(few, np.array([action]), np.ones((1, 2, 3))))[0]
-    assert nothing - foreseen > 50 * costs.std() / np.sqrt(count)
-    assert abs(costs.mean() - foreseen) < 0.01 * (nothing - foreseen) + 5 * costs.std() / np.sqrt(count)
+    few = trees.tree_map(lambda leaf: leaf[:1], belief)
+    predicted = SYSTEM.cost(SYSTEM.predict(few, np.array([action])))[0]
+    nothing = SYSTEM.cost(SYSTEM.predict(few, np.array([action]), np.ones((1, 2, 3))))[0]
+    assert nothing - predicted > 50 * costs.std() / np.sqrt(count)
+    assert abs(costs.mean() - predicted) < 0.01 * (nothing - predicted) + 5 * costs.std() / np.sqrt(count)
 
 
 def normal(rng, count):
@@ -117,62 +117,62 @@ def normal(rng, count):
 
 
 def test_candidates_are_a_loop_over_them_bit_for_bit():
-    public = played(SYSTEM, oracles.worlds(SYSTEM, 3), 12).public
+    belief = played(SYSTEM, oracles.worlds(SYSTEM, 3), 12).belief
     everything, rng = SYSTEM.candidates(), np.random.default_rng(1)
     for told in (None, rng.random((3, 36, 2, 3))):
-        shared = SYSTEM.imagine(public, everything[None], told)
-        many = SYSTEM.imagine(public, np.repeat(everything[None], 3, axis=0), told)
+        shared = SYSTEM.predict(belief, everything[None], told)
+        many = SYSTEM.predict(belief, np.repeat(everything[None], 3, axis=0), told)
         for c in everything:
-            one = SYSTEM.imagine(public, np.full(3, c), None if told is None else told[:, c])
+            one = SYSTEM.predict(belief, np.full(3, c), None if told is None else told[:, c])
             for a, b, d in zip(one, trees.tree_map(lambda x, c=c: x[:, c], many), shared, strict=True):
                 assert a is None or (np.array_equal(a, b) and np.array_equal(a, d[:, c]))
 
 
 def test_the_one_step_scheduler_tries_all_joint_actions():
-    public, policy = played(SYSTEM, oracles.worlds(SYSTEM, 30), 12).public, Myopic()
+    belief, policy = played(SYSTEM, oracles.worlds(SYSTEM, 30), 12).belief, Myopic()
     policy.begin(SYSTEM, 30, np.random.default_rng(0))
-    many = SYSTEM.imagine(public, SYSTEM.candidates()[None]).covariance
+    many = SYSTEM.predict(belief, SYSTEM.candidates()[None]).covariance
     trace = np.diagonal(many, axis1=-2, axis2=-1).sum(axis=(-1, -2))
-    chosen = trace[np.arange(30), policy.act(public, None, None)]
+    chosen = trace[np.arange(30), policy.act(belief, None, None)]
     np.testing.assert_allclose(chosen, trace.min(axis=1), rtol=1e-12)
     with pytest.raises(NotImplementedError):
-        SYSTEM.best_action(public)
+        SYSTEM.best_action(belief)
 
 
 @pytest.mark.parametrize("wait", [0, 1, 5])
 @pytest.mark.parametrize("ahead", [1, 8])
-def test_gain_is_that_of_repeated_foresight(wait, ahead):
+def test_gain_is_that_of_repeated_prediction(wait, ahead):
     """Beliefs early and at the end, where there is nothing left to look at or fewer steps than ``ahead``."""
     for steps in (3, 20, 53, 57, 60):
-        public = here = played(SYSTEM, oracles.worlds(SYSTEM, 6), steps).public
+        belief = here = played(SYSTEM, oracles.worlds(SYSTEM, 6), steps).belief
         for _ in range(wait):
-            here = SYSTEM.imagine(here, np.zeros(6, int), np.ones((6, 2, 3)))
-        with_look = SYSTEM.imagine(here, SYSTEM.candidates()[None]).covariance
-        without = SYSTEM.imagine(here, SYSTEM.candidates()[None], np.ones((6, 36, 2, 3))).covariance
+            here = SYSTEM.predict(here, np.zeros(6, int), np.ones((6, 2, 3)))
+        with_look = SYSTEM.predict(here, SYSTEM.candidates()[None]).covariance
+        without = SYSTEM.predict(here, SYSTEM.candidates()[None], np.ones((6, 36, 2, 3))).covariance
         left = min(ahead, SYSTEM.horizon - steps - wait)
-        M = horizon_weights(SYSTEM.transition, SYSTEM.weights, left) if left > 0 else np.zeros((4, 4))
+        M = horizon_weights(SYSTEM.transition_matrix, SYSTEM.weights, left) if left > 0 else np.zeros((4, 4))
         want = np.einsum("ab,ectab->ec", M, without - with_look)
-        got = SYSTEM.gain(public, wait, ahead)
+        got = SYSTEM.gain(belief, wait, ahead)
         np.testing.assert_allclose(got, want, rtol=1e-9, atol=1e-9)
         assert (got.max() > 0) == (left > 0)
-        hidden = ~here.visible[:, min(steps + wait, 59)]
+        truth = ~here.visible[:, min(steps + wait, 59)]
         both = TARGET[choices(np.arange(36))]
-        assert (got[(hidden[:, both]).all(axis=2)] == 0).all()
+        assert (got[(truth[:, both]).all(axis=2)] == 0).all()
 
 
 def test_gain_takes_a_wait_for_every_candidate_and_a_number_of_steps_for_every_target():
-    public, rng = played(SYSTEM, oracles.worlds(SYSTEM, 5), 25).public, np.random.default_rng(2)
+    belief, rng = played(SYSTEM, oracles.worlds(SYSTEM, 5), 25).belief, np.random.default_rng(2)
     wait = rng.integers(0, 4, size=(5, 36))
-    each = np.array([SYSTEM.gain(public, w, 6) for w in range(4)])
+    each = np.array([SYSTEM.gain(belief, w, 6) for w in range(4)])
     want = np.take_along_axis(each, wait[None], axis=0)[0]
-    np.testing.assert_array_equal(SYSTEM.gain(public, wait, 6), want)
-    first = public._replace(visible=public.visible & (np.arange(3) == 0))
-    others = public._replace(visible=public.visible & (np.arange(3) > 0))
+    np.testing.assert_array_equal(SYSTEM.gain(belief, wait, 6), want)
+    first = belief._replace(visible=belief.visible & (np.arange(3) == 0))
+    others = belief._replace(visible=belief.visible & (np.arange(3) > 0))
     ahead = rng.integers(1, 9, size=5)
     want = np.array([SYSTEM.gain(first, 1, a)[e] for e, a in enumerate(ahead)]) + SYSTEM.gain(others, 1, 3)
-    got = SYSTEM.gain(public, 1, np.stack([ahead, 0 * ahead + 3, 0 * ahead + 3], axis=1))
+    got = SYSTEM.gain(belief, 1, np.stack([ahead, 0 * ahead + 3, 0 * ahead + 3], axis=1))
     np.testing.assert_allclose(got, want, rtol=1e-12)
-    many = SYSTEM.imagine(public, SYSTEM.candidates()[None])  # its windows are a view that cannot be written to
+    many = SYSTEM.predict(belief, SYSTEM.candidates()[None])  # its windows are a view that cannot be written to
     row = trees.tree_map(lambda leaf: leaf[2], many)
     assert SYSTEM.gain(row, 0, 6).shape == (36, 36)
-    np.testing.assert_array_equal(SYSTEM.delay(public), np.zeros((5, 36)))
+    np.testing.assert_array_equal(SYSTEM.delay(belief), np.zeros((5, 36)))

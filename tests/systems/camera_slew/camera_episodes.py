@@ -15,14 +15,14 @@ def wrap(angle):
 
 def azimuth(system, mean):
     """Of every target one step ahead, from the camera, (env, target)."""
-    x = mean @ system.transition.T
+    x = mean @ system.transition_matrix.T
     return np.arctan2(x[..., 0] - system.platforms[0][0], x[..., 2] - system.platforms[0][1])
 
 
 def later(system, count, steps, seed=0):
     """A batch some drawn choices on, and its tapes."""
     worlds, rng = oracles.worlds(system, count), np.random.default_rng(seed)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(steps):
-        state = system.advance(state, rng.integers(system.targets, size=count), worlds)
+        state = system.transition(state, rng.integers(system.targets, size=count), worlds)
     return state, worlds

@@ -25,12 +25,12 @@ def limits_hold(system, count, seed=0):
     """
     rng, worlds = np.random.default_rng(seed), oracles.worlds(system, min(count, 50))
     worlds = trees.take(worlds, np.arange(count) % len(worlds.place))
-    state, action = system.begin(worlds), rng.integers(system.targets, size=count)
+    state, action = system.initial(worlds), rng.integers(system.targets, size=count)
     owed, found = np.zeros(count, int), 0
     for _ in range(system.horizon):
         action = np.where(rng.random(count) < 0.2, rng.integers(system.targets, size=count), action)
-        before, state = state.public, system.advance(state, action, worlds)
-        after, hidden = state.public, state.hidden
+        before, state = state.belief, system.transition(state, action, worlds)
+        after, truth = state.belief, state.truth
         aim = azimuth(system, before.mean)[np.arange(count), action]
         turned, wanted = wrap(after.pointing - before.pointing), wrap(aim - before.pointing)
         assert (np.abs(turned) <= system.slew * system.dt + 1e-12).all()
@@ -39,14 +39,14 @@ def limits_hold(system, count, seed=0):
         blind = far | (owed > 0)
         owed = np.where(far, system.settle, np.maximum(owed - 1, 0))
         np.testing.assert_array_equal(after.settling, owed)
-        assert not hidden.seen[blind].any()
+        assert not truth.seen[blind].any()
         x, y = system.platforms[0]
-        true = np.arctan2(hidden.truth[..., 0] - x, hidden.truth[..., 2] - y)
+        true = np.arctan2(truth.targets[..., 0] - x, truth.targets[..., 2] - y)
         covered = ~before.visible[np.arange(count), before.step]
-        assert not hidden.seen[covered].any()
+        assert not truth.seen[covered].any()
         outside = np.abs(wrap(true - after.pointing[:, None])) > system.half_field + 1e-12
-        assert not hidden.seen[outside].any()
-        found += hidden.seen.sum()
+        assert not truth.seen[outside].any()
+        found += truth.seen.sum()
     assert found > 0.02 * count * system.horizon  # it does see
 
 
@@ -64,33 +64,33 @@ def test_windows_are_observed():
     """Whether each target is in sight now, and for how long, at most ten steps; nothing is at the episode's end."""
     system = CameraSlew(horizon=30, windows=((0, 0, 3), (2, 25, 29)))
     state, worlds = later(system, 2, 0)
-    names = [element.name for element in system.elements]
+    names = [element.name for element in system.observation_fields]
     for k in range(31):
-        told = dict(zip(names, system.observe(state.public)[0], strict=True))
+        told = dict(zip(names, system.observe(state.belief)[0], strict=True))
         sight = [k < 30 and not (t == 0 and k <= 3) and not (t == 2 and k >= 25) for t in range(4)]
         changes = [4 - k if k <= 3 else min(30 - k, 10), min(30 - k, 10), min(25 - k, 10) if k < 25 else 10]
         assert [told[f"visible_{t}"] for t in range(1, 5)] == sight
         if k < 30:
             assert [told[f"changes_{t}"] for t in range(1, 4)] == changes
-            state = system.advance(state, np.zeros(2, int), worlds)
+            state = system.transition(state, np.zeros(2, int), worlds)
 
 
 def test_spreads_observed_are_those_with_the_targets_own_noise():
     system = CameraSlew()
-    public = later(system, 3, 12)[0].public
-    names = [element.name for element in system.elements]
-    told = dict(zip(names, system.observe(public).T, strict=True))
+    belief = later(system, 3, 12)[0].belief
+    names = [element.name for element in system.observation_fields]
+    told = dict(zip(names, system.observe(belief).T, strict=True))
     F, Q = system.motion.F, system.motion.Q
     for t in range(4):
-        V = F @ public.covariance[:, t] @ F.T + public.q[:, t, None, None] * Q
+        V = F @ belief.covariance[:, t] @ F.T + belief.q[:, t, None, None] * Q
         want = 0.5 * np.log10(V[:, 0, 0] + V[:, 2, 2])
         np.testing.assert_allclose(told[f"log10_sigma_position_{t + 1}"], want, rtol=1e-9)
-        np.testing.assert_allclose(told[f"log10_q_{t + 1}"], np.log10(public.q[:, t]))
+        np.testing.assert_allclose(told[f"log10_q_{t + 1}"], np.log10(belief.q[:, t]))
 
 
 def test_noise_densities_are_log_uniform():
     """Kolmogorov-Smirnov at a level of 0.1 %."""
-    q = later(CameraSlew(horizon=3), 500, 0)[0].public.q
+    q = later(CameraSlew(horizon=3), 500, 0)[0].belief.q
     assert kstest(np.log(q / 0.02).ravel() / math.log(100.0), "uniform").pvalue > 1e-3
 
 
@@ -98,24 +98,24 @@ def test_a_batch_is_its_elements():
     system = CameraSlew(horizon=25)
     state, worlds = later(system, 5, 25)
     for e in range(5):
-        alone, rng = system.begin(oracles.rows(worlds, slice(e, e + 1))), np.random.default_rng(0)
+        alone, rng = system.initial(oracles.rows(worlds, slice(e, e + 1))), np.random.default_rng(0)
         for _ in range(25):
             action = rng.integers(4, size=5)[e : e + 1]
-            alone = system.advance(alone, action, oracles.rows(worlds, slice(e, e + 1)))
+            alone = system.transition(alone, action, oracles.rows(worlds, slice(e, e + 1)))
         trees.tree_map(lambda a, b, e=e: np.testing.assert_array_equal(a[0], b[e]), alone, state)
-        np.testing.assert_array_equal(system.observe(alone.public)[0], system.observe(state.public)[e])
+        np.testing.assert_array_equal(system.observe(alone.belief)[0], system.observe(state.belief)[e])
 
 
 def test_the_filter_is_consistent():
     """NEES of 4 within the scatter of 200 worlds, where the camera goes where it gains: range alone bends too much."""
     system = CameraSlew()
     worlds = oracles.worlds(system, 200)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(50):
-        wait = system.delay(state.public)
-        index = system.gain(state.public, wait, 14) / (1.0 + 2.0 * wait)
-        state = system.advance(state, index.argmax(axis=1), worlds)
-    assert 3.5 < system.metrics(state)["nees"].mean() < 4.7
+        wait = system.delay(state.belief)
+        index = system.gain(state.belief, wait, 14) / (1.0 + 2.0 * wait)
+        state = system.transition(state, index.argmax(axis=1), worlds)
+    assert 3.5 < system.state_info(state)["nees"].mean() < 4.7
 
 
 def test_registered():

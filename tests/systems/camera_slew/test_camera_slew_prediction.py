@@ -1,4 +1,4 @@
-"""The camera that has to turn: one step in plain NumPy, foresight against what comes, delays and gains."""
+"""The camera that has to turn: one step in plain NumPy, prediction against what comes, delays and gains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wavegym.systems.camera_slew.system import CameraSlew
 
 
 def one_step(system, mean, P, pointing, settling, q, visible, action, seen):
-    """Mean, covariance and camera one step on, foreseen; ``seen``: whether a target in the image is found.
+    """Mean, covariance and camera one step on, predicted; ``seen``: whether a target in the image is found.
 
     q, visible (t,): noise densities, and whose line of sight is free in this step.
     """
@@ -49,22 +49,22 @@ def test_one_step_is_that_of_plain_numpy():
     system = CameraSlew(horizon=30)
     state, worlds = later(system, 6, 3)
     for _ in range(20):  # until the cameras follow a target each
-        state = system.advance(state, np.arange(6) % 4, worlds)
+        state = system.transition(state, np.arange(6) % 4, worlds)
     some = 0
     for e in range(6):
-        public = oracles.rows(state.public, slice(e, e + 1))
+        belief = oracles.rows(state.belief, slice(e, e + 1))
         for action in range(4):
             for draw in (0.0, 1.0):
-                told = system.imagine(public, np.array([action]), np.full((1, 4), draw))
+                told = system.predict(belief, np.array([action]), np.full((1, 4), draw))
                 x, P, pointing, settling = one_step(
-                    system, public.mean[0], public.covariance[0], public.pointing[0], public.settling[0],
-                    public.q[0], public.visible[0, public.step[0]], action, draw < system.detection
+                    system, belief.mean[0], belief.covariance[0], belief.pointing[0], belief.settling[0],
+                    belief.q[0], belief.visible[0, belief.step[0]], action, draw < system.detection
                 )  # fmt: skip
                 np.testing.assert_allclose(told.mean[0], x, rtol=1e-12, atol=1e-9)
                 np.testing.assert_allclose(told.covariance[0], P, rtol=1e-6, atol=1e-8)
                 np.testing.assert_allclose(told.pointing[0], pointing, atol=1e-12)
-                assert (told.settling[0], told.step[0]) == (settling, public.step[0] + 1)
-            found = system.imagine(public, np.array([action]), np.zeros((1, 4)))
+                assert (told.settling[0], told.step[0]) == (settling, belief.step[0] + 1)
+            found = system.predict(belief, np.array([action]), np.zeros((1, 4)))
             some += not np.array_equal(found.covariance, told.covariance)
     assert some >= 6  # looks that found something, and others
 
@@ -82,37 +82,37 @@ def test_a_given_outcome_is_what_comes():
     rng, action, agreed, found = np.random.default_rng(2), np.zeros(40, int), 0, 0
     for k in range(80):
         action = np.where(rng.random(40) < 0.15, rng.integers(4, size=40), action)
-        told = system.imagine(state.public, action, worlds.found[:, k])
+        told = system.predict(state.belief, action, worlds.found[:, k])
         if k % 2:  # also among several candidates
-            every = system.imagine(state.public, np.arange(4)[None], worlds.found[:, None, k])
+            every = system.predict(state.belief, np.arange(4)[None], worlds.found[:, None, k])
             one = type(told)(*(part[np.arange(40), action] for part in every))
             trees.tree_map(np.testing.assert_array_equal, one, told)
-        true = np.arctan2(state.hidden.truth[..., 0] + 1e3, state.hidden.truth[..., 2])
-        state = system.advance(state, action, worlds)
+        true = np.arctan2(state.truth.targets[..., 0] + 1e3, state.truth.targets[..., 2])
+        state = system.transition(state, action, worlds)
         edge = np.abs(np.abs(wrap(true - told.pointing[:, None])) - system.half_field)
         clear = (edge > 0.02).all(axis=1)
         for name in ("covariance", "pointing", "settling", "step"):
             np.testing.assert_allclose(
-                getattr(told, name)[clear], getattr(state.public, name)[clear], rtol=1e-9, atol=1e-8
+                getattr(told, name)[clear], getattr(state.belief, name)[clear], rtol=1e-9, atol=1e-8
             )
-        agreed, found = agreed + clear.sum(), found + state.hidden.seen[clear].sum()
+        agreed, found = agreed + clear.sum(), found + state.truth.seen[clear].sum()
     assert agreed > 2000
     assert found > 300
 
 
 def test_the_expected_outcome_is_the_mean():
-    """Over detections, to five standard errors of 4000 draws, and far from what is foreseen without any."""
+    """Over detections, to five standard errors of 4000 draws, and far from what is predicted without any."""
     system, count = CameraSlew(horizon=60, iterations=1, detection=0.6, **OPEN), 4000
     state, worlds = later(system, 1, 5)
     for _ in range(20):  # until the camera is there
-        state = system.advance(state, np.array([2]), worlds)
+        state = system.transition(state, np.array([2]), worlds)
     several = trees.take(state, np.zeros(count, int))
     tapes = trees.take(worlds, np.zeros(count, int))
     tapes.found[:] = np.random.default_rng(5).random(tapes.found.shape)
     action = np.full(count, 2)
-    came = system.cost(system.advance(several, action, tapes).public)
-    expected = system.cost(system.imagine(state.public, np.array([2])))[0]
-    nothing = system.cost(system.imagine(state.public, np.array([2]), np.ones((1, 4))))[0]
+    came = system.cost(system.transition(several, action, tapes).belief)
+    expected = system.cost(system.predict(state.belief, np.array([2])))[0]
+    nothing = system.cost(system.predict(state.belief, np.array([2]), np.ones((1, 4))))[0]
     error = 5 * came.std() / math.sqrt(count)
     assert error > 0
     assert abs(came.mean() - expected) < error
@@ -127,14 +127,14 @@ def test_the_delay_is_how_long_it_takes(settle):
     )
     state, _ = later(system, 20, 3)
     for target in range(4):
-        wanted, public = system.delay(state.public)[:, target], state.public
+        wanted, belief = system.delay(state.belief)[:, target], state.belief
         seen = np.full(20, -1)
         for k in range(40):
             action = np.full(20, target)
-            one, other = (system.imagine(public, action, np.full((20, 4), draw)) for draw in (0.0, 1.0))
+            one, other = (system.predict(belief, action, np.full((20, 4), draw)) for draw in (0.0, 1.0))
             now = (one.covariance[:, target] != other.covariance[:, target]).any(axis=(1, 2))
             seen = np.where((seen < 0) & now, k, seen)
-            public = other
+            belief = other
         np.testing.assert_array_equal(seen, wanted)
 
 
@@ -143,31 +143,31 @@ def test_the_gain_at_once_is_the_difference_that_a_look_makes():
     system = CameraSlew(horizon=40, **OPEN)
     state, worlds = later(system, 8, 10)
     for _ in range(28):
-        state = system.advance(state, np.zeros(8, int), worlds)
-        gain = system.gain(state.public, 0, 5)[:, 0]
-        one, other = (system.imagine(state.public, np.zeros(8, int), np.full((8, 4), draw)) for draw in (0.0, 1.0))
-        left, F = min(5, 40 - int(state.public.step[0])), system.transition
+        state = system.transition(state, np.zeros(8, int), worlds)
+        gain = system.gain(state.belief, 0, 5)[:, 0]
+        one, other = (system.predict(state.belief, np.zeros(8, int), np.full((8, 4), draw)) for draw in (0.0, 1.0))
+        left, F = min(5, 40 - int(state.belief.step[0])), system.transition_matrix
         D, want = other.covariance - one.covariance, 0.0
         for _ in range(left):
             want, D = want + np.einsum("etii->e", D), F @ D @ F.T
-        looks = system.delay(state.public)[:, 0] == 0
+        looks = system.delay(state.belief)[:, 0] == 0
         np.testing.assert_allclose(gain[looks], system.detection * want[looks], rtol=1e-6)
     assert looks.all()
-    assert (system.gain(state.public, 2, 5) == 0).all()
-    assert (system.gain(state.public, 1, 5) > 0).all()
+    assert (system.gain(state.belief, 2, 5) == 0).all()
+    assert (system.gain(state.belief, 1, 5) > 0).all()
 
 
 def test_a_gain_needs_sight_and_a_delay_waits_for_it():
     system = CameraSlew(horizon=30, windows=((0, 0, 9), (2, 20, 29)), half_field=1.5, settle=0)
-    public = later(system, 4, 0)[0].public
-    assert (system.delay(public)[:, 0] == 10).all()  # out of cover by step 10
-    assert (system.delay(public)[:, 1] <= 1).all()
+    belief = later(system, 4, 0)[0].belief
+    assert (system.delay(belief)[:, 0] == 10).all()  # out of cover by step 10
+    assert (system.delay(belief)[:, 1] <= 1).all()
     narrow = CameraSlew(horizon=30, windows=((0, 0, 9), (2, 20, 29)), half_field=1e-6)
     for wait, hidden in ((9, [True, False, False, False]), (10, [False] * 4), (20, [False, False, True, False])):
-        np.testing.assert_array_equal(narrow.gain(public, wait, 5) == 0, [hidden] * 4)
+        np.testing.assert_array_equal(narrow.gain(belief, wait, 5) == 0, [hidden] * 4)
 
 
 def test_a_gain_over_no_step_is_refused():
     state, _ = later(CameraSlew(horizon=3), 1, 0)
     with pytest.raises(InputError, match="ahead is 0, expected an integer >= 1"):
-        CameraSlew(horizon=3).gain(state.public, 0, 0)
+        CameraSlew(horizon=3).gain(state.belief, 0, 0)

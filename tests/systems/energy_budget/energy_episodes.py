@@ -13,22 +13,22 @@ BOTH = (EnergyBudget, EnergyBudgetKnown)
 
 def states(system, worlds, choose):
     """States at k = 0, 1, ...; ``choose`` (public) -> actions."""
-    found = [system.begin(worlds)]
+    found = [system.initial(worlds)]
     for _ in range(system.horizon):
-        found.append(system.advance(found[-1], choose(found[-1].public), worlds))
+        found.append(system.transition(found[-1], choose(found[-1].belief), worlds))
     return found
 
 
 def at_random(system, seed=0):
     rng = np.random.default_rng(seed)
-    return lambda public: rng.integers(len(system.actions), size=len(public.step))
+    return lambda belief: rng.integers(len(system.actions), size=len(belief.step))
 
 
 def beliefs(system, count=4, steps=(0, 5, 30)):
     """Public states of episodes in which little is spent, so that all actions can be paid from .27 a step."""
     rng = np.random.default_rng(1)
     played = states(system, oracles.worlds(system, count, 1), lambda p: rng.choice([0, 1, 4], size=len(p.step)))
-    return [played[k].public for k in steps]
+    return [played[k].belief for k in steps]
 
 
 def clear(kind):

@@ -17,7 +17,7 @@ from wavegym.schedulers import Myopic
 from wavegym.systems.energy_budget.account import Account, PulseMenu
 from wavegym.systems.energy_budget.known import FAR, EnergyBudgetKnown
 from wavegym.systems.energy_budget.system import EnergyBudget
-from wavegym.testing.model_check import foresight_defect
+from wavegym.testing.model_check import prediction_defect
 
 IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
 
@@ -47,16 +47,16 @@ def test_energy_is_conserved_in_every_random_step(kind, count):
     """With 7000 worlds of 72 steps for either environment: a million steps. Durations that no binary fraction holds."""
     system = kind(durations=(10e-6, 30e-6, 70e-6), budget=0.3)
     worlds, rng = oracles.worlds(system, count, 3), np.random.default_rng(3)
-    state, spent = system.begin(worlds), np.zeros(count)
+    state, spent = system.initial(worlds), np.zeros(count)
     units = np.round(np.array([0.0, 1.0, 3.0, 7.0])[system.actions.indices].sum(axis=1))
     eager = rng.random(count)  # how much of the time an environment transmits: accounts run dry early, late, or never
     total, replaced = np.floor(0.3 * system.horizon * 7.0), 0
     assert np.isclose(system.total * 7.0, total, rtol=1e-12)
     for _ in range(system.horizon):
         asked = np.where(rng.random(count) < eager, rng.integers(len(units), size=count), 0)
-        mask, before = system.mask(state.public), state.public.energy
-        state = system.advance(state, asked, worlds)
-        figures = system.metrics(state)
+        mask, before = system.mask(state.belief), state.belief.energy
+        state = system.transition(state, asked, worlds)
+        figures = system.state_info(state)
         left, taken = np.round(figures["energy"] * 7.0), np.round(figures["spent"] * 7.0)
         np.testing.assert_array_equal(mask, units <= np.round(before * 7.0)[:, None])
         np.testing.assert_array_equal(figures["replaced"], ~mask[np.arange(count), asked])
@@ -75,19 +75,19 @@ def test_occluded_nothing_is_seen_and_all_energy_is_lost():
     system = EnergyBudget()
     worlds = oracles.worlds(system, 5, 2)
     worlds = worlds._replace(occlusion=np.ones_like(worlds.occlusion), detection=np.zeros_like(worlds.detection))
-    start = system.begin(worlds)
-    loud, quiet = (system.advance(start, np.full(5, action), worlds) for action in (15, 0))
-    np.testing.assert_array_equal(loud.public.covariance, quiet.public.covariance)
-    np.testing.assert_array_equal(loud.public.energy, system.total - 2.0)
-    np.testing.assert_array_equal(quiet.public.energy, system.total)
-    assert (loud.public.occluded == 1.0).all()
-    assert system.metrics(loud)["occluded"].all()
+    start = system.initial(worlds)
+    loud, quiet = (system.transition(start, np.full(5, action), worlds) for action in (15, 0))
+    np.testing.assert_array_equal(loud.belief.covariance, quiet.belief.covariance)
+    np.testing.assert_array_equal(loud.belief.energy, system.total - 2.0)
+    np.testing.assert_array_equal(quiet.belief.energy, system.total)
+    assert (loud.belief.occluded == 1.0).all()
+    assert system.state_info(loud)["occluded"].all()
 
 
 def test_spells_have_the_lengths_of_their_chain():
     system = EnergyBudget(mean_clear=9.0, mean_occluded=4.0)
     worlds = oracles.worlds(system, 3000, 5)
-    occluded = np.array([s.public.occluded for s in states(system, worlds, lambda p: np.zeros(3000, np.int64))])
+    occluded = np.array([s.belief.occluded for s in states(system, worlds, lambda p: np.zeros(3000, np.int64))])
     assert (occluded[0] == 0.0).all()
     for now, mean in ((0.0, 9.0), (1.0, 4.0)):
         turns = occluded[1:][occluded[:-1] == now] != now
@@ -95,36 +95,36 @@ def test_spells_have_the_lengths_of_their_chain():
         assert abs(turns.mean() - chance) < 5 * np.sqrt(chance * (1 - chance) / turns.size)
     share = 4.0 / 13.0  # in the long run; an expectation without news tends to it
     assert abs(occluded[40:].mean() - share) < 0.02
-    public = system.begin(oracles.worlds(system, 1)).public
+    belief = system.initial(oracles.worlds(system, 1)).belief
     for _ in range(60):
-        public = system.imagine(public, np.array([0]))
-    np.testing.assert_allclose(public.occluded, share, rtol=1e-9)
+        belief = system.predict(belief, np.array([0]))
+    np.testing.assert_allclose(belief.occluded, share, rtol=1e-9)
 
 
 def test_known_spells_are_public_from_the_start_and_are_lived_through():
     system = EnergyBudgetKnown(shown=(3, 5), hidden=(2, 4))
     worlds = oracles.worlds(system, 50, 5)
     played = states(system, worlds, at_random(system))
-    visible = played[0].public.visible
+    visible = played[0].belief.visible
     assert visible.shape == (50, system.horizon)
     assert 0.4 < visible.mean() < 0.75
     for k, state in enumerate(played[1:]):
-        np.testing.assert_array_equal(state.public.visible, visible)
-        np.testing.assert_array_equal(system.metrics(state)["occluded"], ~visible[:, k])
+        np.testing.assert_array_equal(state.belief.visible, visible)
+        np.testing.assert_array_equal(system.state_info(state)["occluded"], ~visible[:, k])
     chosen = EnergyBudgetKnown(windows=((3, 5), (70, 71)))
-    seen = chosen.begin(oracles.worlds(chosen, 2)).public.visible
+    seen = chosen.initial(oracles.worlds(chosen, 2)).belief.visible
     np.testing.assert_array_equal(seen, np.tile(~np.isin(np.arange(72), [3, 4, 5, 70, 71]), (2, 1)))
 
 
 def test_targets_start_all_over_their_region_and_off_the_radars_line():
     system = EnergyBudget()
-    start = system.begin(oracles.worlds(system, 2000)).hidden.truth[:, 0]
+    start = system.initial(oracles.worlds(system, 2000)).truth.targets[:, 0]
     offset = (start - system.starts[0]) / np.array(system.spread)
     assert (np.abs(offset) <= 1.0).all()
     np.testing.assert_allclose(offset.mean(axis=0), 0.0, atol=5 / np.sqrt(3 * 2000))
     np.testing.assert_allclose(offset.var(axis=0), 1 / 3, atol=0.03)
     played = states(system, oracles.worlds(system, 200), lambda p: np.zeros(200, np.int64))
-    sides = np.array(system.sensors)[:, None, None] - np.array([s.hidden.truth[:, 0, :2] for s in played])
+    sides = np.array(system.sensors)[:, None, None] - np.array([s.truth.targets[:, 0, :2] for s in played])
     a, b = sides / np.linalg.norm(sides, axis=-1, keepdims=True)
     assert np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).min() > np.sin(np.deg2rad(15.0))
 
@@ -133,22 +133,22 @@ def test_targets_start_all_over_their_region_and_off_the_radars_line():
 def test_the_observation_tells_what_a_planner_knows(kind):
     system = kind()
     played = states(system, oracles.worlds(system, 6, 9), at_random(system, 9))
-    names = [element.name for element in system.elements]
+    names = [element.name for element in system.observation_fields]
     eta = [
-        plain.strength(system, plain.measure(played[0].public.mean[0, 0], np.array(s))[0])[0] for s in system.sensors
+        plain.strength(system, plain.measure(played[0].belief.mean[0, 0], np.array(s))[0])[0] for s in system.sensors
     ]
-    first = dict(zip(names, system.observe(played[0].public)[0], strict=True))
+    first = dict(zip(names, system.observe(played[0].belief)[0], strict=True))
     np.testing.assert_allclose([first["snr_1_1"], first["snr_1_2"]], 10 * np.log10(eta), atol=0.2)
     for k, state in enumerate(played):
-        seen = dict(zip(names, system.observe(state.public).T, strict=True))
-        np.testing.assert_allclose(seen["energy_left"], state.public.energy / system.total)
-        rate = state.public.energy / max(72 - k, 1)
+        seen = dict(zip(names, system.observe(state.belief).T, strict=True))
+        np.testing.assert_allclose(seen["energy_left"], state.belief.energy / system.total)
+        rate = state.belief.energy / max(72 - k, 1)
         np.testing.assert_allclose(seen["energy_rate"], np.minimum(rate, 2.0))
         np.testing.assert_allclose(seen["time_left"], 1 - k / 72)
         if kind is EnergyBudget:
-            np.testing.assert_array_equal(seen["occluded"], system.metrics(state)["occluded"])
+            np.testing.assert_array_equal(seen["occluded"], system.state_info(state)["occluded"])
         elif k < 72:
-            for e, row in enumerate(state.public.visible[:, k:]):
+            for e, row in enumerate(state.belief.visible[:, k:]):
                 changes = [*(np.flatnonzero(row[1:] != row[:-1]) + 1), FAR, FAR, FAR]
                 assert seen["occluded"][e] == (not row[0])
                 assert [seen[f"change_{n}"][e] for n in (1, 2, 3)] == [min(change, FAR) for change in changes[:3]]
@@ -158,9 +158,9 @@ def test_the_observation_tells_what_a_planner_knows(kind):
 @pytest.mark.parametrize("kind", BOTH)
 def test_it_keeps_the_contract(kind):
     system = kind()
-    assert foresight_defect(system) is None
+    assert prediction_defect(system) is None
     with pytest.raises(NotImplementedError):
-        system.best_action(system.begin(oracles.worlds(system, 1)).public)
+        system.best_action(system.initial(oracles.worlds(system, 1)).belief)
     assert len(system.actions) == 16
     assert 0 in system.constants()
     assert system.spending.tolist() == [(0, 0.25, 0.5, 1)[a] + (0, 0.25, 0.5, 1)[b] for a, b in system.actions.indices]
@@ -183,7 +183,7 @@ def test_myopic_spends_all_it_can():
     worlds, policy = oracles.worlds(system, 3), Myopic()
     policy.begin(system, 3, np.random.default_rng(0))
     played = states(system, worlds, lambda p: policy.act(p, None, system.mask(p)))
-    assert (played[30].public.energy == 0.0).all()
+    assert (played[30].belief.energy == 0.0).all()
 
 
 @pytest.mark.parametrize(
@@ -220,6 +220,6 @@ def test_bad_input_is_one_line(kind, settings, says):
 def test_a_budget_of_just_the_cheapest_pulse_pays_it_once():
     system = EnergyBudget(budget=0.25 / 72)
     assert system.total == 0.25
-    state = system.begin(oracles.worlds(system, 1))
-    state = system.advance(state, np.array([15]), oracles.worlds(system, 1))
-    assert system.metrics(state)["spent"] == 0.25
+    state = system.initial(oracles.worlds(system, 1))
+    state = system.transition(state, np.array([15]), oracles.worlds(system, 1))
+    assert system.state_info(state)["spent"] == 0.25

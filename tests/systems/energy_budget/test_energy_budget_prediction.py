@@ -1,4 +1,4 @@
-"""Two radars on one account of energy: what is foreseen is what comes, or its mean."""
+"""Two radars on one account of energy: what is predicted is what comes, or its mean."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from wavegym.systems.energy_budget.system import EnergyBudget
 
 
 @pytest.mark.parametrize("kind", BOTH)
-def test_foresight_carries_the_account_as_the_world_does(kind):
+def test_prediction_carries_the_account_as_the_world_does(kind):
     system = kind(budget=0.05)
     worlds, choose = oracles.worlds(system, 20, 4), at_random(system, 4)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(20):
-        action = choose(state.public)
-        several = system.imagine(state.public, system.candidates()[None])
-        ahead = system.advance(state, action, worlds)
-        np.testing.assert_array_equal(system.imagine(state.public, action).energy, ahead.public.energy)
-        np.testing.assert_array_equal(several.energy[np.arange(20), action], ahead.public.energy)
+        action = choose(state.belief)
+        several = system.predict(state.belief, system.candidates()[None])
+        ahead = system.transition(state, action, worlds)
+        np.testing.assert_array_equal(system.predict(state.belief, action).energy, ahead.belief.energy)
+        np.testing.assert_array_equal(several.energy[np.arange(20), action], ahead.belief.energy)
         state = ahead
-    assert system.metrics(state)["replaced"].any()
+    assert system.state_info(state)["replaced"].any()
 
 
 def centred(system, state, worlds, sensor, action):
     """The tape changed so that ``sensor`` detects just what it predicts, the others nothing, and the slot is clear."""
-    step, (x, P) = int(state.public.step[0]), (state.public.mean, state.public.covariance)
+    step, (x, P) = int(state.belief.step[0]), (state.belief.mean, state.belief.covariance)
     C = system.menu.option_covariances[system.actions.indices[action, sensor]]
     error, detection = worlds.error.copy(), np.ones_like(worlds.detection)
     detection[:, :, sensor] = 0.0
     for e in range(len(x)):
         mean, covariance = plain.predicted(system, step + 1, x[e], P[e])
         site = np.array(system.sensors[sensor])
-        foreseen = plain.unscented(mean[0], covariance[0], site)[0]
-        true = plain.measure(state.hidden.path[e, 0, step + 1], site)
+        predicted = plain.unscented(mean[0], covariance[0], site)[0]
+        true = plain.measure(state.truth.path[e, 0, step + 1], site)
         eta = (system.reference_range / true[0]) ** 4
-        error[e, step, sensor, 0] = np.linalg.solve(np.linalg.cholesky(C / eta), foreseen - true)
+        error[e, step, sensor, 0] = np.linalg.solve(np.linalg.cholesky(C / eta), predicted - true)
     return worlds._replace(error=error, detection=detection, occlusion=0.0 * worlds.occlusion)
 
 
@@ -52,24 +52,24 @@ def test_a_given_outcome_is_what_the_world_makes_of_it(kind, sensor):
     system = kind(clutter_density=0.0, gate=6.0, reference_range=100e3, **clear(kind))
     count = 3
     worlds = oracles.worlds(system, count, 6)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for action in (5, 10, 15, 13, 7):
         tape = centred(system, state, worlds, sensor, action)
-        ahead = system.advance(state, np.full(count, action), tape)
-        assert (system.metrics(ahead)["detections"] == 1).all()
-        outcome = np.ones((count, *system.chances))
+        ahead = system.transition(state, np.full(count, action), tape)
+        assert (system.state_info(ahead)["detections"] == 1).all()
+        outcome = np.ones((count, *system.outcome_shape))
         outcome[:, sensor] = 0.0
         if kind is EnergyBudget:
             outcome[:, -1] = 0.0
-        told = system.imagine(state.public, np.full(count, action), outcome)
-        silent = system.imagine(state.public, np.full(count, 0), outcome)
-        assert oracles.covariance_distance(told.covariance, ahead.public.covariance) < 1e-12
+        told = system.predict(state.belief, np.full(count, action), outcome)
+        silent = system.predict(state.belief, np.full(count, 0), outcome)
+        assert oracles.covariance_distance(told.covariance, ahead.belief.covariance) < 1e-12
         for name in set(told._fields) - {"mean", "covariance", "particles"}:
-            np.testing.assert_array_equal(getattr(told, name), getattr(ahead.public, name))
-        missed = system.imagine(state.public, np.full(count, action), np.ones_like(outcome))
-        lost = system.advance(state, np.full(count, action), blind(kind, tape))
+            np.testing.assert_array_equal(getattr(told, name), getattr(ahead.belief, name))
+        missed = system.predict(state.belief, np.full(count, action), np.ones_like(outcome))
+        lost = system.transition(state, np.full(count, action), blind(kind, tape))
         np.testing.assert_allclose(missed.covariance, silent.covariance, rtol=1e-12)
-        np.testing.assert_allclose(lost.public.covariance, silent.covariance, rtol=1e-12)
+        np.testing.assert_allclose(lost.belief.covariance, silent.covariance, rtol=1e-12)
         state = ahead
 
 
@@ -82,15 +82,15 @@ def repeated(system, count, seed=0):
     """One belief after a few steps, ``count`` truths drawn from it, and tapes."""
     worlds = oracles.worlds(system, 1, seed)
     before = states(system, worlds, lambda p: np.full(1, 10 if p.step[0] % 3 == 0 else 0))[12]
-    public = trees.take(before.public, np.zeros(count, np.int64))
+    belief = trees.take(before.belief, np.zeros(count, np.int64))
     worlds = oracles.worlds(system, count, seed + 1)
-    hidden = system.begin(worlds).hidden
-    mean, covariance = plain.predicted(system, 13, public.mean[0], public.covariance[0])
-    path = hidden.path.copy()
+    truth = system.initial(worlds).truth
+    mean, covariance = plain.predicted(system, 13, belief.mean[0], belief.covariance[0])
+    path = truth.path.copy()
     path[:, 0, 13] = (
         mean[0] + np.random.default_rng(seed).standard_normal((count, 4)) @ np.linalg.cholesky(covariance[0]).T
     )
-    return State(hidden._replace(path=path), public), worlds
+    return State(truth._replace(path=path), belief), worlds
 
 
 @pytest.mark.parametrize("kind", BOTH)
@@ -98,21 +98,21 @@ def repeated(system, count, seed=0):
 def test_the_expected_step_is_the_mean_of_steps(kind, action):
     """Of the share of the trace that a step takes away: 3 % with one pulse, 12 % with two, and Monte Carlo.
 
-    Two pulses are foreseen one after the other, each with the mean of the other's outcomes, as if they were occluded
+    Two pulses are predicted one after the other, each with the mean of the other's outcomes, as if they were occluded
     one by one.
     """
     count = 20_000
     system = kind(**clear(kind))
     state, worlds = repeated(system, count)
-    ahead = system.advance(state, np.full(count, action), worlds).public
-    one = trees.take(state.public, np.arange(1))
-    foreseen, silent = (system.cost(system.imagine(one, np.array([a])))[0] for a in (action, 0))
+    ahead = system.transition(state, np.full(count, action), worlds).belief
+    one = trees.take(state.belief, np.arange(1))
+    predicted, silent = (system.cost(system.predict(one, np.array([a])))[0] for a in (action, 0))
     costs = system.cost(ahead)
-    tolerance = (0.12 if action > 3 else 0.03) * (silent - foreseen)
-    assert abs(costs.mean() - foreseen) < tolerance + 4 * costs.std() / np.sqrt(count)
-    assert silent - foreseen > 20 * costs.std() / np.sqrt(count)
+    tolerance = (0.12 if action > 3 else 0.03) * (silent - predicted)
+    assert abs(costs.mean() - predicted) < tolerance + 4 * costs.std() / np.sqrt(count)
+    assert silent - predicted > 20 * costs.std() / np.sqrt(count)
     if kind is EnergyBudget:
-        sight = 1.0 - system.imagine(one, np.array([action])).occluded[0]
+        sight = 1.0 - system.predict(one, np.array([action])).occluded[0]
         assert abs((1.0 - ahead.occluded).mean() - sight) < 5 * np.sqrt(sight * (1 - sight) / count)
 
 
@@ -122,10 +122,10 @@ def test_sampled_outcomes_are_as_likely_as_the_worlds(kind):
     count, action = 20_000, 15
     system = kind(**clear(kind))
     state, worlds = repeated(system, count)
-    costs = system.cost(system.advance(state, np.full(count, action), worlds).public)
-    draws = np.random.default_rng(8).random((count, *system.chances))
-    told = system.cost(system.imagine(state.public, np.full(count, action), draws))
-    silent = system.cost(system.imagine(trees.take(state.public, np.arange(1)), np.array([0])))[0]
+    costs = system.cost(system.transition(state, np.full(count, action), worlds).belief)
+    draws = np.random.default_rng(8).random((count, *system.outcome_shape))
+    told = system.cost(system.predict(state.belief, np.full(count, action), draws))
+    silent = system.cost(system.predict(trees.take(state.belief, np.arange(1)), np.array([0])))[0]
     error = 4 * np.hypot(costs.std(), told.std()) / np.sqrt(count)
     assert abs(costs.mean() - told.mean()) < 0.03 * (silent - told.mean()) + error
 
@@ -133,37 +133,37 @@ def test_sampled_outcomes_are_as_likely_as_the_worlds(kind):
 @pytest.mark.parametrize("kind", BOTH)
 def test_candidates_are_a_loop_over_them_bit_for_bit(kind):
     system = kind(budget=0.27)
-    for public in beliefs(system):
-        draws = np.random.default_rng(1).random((4, 16, *system.chances))
+    for belief in beliefs(system):
+        draws = np.random.default_rng(1).random((4, 16, *system.outcome_shape))
         for told in (None, draws):
-            many = system.imagine(public, system.candidates()[None], told)
+            many = system.predict(belief, system.candidates()[None], told)
             for a in system.candidates():
-                one = system.imagine(public, np.full(4, a), None if told is None else told[:, a])
+                one = system.predict(belief, np.full(4, a), None if told is None else told[:, a])
                 for x, y in zip(many, one, strict=True):
                     assert x is None or np.array_equal(x[:, a], y)
-        gain = system.gain(public, 3, 6)
+        gain = system.gain(belief, 3, 6)
         for e in range(4):
-            np.testing.assert_array_equal(system.gain(trees.take(public, np.array([e])), 3, 6), gain[e : e + 1])
+            np.testing.assert_array_equal(system.gain(trees.take(belief, np.array([e])), 3, 6), gain[e : e + 1])
 
 
 @pytest.mark.parametrize("kind", BOTH)
 def test_gain_is_what_a_pulse_takes_off_the_summed_cost(kind):
-    """Against ``imagine``: silence for a while, then each candidate; the steps beyond the end count nothing."""
+    """Against ``predict``: silence for a while, then each candidate; the steps beyond the end count nothing."""
     system = kind(budget=0.27)
-    for public in beliefs(system, steps=(0, 5, 30, 69)):
+    for belief in beliefs(system, steps=(0, 5, 30, 69)):
         for wait, ahead in ((0, 1), (0, 7), (4, 5), (1, 90)):
-            later = public
+            later = belief
             for _ in range(wait):
-                if not system.ended(later).all():
-                    later = system.imagine(later, np.zeros(4, np.int64))
-            got = system.gain(public, wait, ahead)
-            if public.step[0] + wait >= system.horizon:
+                if not system.terminal(later).all():
+                    later = system.predict(later, np.zeros(4, np.int64))
+            got = system.gain(belief, wait, ahead)
+            if belief.step[0] + wait >= system.horizon:
                 assert (got == 0.0).all()
                 continue
-            P = system.imagine(later, system.candidates()[None]).covariance[:, :, 0]
-            M = horizon_weights(system.transition, system.weights, min(ahead, system.horizon - later.step[0]))
+            P = system.predict(later, system.candidates()[None]).covariance[:, :, 0]
+            M = horizon_weights(system.transition_matrix, system.weights, min(ahead, system.horizon - later.step[0]))
             wanted = np.trace(M @ (P[:, :1] - P), axis1=2, axis2=3)
             np.testing.assert_allclose(got, wanted, rtol=1e-8, atol=1e-8 * np.trace(M @ P[0, 0]))
-            mixed = system.gain(public, np.where(np.arange(16) % 3, wait, 2)[None].repeat(4, axis=0), ahead)
+            mixed = system.gain(belief, np.where(np.arange(16) % 3, wait, 2)[None].repeat(4, axis=0), ahead)
             np.testing.assert_array_equal(mixed[:, 1], got[:, 1])
-    assert (system.delay(public) == 0).all()
+    assert (system.delay(belief) == 0).all()

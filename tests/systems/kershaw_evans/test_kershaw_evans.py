@@ -19,9 +19,9 @@ MODERATE, WIDE = (0.0, 0.1e6, -0.1e6), (0.0, 1e6, -15e6)
 
 def play(system, worlds, actions):
     """States after each step; actions (env, H)."""
-    state, states = system.begin(worlds), []
+    state, states = system.initial(worlds), []
     for k in range(system.horizon):
-        state = system.advance(state, actions[:, k], worlds)
+        state = system.transition(state, actions[:, k], worlds)
         states.append(state)
     return states
 
@@ -35,9 +35,9 @@ def test_advance_equals_the_plain_loop_and_filterpy(kwargs, sweeps, tolerance):
     pulses = [oracles.chirp_covariance(k, sweep) for k in system.durations for sweep in sweeps]
     worlds = oracles.worlds(system, 4)
     actions = np.random.default_rng(2).integers(len(pulses), size=(4, system.horizon))
-    start, states = system.begin(worlds), play(system, worlds, actions)
+    start, states = system.initial(worlds), play(system, worlds, actions)
     for e in range(4):
-        truth, x, P = start.hidden.truth[e], start.public.mean[e], start.public.covariance[e]
+        truth, x, P = start.truth.targets[e], start.belief.mean[e], start.belief.covariance[e]
         peer = filterpy.kalman.KalmanFilter(dim_x=n, dim_z=2)
         peer.x, peer.P, peer.F, peer.Q, peer.H = x, P, F, Q, np.eye(2, n)
         for k, state in enumerate(states):
@@ -49,23 +49,23 @@ def test_advance_equals_the_plain_loop_and_filterpy(kwargs, sweeps, tolerance):
             x, P = oracles.update(x, P, z - x[:2], np.eye(2, n), R)
             peer.predict()
             peer.update(z, R=R)
-            np.testing.assert_allclose(state.hidden.truth[e], truth, rtol=1e-10, atol=1e-9)
+            np.testing.assert_allclose(state.truth.targets[e], truth, rtol=1e-10, atol=1e-9)
             for mean, covariance in ((x, P), (peer.x, peer.P)):
-                assert oracles.covariance_distance(state.public.covariance[e], covariance) < tolerance
-                assert np.abs((state.public.mean[e] - mean) / np.sqrt(np.diag(covariance))).max() < 10 * tolerance
-            assert state.public.step[e] == k + 1
-            np.testing.assert_allclose(system.cost(state.public)[e], np.diag(P) @ system.weights, rtol=tolerance)
+                assert oracles.covariance_distance(state.belief.covariance[e], covariance) < tolerance
+                assert np.abs((state.belief.mean[e] - mean) / np.sqrt(np.diag(covariance))).max() < 10 * tolerance
+            assert state.belief.step[e] == k + 1
+            np.testing.assert_allclose(system.cost(state.belief)[e], np.diag(P) @ system.weights, rtol=tolerance)
 
 
 def test_first_estimate_is_drawn_with_its_covariance():
     system = KershawEvans(**{**CA, "start_covariance": "random"}, horizon=1)
-    state = system.begin(oracles.worlds(system, 4000))
-    ratio = np.diagonal(state.public.covariance, axis1=1, axis2=2) / system.prior_variance
+    state = system.initial(oracles.worlds(system, 4000))
+    ratio = np.diagonal(state.belief.covariance, axis1=1, axis2=2) / system.prior_variance
     assert ratio.min() > 0.1
     assert ratio.max() < 10.0
     # log10 of the ratio is uniform in [-1, 1]: mean 0 and variance 1/3, to four standard errors
     assert np.abs(np.log10(ratio).mean(axis=0)).max() < 4 * np.sqrt(1 / 3 / 4000)
-    error = (state.public.mean - state.hidden.truth) / np.sqrt(np.diagonal(state.public.covariance, axis1=1, axis2=2))
+    error = (state.belief.mean - state.truth.targets) / np.sqrt(np.diagonal(state.belief.covariance, axis1=1, axis2=2))
     low, high = chi2.ppf([1e-4, 1 - 1e-4], 4000 * 3)
     assert low < np.square(error).sum() < high
 
@@ -76,7 +76,7 @@ def test_the_filter_is_consistent(kwargs):
     system = KershawEvans(**kwargs)
     worlds = oracles.worlds(system, 600, seed=3)
     actions = np.random.default_rng(4).integers(len(system.library), size=(600, system.horizon))
-    means = np.array([system.metrics(state)["nees"].mean() for state in play(system, worlds, actions)])
+    means = np.array([system.state_info(state)["nees"].mean() for state in play(system, worlds, actions)])
     low, high = chi2.ppf([0.025, 0.975], 2 * 600) / 600
     assert ((means > low) & (means < high)).mean() > 0.8  # steps are correlated, hence not 0.95 sharp
     low, high = chi2.ppf([0.001, 0.999], 2 * 600) / 600
@@ -85,12 +85,12 @@ def test_the_filter_is_consistent(kwargs):
 
 def test_metrics_are_errors_and_mahalanobis_distance():
     system = KershawEvans(**CA)
-    state = system.begin(oracles.worlds(system, 5))
-    metrics = system.metrics(state)
-    error = (state.public.mean - state.hidden.truth)[:, :2]
+    state = system.initial(oracles.worlds(system, 5))
+    metrics = system.state_info(state)
+    error = (state.belief.mean - state.truth.targets)[:, :2]
     np.testing.assert_array_equal(metrics["position_error"], np.abs(error[:, 0]))
     np.testing.assert_array_equal(metrics["velocity_error"], np.abs(error[:, 1]))
-    expected = [e @ np.linalg.solve(P, e) for e, P in zip(error, state.public.covariance[:, :2, :2], strict=True)]
+    expected = [e @ np.linalg.solve(P, e) for e, P in zip(error, state.belief.covariance[:, :2, :2], strict=True)]
     np.testing.assert_allclose(metrics["nees"], expected, rtol=1e-10)
 
 
@@ -99,34 +99,34 @@ def test_imagining_at_the_true_range_gives_the_covariance_to_come(kwargs):
     """A target that flies straight, estimated without error, is where the filter predicts it."""
     system = KershawEvans(targets="scripted", script=(), **kwargs)
     worlds = oracles.worlds(system, 3)
-    state = system.begin(worlds)
-    public = state.public._replace(mean=state.hidden.truth)
+    state = system.initial(worlds)
+    belief = state.belief._replace(mean=state.truth.targets)
     for candidate in system.candidates()[::9]:
         action = np.stack([candidate] * 3)
-        foreseen = system.imagine(public, action)
-        after = system.advance(state._replace(public=public), action, worlds)
-        np.testing.assert_allclose(foreseen.mean, after.hidden.truth, rtol=1e-14)
+        predicted = system.predict(belief, action)
+        after = system.transition(state._replace(belief=belief), action, worlds)
+        np.testing.assert_allclose(predicted.mean, after.truth.targets, rtol=1e-14)
         # the same arithmetic, but for the last bit of the range; S may have a condition number of 1e9
-        assert oracles.covariance_distance(foreseen.covariance, after.public.covariance) < 1e-6
-        assert (foreseen.step == after.public.step).all()
+        assert oracles.covariance_distance(predicted.covariance, after.belief.covariance) < 1e-6
+        assert (predicted.step == after.belief.step).all()
 
 
 @pytest.mark.parametrize("kwargs", [{}, {"action": "box"}, CA])
 def test_all_forms_of_imagine_agree(kwargs):
     system = KershawEvans(**kwargs)
-    public = system.begin(oracles.worlds(system, 3)).public
+    belief = system.initial(oracles.worlds(system, 3)).belief
     shared = system.candidates()[None, ::7]
-    many = system.imagine(public, np.repeat(shared, 3, axis=0))
-    for one, other in zip(system.imagine(public, shared), many, strict=True):
+    many = system.predict(belief, np.repeat(shared, 3, axis=0))
+    for one, other in zip(system.predict(belief, shared), many, strict=True):
         assert (one == other).all()
     for c in range(shared.shape[1]):
-        single = system.imagine(public, np.repeat(shared[:, c], 3, axis=0))
+        single = system.predict(belief, np.repeat(shared[:, c], 3, axis=0))
         for one, other in zip(single, many, strict=True):
             assert (one == other[:, c]).all()
     assert (system.cost(many)[:, 0] == system.cost(oracles.rows(many, (slice(None), 0)))).all()
     R = system.unit_covariance(shared) * ((many.mean[:, 0, 0] / 50e3) ** 4)[:, None, None, None]
-    predicted = system.predicted(public)[0][:, None, :2, :2]
-    np.testing.assert_allclose(system.innovation_covariance(public, shared), predicted + R, rtol=1e-12)
+    predicted = system.predicted(belief)[0][:, None, :2, :2]
+    np.testing.assert_allclose(system.innovation_covariance(belief, shared), predicted + R, rtol=1e-12)
 
 
 def test_library_and_box_transmit_the_same_pulses():
@@ -150,7 +150,7 @@ def test_the_steady_covariance_is_a_fixed_point(kwargs):
     _, ahead = oracles.predict(np.zeros(n), P, F, Q)
     _, ahead = oracles.update(np.zeros(n), ahead, np.zeros(2), np.eye(2, n), R)
     assert oracles.covariance_distance(ahead, P) < 1e-6
-    assert (system.begin(oracles.worlds(system, 2)).public.covariance == P).all()
+    assert (system.initial(oracles.worlds(system, 2)).belief.covariance == P).all()
 
 
 def test_worlds_do_not_depend_on_what_is_chosen():
@@ -160,8 +160,8 @@ def test_worlds_do_not_depend_on_what_is_chosen():
     one = play(system, worlds, np.zeros((3, 10), np.int64))
     other = play(system, worlds, np.full((3, 10), 50))
     for a, b in zip(one, other, strict=True):
-        assert (a.hidden.truth == b.hidden.truth).all()
-        assert (a.public.covariance != b.public.covariance).any()
+        assert (a.truth.targets == b.truth.targets).all()
+        assert (a.belief.covariance != b.belief.covariance).any()
     for before, after in zip(kept, worlds, strict=True):
         assert (before == after).all()
     again = oracles.worlds(system, 3)
@@ -174,12 +174,12 @@ def test_environments_may_stand_at_different_steps():
     worlds = oracles.worlds(system, 2)
     actions = np.random.default_rng(0).integers(88, size=(2, 6))
     states = play(system, worlds, actions)
-    late, early = oracles.rows(states[3].public, [0]), oracles.rows(states[1].public, [1])
+    late, early = oracles.rows(states[3].belief, [0]), oracles.rows(states[1].belief, [1])
     mixed = type(late)(*(np.concatenate(pair) for pair in zip(late, early, strict=True)))
-    state = system.advance(states[0]._replace(public=mixed), np.array([actions[0, 4], actions[1, 2]]), worlds)
-    assert (state.public.mean[0] == states[4].public.mean[0]).all()
-    assert (state.public.mean[1] == states[2].public.mean[1]).all()
-    assert (state.hidden.truth[1] == states[2].hidden.truth[1]).all()
+    state = system.transition(states[0]._replace(belief=mixed), np.array([actions[0, 4], actions[1, 2]]), worlds)
+    assert (state.belief.mean[0] == states[4].belief.mean[0]).all()
+    assert (state.belief.mean[1] == states[2].belief.mean[1]).all()
+    assert (state.truth.targets[1] == states[2].truth.targets[1]).all()
 
 
 def test_the_recursion_is_the_loops_covariance():
@@ -193,8 +193,8 @@ def test_the_recursion_is_the_loops_covariance():
             R = recursion.scale[e, k] * recursion.C[actions[e, k]]
             _, ahead = oracles.predict(np.zeros(2), P[e], recursion.F, recursion.Q)
             _, ahead = oracles.update(np.zeros(2), ahead, np.zeros(2), recursion.M, R)
-            assert oracles.covariance_distance(ahead, state.public.covariance[e]) < 1e-9
-        P = state.public.covariance
+            assert oracles.covariance_distance(ahead, state.belief.covariance[e]) < 1e-9
+        P = state.belief.covariance
     assert (recursion.weights == system.weights).all()
 
 

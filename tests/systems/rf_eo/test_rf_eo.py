@@ -21,23 +21,23 @@ FIXED = np.array([[60e3, 10e6, 1e-3], [40e3, 5e6, 1e-3]])
 def at_random(system, seed=0):
     rng = np.random.default_rng(seed)
     if system.action == "box":
-        return lambda public: rng.uniform(-1, 1, (len(public.step), len(system.actions)))
+        return lambda belief: rng.uniform(-1, 1, (len(belief.step), len(system.actions)))
     shape = () if system.action == "joint" else (len(system.platforms),)
-    return lambda public: rng.integers(len(system.actions), size=(len(public.step), *shape))
+    return lambda belief: rng.integers(len(system.actions), size=(len(belief.step), *shape))
 
 
 def play(system, worlds, choose, steps=None):
     """States at k = 0, 1, ... and the actions between them."""
-    states, actions = [system.begin(worlds)], []
+    states, actions = [system.initial(worlds)], []
     for _ in range(steps or system.horizon):
-        actions.append(choose(states[-1].public))
-        states.append(system.advance(states[-1], actions[-1], worlds))
+        actions.append(choose(states[-1].belief))
+        states.append(system.transition(states[-1], actions[-1], worlds))
     return states, actions
 
 
 def fixed(system, settings):
     """The same settings (platform, 3) at every step."""
-    return lambda public: np.repeat(system.menu.encode(np.array(settings)[None]), len(public.step), axis=0)
+    return lambda belief: np.repeat(system.menu.encode(np.array(settings)[None]), len(belief.step), axis=0)
 
 
 def finite(tree):
@@ -54,10 +54,10 @@ def same(a, b):
 
 def all_finite(system, state):
     """The state, its figures, and everything that schedulers and agents ask of it."""
-    public, some = state.public, system.candidates()[None, :5]
-    asked = [system.cost(public), system.observe(public), system.information(public, some), system.best_action(public)]
-    asked += [*system.metrics(state).values(), system.most_information(public)[0], *system.plan(public, 2)]
-    return finite(state) and finite(system.imagine(public, some)) and all(np.isfinite(a).all() for a in asked)
+    belief, some = state.belief, system.candidates()[None, :5]
+    asked = [system.cost(belief), system.observe(belief), system.information(belief, some), system.best_action(belief)]
+    asked += [*system.state_info(state).values(), system.most_information(belief)[0], *system.plan(belief, 2)]
+    return finite(state) and finite(system.predict(belief, some)) and all(np.isfinite(a).all() for a in asked)
 
 
 def test_worlds_are_the_same_whatever_is_chosen_or_assumed():
@@ -70,8 +70,8 @@ def test_worlds_are_the_same_whatever_is_chosen_or_assumed():
     worlds = oracles.worlds(system, 3)
     one, other = (play(system, worlds, at_random(system, seed))[0] for seed in (0, 1))
     for a, b in zip(one, other, strict=True):
-        np.testing.assert_array_equal(a.hidden.truth, b.hidden.truth)
-    assert not same(one[-1].public, other[-1].public)
+        np.testing.assert_array_equal(a.truth.targets, b.truth.targets)
+    assert not same(one[-1].belief, other[-1].belief)
 
 
 @pytest.mark.parametrize("platforms", [1, 2, 3])
@@ -85,14 +85,14 @@ def test_what_is_in_view_is_received(platforms, targets):
     counts = np.zeros(3 * platforms + 1, int)
     for state, action in zip(states[1:], actions, strict=True):
         view = system.menu.view(system.menu.settings(action)[:, None])
-        q = platform_measurement(state.hidden.truth[:, :, None], seats)
+        q = platform_measurement(state.truth.targets[:, :, None], seats)
         inside = ((view.low <= q) & (q <= view.high)).sum(axis=(-2, -1))
-        np.testing.assert_array_equal(system.metrics(state)["received"], inside)
+        np.testing.assert_array_equal(system.state_info(state)["received"], inside)
         counts += np.bincount(inside.ravel(), minlength=len(counts))
     assert (counts > 0).sum() >= 3  # much and little was in view
     inflated = RfEo(**{**vars_of(system), "out_of_view": "inflated"})
     states, _ = play(inflated, oracles.worlds(inflated, 4), at_random(inflated))
-    assert (states[-1].hidden.received == 3 * platforms).all()
+    assert (states[-1].truth.received == 3 * platforms).all()
 
 
 def vars_of(system):
@@ -103,28 +103,28 @@ def vars_of(system):
 def test_inflated_errors_have_the_foreseen_covariance_where_the_truth_is_predicted(kind):
     system = RfEo(out_of_view="inflated", penalty=kind, q=0.0, iterations=1, horizon=4)
     worlds, choose = oracles.worlds(system, 3), at_random(system)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(4):
-        public = state.public._replace(mean=state.hidden.truth)
-        action = choose(public)
-        after = system.advance(state._replace(public=public), action, worlds)
-        foreseen = system.imagine(public, action)
-        assert oracles.covariance_distance(after.public.covariance, foreseen.covariance) < 1e-9
+        belief = state.belief._replace(mean=state.truth.targets)
+        action = choose(belief)
+        after = system.transition(state._replace(belief=belief), action, worlds)
+        predicted = system.predict(belief, action)
+        assert oracles.covariance_distance(after.belief.covariance, predicted.covariance) < 1e-9
         state = after
 
 
 @pytest.mark.parametrize("kind", ["logistic", "hard"])
 def test_inflated_draws_have_the_penaltys_spread(kind):
-    """One platform, a range 20 % beyond Rmax: innovation over its foreseen spread, gain known, is standard normal."""
+    """One platform, a range 20 % beyond Rmax: innovation over its predicted spread, gain known, is standard normal."""
     system = RfEo(
         horizon=1, q=0.0, iterations=1, out_of_view="inflated", penalty=kind, platforms=((0.0, 0.0),),
         starts=((0.0, 0.0, 3e3, 0.0),), prior_variance=(1e-6, 1e-6, 1e6, 1e-6)
     )  # fmt: skip
     worlds = oracles.worlds(system, 2000)
-    state = system.begin(worlds)
-    state = state._replace(public=state.public._replace(mean=state.hidden.truth))
-    after = system.advance(state, fixed(system, [[60e3, 10e6, 1e-3]])(state.public), worlds)
-    moved, variance = after.public.mean[:, 0, 2] - 3e3, after.public.covariance[0, 0, 2, 2]
+    state = system.initial(worlds)
+    state = state._replace(belief=state.belief._replace(mean=state.truth.targets))
+    after = system.transition(state, fixed(system, [[60e3, 10e6, 1e-3]])(state.belief), worlds)
+    moved, variance = after.belief.mean[:, 0, 2] - 3e3, after.belief.covariance[0, 0, 2, 2]
     gain = variance / 1e8
     assert variance == pytest.approx(1 / (1 / 1e6 + 1 / 1e8), rel=1e-3)  # R~ is gamma
     low, high = chi2.ppf([1e-4, 1 - 1e-4], 2000)
@@ -140,12 +140,12 @@ def test_a_target_on_top_of_a_platform_is_not_measured_by_it(mode, as_printed):
     worlds = oracles.worlds(both, 3)
     states, actions = play(both, worlds, at_random(both))
     others = [action[:, 3:] for action in actions]
-    alone, _ = play(far, worlds._replace(error=worlds.error[:, :, 1:]), lambda public: others.pop(0))
+    alone, _ = play(far, worlds._replace(error=worlds.error[:, :, 1:]), lambda belief: others.pop(0))
     for one, other in zip(states, alone, strict=True):
         assert all_finite(both, one)
-        assert same(one.public, other.public)
-        np.testing.assert_array_equal(one.hidden.received, other.hidden.received)
-    assert 0 < max(state.hidden.received.max() for state in states) <= 3
+        assert same(one.belief, other.belief)
+        np.testing.assert_array_equal(one.truth.received, other.truth.received)
+    assert 0 < max(state.truth.received.max() for state in states) <= 3
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -153,27 +153,27 @@ def test_a_target_on_top_of_a_platform_is_not_measured_by_it(mode, as_printed):
     ("truth", "belief"),
     [((0.0, 0.0), (0.0, 0.0)), ((0.5, 0.2), (300.0, 9.0)), ((300.0, 9.0), (0.2, -0.9)), ((0.9, 0.0), (0.0, 0.9))],
 )
-def test_the_only_platform_measures_nothing_within_a_metre(mode, truth, belief):
+def test_the_only_platform_measures_nothing_within_a_metre(mode, true_states, belief):
     """Of truth or prediction: the belief is the prediction, at 1.1 m it is not."""
     system = RfEo(platforms=((0.0, 0.0),), starts=((0.0,) * 4,), horizon=3, q=0.0, out_of_view=mode)
     worlds = oracles.worlds(system, 2)
 
     def placed(where, estimate):
-        state = system.begin(worlds)
-        hidden, public = state.hidden, state.public
-        hidden.truth[..., ::2], public.mean[..., ::2] = where, estimate
+        state = system.initial(worlds)
+        truth, belief = state.truth, state.belief
+        truth.targets[..., ::2], belief.mean[..., ::2] = where, estimate
         assert all_finite(system, state)
-        return system.advance(state, fixed(system, [[60e3, 10e6, 6e-3]])(public), worlds), public
+        return system.transition(state, fixed(system, [[60e3, 10e6, 6e-3]])(belief), worlds), belief
 
-    after, before = placed(truth, belief)
+    after, before = placed(true_states, belief)
     want = [plain.predict(system, *b) for b in zip(before.mean[:, 0], before.covariance[:, 0], strict=True)]
-    np.testing.assert_allclose(after.public.mean[:, 0], [x for x, _ in want], rtol=1e-14)
-    np.testing.assert_allclose(after.public.covariance[:, 0], [P for _, P in want], rtol=1e-14)
-    assert (after.hidden.received == 0).all()
-    assert (after.hidden.unseen == 1).all()
+    np.testing.assert_allclose(after.belief.mean[:, 0], [x for x, _ in want], rtol=1e-14)
+    np.testing.assert_allclose(after.belief.covariance[:, 0], [P for _, P in want], rtol=1e-14)
+    assert (after.truth.received == 0).all()
+    assert (after.truth.unseen == 1).all()
     assert all_finite(system, after)
     after, _ = placed((1.1, 0.0), (0.0, 1.1))
-    assert (after.hidden.received == 3).all()
+    assert (after.truth.received == 3).all()
 
 
 def test_a_target_is_lost_after_more_than_ten_steps_without_a_measurement():
@@ -181,12 +181,12 @@ def test_a_target_is_lost_after_more_than_ten_steps_without_a_measurement():
     system = RfEo(horizon=30, starts=((0.0, 0.0, 9e4, 1e3), *STARTS[:1]), looks=(1.0, 1.0))
     blind, low = ([[f, 10e6, 1e-4]] * 2 for f in (60e3, 1.2e3))
     worlds = oracles.worlds(system, 2)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for k in range(1, 16):
-        state = system.advance(state, fixed(system, low if k > 13 else blind)(state.public), worlds)
-        figures = system.metrics(state)
+        state = system.transition(state, fixed(system, low if k > 13 else blind)(state.belief), worlds)
+        figures = system.state_info(state)
         assert (figures["received"][:, 0] == (2 if k > 13 else 0)).all()
-        assert (state.hidden.unseen[:, 0] == (0 if k > 13 else k)).all()
+        assert (state.truth.unseen[:, 0] == (0 if k > 13 else k)).all()
         assert (figures["lost"][:, 0] == (10 < k <= 13)).all()
         assert not figures["lost"][:, 1].any()
 
@@ -194,10 +194,10 @@ def test_a_target_is_lost_after_more_than_ten_steps_without_a_measurement():
 def test_metrics_are_errors_and_the_least_information():
     system = RfEo(horizon=5, threshold=3.0)
     (*_, before, state), (*_, action) = play(system, oracles.worlds(system, 40), at_random(system))
-    figures, first = system.metrics(state), system.metrics(system.begin(oracles.worlds(system, 2)))
-    d = state.public.mean - state.hidden.truth
+    figures, first = system.state_info(state), system.state_info(system.initial(oracles.worlds(system, 2)))
+    d = state.belief.mean - state.truth.targets
     np.testing.assert_allclose(figures["position_error"], np.hypot(d[..., 0], d[..., 2]), rtol=1e-12)
-    np.testing.assert_allclose(figures["information"], system.information(before.public, action).min(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(figures["information"], system.information(before.belief, action).min(axis=1), rtol=1e-9)
     np.testing.assert_array_equal(figures["below_threshold"], figures["information"] < 3.0)
     assert 0 < figures["below_threshold"].mean() < 1
     assert not first["below_threshold"].any()
@@ -207,7 +207,7 @@ def test_metrics_are_errors_and_the_least_information():
 def mean_nees(system, steps=5, seed=1):
     """Means over 200 worlds of each step under the system's own choice, and how many values are in one."""
     states, _ = play(system, oracles.worlds(system, 200, seed), system.best_action, steps)
-    values = np.array([system.metrics(state)["nees"] for state in states[1:]])
+    values = np.array([system.state_info(state)["nees"] for state in states[1:]])
     return values.mean(axis=(1, 2)), values[0].size
 
 
@@ -239,7 +239,7 @@ def test_a_batch_is_its_elements(cls, form, chooses):
     for e in range(5):
         row = slice(e, e + 1)
         mine = iter(actions)
-        choose = system.best_action if chooses == "myopic" else lambda public, m=mine, r=row: next(m)[r]
+        choose = system.best_action if chooses == "myopic" else lambda belief, m=mine, r=row: next(m)[r]
         alone, chosen = play(system, oracles.rows(worlds, row), choose)
         for k, (together, one) in enumerate(zip(states, alone, strict=True)):
             assert same(trees.tree_map(lambda a, r=row: a[r], together), one), (k, e)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.sensors import platform_view
@@ -46,7 +46,7 @@ def test_labels_tell_settings_apart():
 
 
 def test_forms_are_what_they_say():
-    assert isinstance(menu("library").actions, PerSensor)
+    assert isinstance(menu("library").actions, PerSensorLibrary)
     assert isinstance(menu("joint").actions, JointLibrary)
     assert len(menu("joint").actions) == 24**2
     box = menu("box").actions
@@ -175,17 +175,17 @@ def test_all_forms_play_the_same_episode(platforms):
     """Step by step on the same settings: library and joint to the bit, the box by way of a logarithm and back."""
     systems = {form: RfEo(horizon=20, action=form, platforms=platforms) for form in FORMS}
     worlds = oracles.worlds(systems["box"], 3)
-    states = {form: system.begin(worlds) for form, system in systems.items()}
+    states = {form: system.initial(worlds) for form, system in systems.items()}
     rng = np.random.default_rng(2)
     for _ in range(20):
         choices = rng.integers(16, size=(3, len(platforms)))
         for form, system in systems.items():
-            states[form] = system.advance(states[form], system.menu.number(choices), worlds)
+            states[form] = system.transition(states[form], system.menu.number(choices), worlds)
         one, joint, box = (states[form] for form in FORMS)
-        for a, b in zip((*one.hidden, *one.public), (*joint.hidden, *joint.public), strict=True):
+        for a, b in zip((*one.truth, *one.belief), (*joint.truth, *joint.belief), strict=True):
             np.testing.assert_array_equal(a, b)
-        np.testing.assert_array_equal(one.hidden.received, box.hidden.received)
-        assert oracles.covariance_distance(box.public.covariance, one.public.covariance) < 1e-8
-        sigma = np.sqrt(np.diagonal(one.public.covariance, axis1=-2, axis2=-1))
-        assert np.abs((box.public.mean - one.public.mean) / sigma).max() < 1e-7
-    assert one.hidden.received.max() > 0
+        np.testing.assert_array_equal(one.truth.received, box.truth.received)
+        assert oracles.covariance_distance(box.belief.covariance, one.belief.covariance) < 1e-8
+        sigma = np.sqrt(np.diagonal(one.belief.covariance, axis1=-2, axis2=-1))
+        assert np.abs((box.belief.mean - one.belief.mean) / sigma).max() < 1e-7
+    assert one.truth.received.max() > 0

@@ -51,12 +51,12 @@ def test_every_element_of_the_observation_is_as_documented(platforms, targets, c
         looks=(0.4, -2.0, 3.1)[:platforms]
     )  # fmt: skip
     worlds = oracles.worlds(system, 2)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(3):
-        state = system.advance(state, system.best_action(state.public), worlds)
+        state = system.transition(state, system.best_action(state.belief), worlds)
         want = {}
         for t in range(targets):
-            x, P = plain.predict(system, state.public.mean[1, t], state.public.covariance[1, t])
+            x, P = plain.predict(system, state.belief.mean[1, t], state.belief.covariance[1, t])
             want[f"log10_sigma_position_{t + 1}"] = np.log10(np.sqrt(P[0, 0] + P[2, 2]))
             want[f"log10_sigma_velocity_{t + 1}"] = np.log10(np.sqrt(P[1, 1] + P[3, 3]))
             h, C = plain.stacked(system, x)
@@ -66,9 +66,9 @@ def test_every_element_of_the_observation_is_as_documented(platforms, targets, c
                 for q, (name, spread) in enumerate(short.items()):
                     want[f"log10_{name}_{t + 1}_{j + 1}"] = np.log10(abs(h[j, q]))
                     want[f"log10_sigma_{spread}_{t + 1}_{j + 1}"] = np.log10(sigma[q])
-        assert [element.name for element in system.elements] == list(want)
+        assert [element.name for element in system.observation_fields] == list(want)
         assert len(want) == count
-        np.testing.assert_allclose(system.observe(state.public)[1], list(want.values()), rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(system.observe(state.belief)[1], list(want.values()), rtol=1e-7, atol=1e-7)
 
 
 def test_a_threshold_that_cannot_be_had_is_flagged_in_info():

@@ -89,8 +89,8 @@ def test_penalties(kind, share, low, sharpness):
 
 def public_of(system, x, P):
     """A belief of one environment with the targets' states (target, 4) and covariances."""
-    public = system.begin(oracles.worlds(system, 1)).public
-    return public._replace(mean=np.array(x)[None], covariance=np.array(P)[None])
+    belief = system.initial(oracles.worlds(system, 1)).belief
+    return belief._replace(mean=np.array(x)[None], covariance=np.array(P)[None])
 
 
 def before(x):
@@ -115,15 +115,15 @@ def tolerance(system, x, P, settings):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("margin", [0.0, 2.0])
 @pytest.mark.parametrize("name", STATES)
-def test_foresight_is_the_batch_information_form(name, margin, kind):
+def test_prediction_is_the_batch_information_form(name, margin, kind):
     """P_{k+1|k+1} and tr(P C' R~^-1 C) in 80 digits."""
     x, P = STATES[name]
     system = RfEo(penalty=kind, margin=margin, starts=ONE)
-    public, (action, settings) = public_of(system, [before(x)], [P]), chosen(system, FIXED)
-    want, got = plain.foresee(system, before(x), P, settings), system.imagine(public, action)
+    belief, (action, settings) = public_of(system, [before(x)], [P]), chosen(system, FIXED)
+    want, got = plain.predict_ahead(system, before(x), P, settings), system.predict(belief, action)
     assert oracles.covariance_distance(got.covariance[0, 0], want.covariance) < 1e-10
     np.testing.assert_allclose(got.mean[0, 0], want.mean, rtol=1e-15)
-    np.testing.assert_allclose(system.information(public, action)[0, 0], want.share, rtol=1e-10)
+    np.testing.assert_allclose(system.information(belief, action)[0, 0], want.share, rtol=1e-10)
 
 
 PAIR = ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0))
@@ -147,26 +147,26 @@ def test_advance_is_the_plain_step(settings):
     """From each state of the system's own episode; random settings of the whole box, so that much is out of view."""
     system, rng = RfEo(horizon=8, **settings), np.random.default_rng(3)
     worlds = oracles.worlds(system, 2, seed=4)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for k in range(system.horizon):
         actions = rng.uniform(-1, 1, (2, 3 * len(system.platforms)))
         chosen, (truth, *_), (_, mean, P) = system.menu.settings(actions), *state
-        state = system.advance(state, actions, worlds)
+        state = system.transition(state, actions, worlds)
         for e in range(2):
-            foreseen = [plain.foresee(system, *of, chosen[e]) for of in zip(mean[e], P[e], strict=True)]
-            np.testing.assert_allclose(state.hidden.share[e], min(f.share for f in foreseen), rtol=1e-9)
+            predicted = [plain.predict_ahead(system, *of, chosen[e]) for of in zip(mean[e], P[e], strict=True)]
+            np.testing.assert_allclose(state.truth.share[e], min(f.share for f in predicted), rtol=1e-9)
             for t in range(len(system.starts)):
                 draws = worlds.process[e, k, t], worlds.error[e, k, :, t]
                 want = plain.step(system, truth[e, t], mean[e, t], P[e, t], chosen[e], *draws)
                 limit = 10 * tolerance(system, mean[e, t], P[e, t], chosen[e])
-                sigma, got = np.sqrt(np.diag(want.covariance)), state.public.covariance[e, t]
-                np.testing.assert_allclose(state.hidden.truth[e, t], want.truth, rtol=1e-13, atol=1e-12)
-                assert state.hidden.received[e, t] == want.received
+                sigma, got = np.sqrt(np.diag(want.covariance)), state.belief.covariance[e, t]
+                np.testing.assert_allclose(state.truth.targets[e, t], want.truth, rtol=1e-13, atol=1e-12)
+                assert state.truth.received[e, t] == want.received
                 assert oracles.covariance_distance(got, want.covariance) < limit, (k, e, t)
-                assert np.abs((state.public.mean[e, t] - want.mean) / sigma).max() < limit, (k, e, t)
-    of = list(zip(*(a.reshape(-1, *a.shape[2:]) for a in (state.hidden.truth, *state.public[1:])), strict=True))
-    np.testing.assert_allclose(system.metrics(state)["nees"].ravel(), [plain.nees(*a) for a in of], rtol=1e-6)
-    np.testing.assert_allclose(system.cost(state.public), [plain.cost(system, P) for P in state.public.covariance])
+                assert np.abs((state.belief.mean[e, t] - want.mean) / sigma).max() < limit, (k, e, t)
+    of = list(zip(*(a.reshape(-1, *a.shape[2:]) for a in (state.truth.targets, *state.belief[1:])), strict=True))
+    np.testing.assert_allclose(system.state_info(state)["nees"].ravel(), [plain.nees(*a) for a in of], rtol=1e-6)
+    np.testing.assert_allclose(system.cost(state.belief), [plain.cost(system, P) for P in state.belief.covariance])
 
 
 def test_the_finest_pixels_meet_the_widest_prior():
@@ -174,8 +174,8 @@ def test_the_finest_pixels_meet_the_widest_prior():
     ahead = at(0, 1500.0, 0.3)
     system = RfEo(starts=ONE, looks=tuple(np.arctan2(*(ahead[[0, 2]] - place)) for place in SYSTEM.platforms))
     action, settings = chosen(system, [[1e3, 20e6, 1e-5]] * 2)
-    want = plain.foresee(system, before(ahead), WIDE, settings).covariance
-    got = system.imagine(public_of(system, [before(ahead)], [WIDE]), action).covariance[0, 0]
+    want = plain.predict_ahead(system, before(ahead), WIDE, settings).covariance
+    got = system.predict(public_of(system, [before(ahead)], [WIDE]), action).covariance[0, 0]
     limit = tolerance(system, before(ahead), WIDE, settings)
     assert 1e-6 < limit < 1e-4
     assert oracles.covariance_distance(got, want) < limit
@@ -183,18 +183,18 @@ def test_the_finest_pixels_meet_the_widest_prior():
 
 def test_the_episode_begins_as_documented():
     worlds = oracles.worlds(RfEo(horizon=1), 3)
-    halfway, drawn = RfEo(horizon=1).begin(worlds), RfEo(horizon=1, first_estimate="drawn").begin(worlds)
-    np.testing.assert_array_equal(halfway.hidden.truth, np.tile(SYSTEM.starts, (3, 1, 1)))
-    np.testing.assert_array_equal(halfway.public.mean, np.tile(SYSTEM.starts, (3, 1, 1)) / 2)
-    error = (drawn.public.mean - drawn.hidden.truth) / np.sqrt(np.diag(WIDE))
+    halfway, drawn = RfEo(horizon=1).initial(worlds), RfEo(horizon=1, first_estimate="drawn").initial(worlds)
+    np.testing.assert_array_equal(halfway.truth.targets, np.tile(SYSTEM.starts, (3, 1, 1)))
+    np.testing.assert_array_equal(halfway.belief.mean, np.tile(SYSTEM.starts, (3, 1, 1)) / 2)
+    error = (drawn.belief.mean - drawn.truth.targets) / np.sqrt(np.diag(WIDE))
     np.testing.assert_allclose(error, worlds.start, rtol=1e-12)
-    np.testing.assert_array_equal(drawn.public.covariance, np.tile(WIDE, (3, 2, 1, 1)))
+    np.testing.assert_array_equal(drawn.belief.covariance, np.tile(WIDE, (3, 2, 1, 1)))
 
 
-def foreseen(system, x, P, settings):
+def predicted(system, x, P, settings):
     """Weighted information (candidate, target) and covariances (candidate, target, 4, 4) of beliefs (target, ...)."""
-    public, actions = public_of(system, x, P), system.menu.encode(np.asarray(settings))[None]
-    return system.information(public, actions)[0], system.imagine(public, actions).covariance[0]
+    belief, actions = public_of(system, x, P), system.menu.encode(np.asarray(settings))[None]
+    return system.information(belief, actions)[0], system.predict(belief, actions).covariance[0]
 
 
 @pytest.mark.parametrize(("name", "total"), [("published start", 4.87e6), ("mid-run", 5.29), ("behind", 0.33)])
@@ -202,7 +202,7 @@ def test_the_weighted_information_is_no_small_number(name, total):
     """log |P^-1 + M| - log |P^-1| = sum log(1 + t), t the eigenvalues of PM; sum t is its Taylor series."""
     x, P = before(STATES[name][0]), STATES[name][1]
     t = plain.weighted_eigenvalues(SYSTEM, x, P, FIXED)
-    share, covariance = foreseen(SYSTEM, [x] * 2, [P] * 2, [FIXED])
+    share, covariance = predicted(SYSTEM, [x] * 2, [P] * 2, [FIXED])
     determinants = np.linalg.det([plain.predict(SYSTEM, x, P)[1], covariance[0, 0]])
     assert np.log1p(t).sum() == pytest.approx(np.log(determinants[0] / determinants[1]), rel=1e-8)
     assert t.sum() == pytest.approx(share[0, 0], rel=1e-8)
@@ -216,7 +216,7 @@ def test_where_the_two_objectives_part():
     """
     x, P = [before(at(0, 1500.0, azimuth)) for azimuth in (0.0, 0.5)], [WIDE, WIDE]
     system = RfEo(platforms=SYSTEM.platforms[:1])
-    share, covariance = foreseen(system, x, P, [[[20e3, 20e6, 1e-5]], [[20e3, 20e6, 2e-3]]])
+    share, covariance = predicted(system, x, P, [[[20e3, 20e6, 1e-5]], [[20e3, 20e6, 2e-3]]])
     assert share[0].sum() > 1e3 * share[1].sum()
     assert np.linalg.slogdet(covariance).logabsdet.sum(axis=-1) @ [1, -1] > 2.0
     assert system.cost(public_of(system, x, covariance[0])) > 1e3 * system.cost(public_of(system, x, covariance[1]))
@@ -235,7 +235,7 @@ def test_more_bandwidth_is_never_worse(seed, kind):
     rng = np.random.default_rng(seed)
     x, system = rng.normal(size=4) * [3e3, 50, 3e3, 50], RfEo(penalty=kind, starts=ONE)
     narrow = 10 ** rng.uniform([3, 6, -5], [5, 7, -2.21], (2, 3))
-    share, covariance = foreseen(system, [x], [NARROW], [narrow, narrow * [1, 2, 1]])
+    share, covariance = predicted(system, [x], [NARROW], [narrow, narrow * [1, 2, 1]])
     assert share[1, 0] >= share[0, 0]
     assert loewner(covariance[0, 0], covariance[1, 0])[0] > 1 - 1e-9
 
@@ -257,7 +257,7 @@ def test_prf_is_a_trade_off_only_beyond_the_limit(r, rdot):
         assert not both.any()
     if r * rdot < LIMIT * 0.999 and least in prfs:
         assert both[-1]
-        covariance = foreseen(system, [x], [NARROW], [[[f, 20e6, 1e-3]] for f in prfs])[1][:, 0]
+        covariance = predicted(system, [x], [NARROW], [[[f, 20e6, 1e-3]] for f in prfs])[1][:, 0]
         assert min(loewner(other, covariance[-1])[0] for other in covariance) > 1 - 1e-9
 
 
@@ -268,7 +268,7 @@ def test_far_targets_and_pairs_are_beyond_the_limit():
     """
     system = RfEo(penalty="hard", platforms=SYSTEM.platforms[:1], starts=ONE)
     settings = [[[f, 20e6, 1e-3]] for f in (3e3, 32e3)]
-    low, high = foreseen(system, [before(at(0, 35e3, 0.4, 230.0))], [10 * NARROW], settings)[1][:, 0]
+    low, high = predicted(system, [before(at(0, 35e3, 0.4, 230.0))], [10 * NARROW], settings)[1][:, 0]
     eig = loewner(low, high)
     assert eig[0] < 0.95 < 1.05 < eig[-1]
     distant, fast = (30e3, 10.0), (3e3, 230.0)

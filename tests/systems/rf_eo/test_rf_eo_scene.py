@@ -97,12 +97,12 @@ def test_the_map_is_to_scale_and_holds_trails_ellipses_and_platforms():
     assert axes.bbox.width / (right - left) == pytest.approx(axes.bbox.height / (top - bottom))
     for t in (0, 1):
         trail, means, outline, cross = of(colour(t), axes.lines)
-        expected = [state.hidden.truth[0, t, [0, 2]] for state in moment.states]
+        expected = [state.truth.targets[0, t, [0, 2]] for state in moment.states]
         np.testing.assert_allclose(1e3 * trail.get_xydata(), expected)
         np.testing.assert_allclose(1e3 * cross.get_xydata(), expected[-1:])
-        np.testing.assert_allclose(1e3 * means.get_xydata(), [s.public.mean[0, t, [0, 2]] for s in moment.states])
-        points = 1e3 * outline.get_xydata() - now.public.mean[0, t, [0, 2]]
-        inverse = np.linalg.inv(now.public.covariance[0, t][np.ix_([0, 2], [0, 2])])
+        np.testing.assert_allclose(1e3 * means.get_xydata(), [s.belief.mean[0, t, [0, 2]] for s in moment.states])
+        points = 1e3 * outline.get_xydata() - now.belief.mean[0, t, [0, 2]]
+        inverse = np.linalg.inv(now.belief.covariance[0, t][np.ix_([0, 2], [0, 2])])
         np.testing.assert_allclose(np.einsum("pi,ij,pj->p", points, inverse, points), 4.0, rtol=1e-6)
         for x, y in np.concatenate([trail.get_xydata(), outline.get_xydata()]):
             assert left < x < right
@@ -155,7 +155,7 @@ def test_before_the_first_step_nothing_is_in_view():
 @pytest.mark.parametrize("seed", range(6))
 def test_filled_circles_are_what_was_received_and_stand_where_the_target_was(system, seed):
     scene, moment = drawn(system, 2, seed)
-    truth, received = (moment.states[-1].hidden.truth[0], moment.states[-1].hidden.received[0])
+    truth, received = (moment.states[-1].truth.targets[0], moment.states[-1].truth.received[0])
     settings = system.menu.settings(moment.actions[-1])[0]
     share = measured(system, truth) / edges(system, settings)[:, None]
     filled = np.zeros(2, int)
@@ -207,13 +207,13 @@ def test_the_printed_range_rate_is_in_view_when_positive():
         rate = scene._views[0].get_yticklabels()[1].get_text()
         assert rate.startswith("rate\n≤ ")
         filled = sum(len(spots) for axes in scene._views for spots in markers(axes, True).values())
-        assert filled == moment.states[-1].hidden.received[0].sum()
+        assert filled == moment.states[-1].truth.received[0].sum()
 
 
 def test_nothing_is_in_view_of_a_platform_on_top_of_the_target():
     system = RfEo(platforms=((0.0, 0.0),), starts=((0.2, 0.0, 0.3, 0.0),), first_estimate="halfway", q=0.0)
     scene, moment = drawn(system, 1)
-    assert moment.states[-1].hidden.received[0].tolist() == [0]
+    assert moment.states[-1].truth.received[0].tolist() == [0]
     assert not markers(scene._views[0], True).get(colours.to_hex(colour(0)))
     assert received_caption(system, moment) == "quantities measured:  target 1: nothing for 1 step"
 
@@ -222,21 +222,21 @@ def test_what_is_out_of_view_is_hollow_although_drawn_inflated():
     system = RfEo(out_of_view="inflated", horizon=8)
     settings = np.array([[[6e4, 1e7, 1e-5]] * 2])
     scene, moment = drawn(system, 1, actions=system.menu.encode(settings))
-    assert moment.states[-1].hidden.received[0].tolist() == [6, 6]
+    assert moment.states[-1].truth.received[0].tolist() == [6, 6]
     hollow = markers(scene._views[0], False)[colours.to_hex(colour(1))]
     assert 2 in [round(row) for _, row in hollow]  # 45 degrees off
 
 
 def test_the_caption_counts_by_target():
     moment = moment_of(played(SYSTEM, 2))
-    one, two = moment.states[-1].hidden.received[0]
+    one, two = moment.states[-1].truth.received[0]
     assert received_caption(SYSTEM, moment) == f"quantities measured:  target 1: {one} of 6  ·  target 2: {two} of 6"
 
 
 def test_errors_are_those_of_the_metrics_and_sigma_is_the_beliefs():
     scene, moment = drawn(SYSTEM, 5)
-    errors = np.array([SYSTEM.metrics(state)["position_error"][0] for state in moment.states])
-    P = np.array([state.public.covariance[0] for state in moment.states])
+    errors = np.array([SYSTEM.state_info(state)["position_error"][0] for state in moment.states])
+    P = np.array([state.belief.covariance[0] for state in moment.states])
     for t in (0, 1):
         error, sigma, _ = of(colour(t), scene._errors.lines)
         np.testing.assert_allclose(error.get_ydata(), errors[:, t])

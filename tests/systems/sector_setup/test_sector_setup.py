@@ -22,10 +22,10 @@ ID = "wavegym/SectorSetup-v0"
 SYSTEM = SectorSetup()
 
 
-def coasted(system, public):
+def coasted(system, belief):
     """F P F' + Q of every target."""
     F, Q = system.motion.F, system.motion.Q
-    return F @ public.covariance @ F.T + public.q[..., None, None] * Q
+    return F @ belief.covariance @ F.T + belief.q[..., None, None] * Q
 
 
 @pytest.mark.parametrize("steps", [60_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
@@ -36,21 +36,21 @@ def test_dead_steps_and_windows_hold_in_every_random_step(steps, dead_steps):
     worlds, looks = oracles.worlds(system, 500), 0
     rows = np.arange(500)
     for _ in range(steps // (500 * system.horizon) or 1):
-        state, action, run = system.begin(worlds), np.full(500, -1), np.zeros(500, int)
-        assert (state.public.pointed == -1).all()
+        state, action, run = system.initial(worlds), np.full(500, -1), np.zeros(500, int)
+        assert (state.belief.pointed == -1).all()
         for k in range(system.horizon):
             drawn = rng.integers(len(system.actions), size=500)
             fresh = np.where((rng.random(500) < 0.2) | (k == 0), drawn, action)
             run = np.where((fresh // 2 == action // 2) & (k > 0), run + 1, 1)  # steps in a row with this target
             action = fresh
-            after = system.advance(state, action, worlds)
-            silent, detections, target = after.hidden.silent, after.hidden.detections, action // 2
+            after = system.transition(state, action, worlds)
+            silent, detections, target = after.truth.silent, after.truth.detections, action // 2
             np.testing.assert_array_equal(silent, run <= dead_steps)
-            np.testing.assert_array_equal(after.public.dead, np.maximum(dead_steps - run, 0))
-            np.testing.assert_array_equal(after.public.pointed, target)
-            assert (detections[silent | ~state.public.visible[rows, k, target]] == 0).all()
-            learned = np.diagonal(coasted(system, state.public) - after.public.covariance, axis1=2, axis2=3)
-            share = learned.sum(axis=2) / np.diagonal(after.public.covariance, axis1=2, axis2=3).sum(axis=2)
+            np.testing.assert_array_equal(after.belief.dead, np.maximum(dead_steps - run, 0))
+            np.testing.assert_array_equal(after.belief.pointed, target)
+            assert (detections[silent | ~state.belief.visible[rows, k, target]] == 0).all()
+            learned = np.diagonal(coasted(system, state.belief) - after.belief.covariance, axis1=2, axis2=3)
+            share = learned.sum(axis=2) / np.diagonal(after.belief.covariance, axis1=2, axis2=3).sum(axis=2)
             updated = share > 1e-9
             assert (np.abs(share) < 1e-12)[~updated].all()
             np.testing.assert_array_equal(updated[rows, target], detections > 0)
@@ -67,11 +67,11 @@ def test_estimates_are_consistent():
     A target left alone for half a minute is known to hundreds of metres, where linearising no longer does: 5 to 7.
     """
     worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
-    state = SYSTEM.begin(worlds)
+    state = SYSTEM.initial(worlds)
     rule.begin(SYSTEM, 400, np.random.default_rng(0))
     for _ in range(SYSTEM.horizon):
-        state = SYSTEM.advance(state, rule.act(state.public, None, None), worlds)
-    figures = SYSTEM.metrics(state)
+        state = SYSTEM.transition(state, rule.act(state.belief, None, None), worlds)
+    figures = SYSTEM.state_info(state)
     assert abs(figures["nees"].mean() - 4.0) < 5 * np.sqrt(8 / figures["nees"].size)
     assert figures["lost"].mean() < 0.01
 
@@ -79,13 +79,13 @@ def test_estimates_are_consistent():
 def test_detections_are_as_frequent_as_the_signal_says():
     """About .85 at 4 km; over the region what eta at the truth says, within five standard errors."""
     worlds, seen, expected = oracles.worlds(SYSTEM, 300), 0, []
-    state = SYSTEM.begin(worlds)
-    public = state.public._replace(pointed=np.zeros(300, np.int64), visible=np.ones_like(state.public.visible))
-    state = state._replace(public=public)
+    state = SYSTEM.initial(worlds)
+    belief = state.belief._replace(pointed=np.zeros(300, np.int64), visible=np.ones_like(state.belief.visible))
+    state = state._replace(belief=belief)
     for _ in range(10):
-        state = SYSTEM.advance(state, np.zeros(300, np.int64), worlds)
-        seen += state.hidden.detections.sum()
-        place = state.hidden.truth[:, 0, ::2]
+        state = SYSTEM.transition(state, np.zeros(300, np.int64), worlds)
+        seen += state.truth.detections.sum()
+        place = state.truth.targets[:, 0, ::2]
         legs = [np.linalg.norm(place - site, axis=1) for site in (SYSTEM.illuminator, *SYSTEM.receivers)]
         eta = [20.0 * 5650.0**4 / (legs[0] * leg) ** 2 for leg in legs[1:]]
         expected += [1e-3 ** (1 / (1 + each / 2)) for each in eta]
@@ -96,17 +96,17 @@ def test_detections_are_as_frequent_as_the_signal_says():
 
 def test_starts():
     """Places, speeds and log densities are uniform over their bounds, first errors have P0 (Kolmogorov, 1e-4)."""
-    state = SYSTEM.begin(oracles.worlds(SYSTEM, 500))
-    truth, public = state.hidden.truth, state.public
-    speed, q = np.hypot(truth[..., 1], truth[..., 3]), np.log(public.q)
+    state = SYSTEM.initial(oracles.worlds(SYSTEM, 500))
+    truth, belief = state.truth.targets, state.belief
+    speed, q = np.hypot(truth[..., 1], truth[..., 3]), np.log(belief.q)
     for values, (low, high) in (
         (truth[..., 0], SYSTEM.region[0]), (truth[..., 2], SYSTEM.region[1]), (speed, SYSTEM.speed),
         (np.arctan2(truth[..., 1], truth[..., 3]), (-np.pi, np.pi)), (q, np.log(SYSTEM.q)),
     ):  # fmt: skip
         assert kstest((values.ravel() - low) / (high - low), "uniform").pvalue > 1e-4
-    error = (public.mean - truth) / np.sqrt(SYSTEM.prior_variance)
+    error = (belief.mean - truth) / np.sqrt(SYSTEM.prior_variance)
     assert kstest(error.ravel(), "norm").pvalue > 1e-4
-    np.testing.assert_array_equal(public.covariance[3, 2], np.diag(SYSTEM.prior_variance))
+    np.testing.assert_array_equal(belief.covariance[3, 2], np.diag(SYSTEM.prior_variance))
 
 
 def test_worlds_are_the_same_whatever_is_assumed():
@@ -120,7 +120,7 @@ def test_worlds_are_the_same_whatever_is_assumed():
 
 def test_given_windows_are_in_place_of_drawn_ones():
     system = SectorSetup(windows=((2, 5, 9), (0, 0, 59)))
-    visible = system.begin(oracles.worlds(system, 3)).public.visible
+    visible = system.initial(oracles.worlds(system, 3)).belief.visible
     assert not visible[:, :, 0].any()
     assert not visible[:, 5:10, 2].any()
     assert visible.sum() == 3 * (4 * 60 - 60 - 5)
@@ -129,31 +129,31 @@ def test_given_windows_are_in_place_of_drawn_ones():
 def test_what_agents_see():
     """Time, set-up, visibility and its change, recounted; ordinary values within the bounds of the space."""
     worlds, rng = oracles.worlds(SYSTEM, 60), np.random.default_rng(0)
-    state, column = SYSTEM.begin(worlds), {e.name: i for i, e in enumerate(SYSTEM.elements)}
-    centre, scale = (np.array([getattr(e, name) for e in SYSTEM.elements]) for name in ("centre", "scale"))
+    state, column = SYSTEM.initial(worlds), {e.name: i for i, e in enumerate(SYSTEM.observation_fields)}
+    centre, scale = (np.array([getattr(e, name) for e in SYSTEM.observation_fields]) for name in ("centre", "scale"))
     for k in range(61):
-        public, seen = state.public, SYSTEM.observe(state.public)
+        belief, seen = state.belief, SYSTEM.observe(state.belief)
         assert np.isfinite(seen).all()
         assert (np.abs((seen - centre) / scale) < 10).all()
         np.testing.assert_allclose(seen[:, column["time_left"]], 1 - k / 60)
-        np.testing.assert_array_equal(seen[:, column["dead_steps"]], public.dead)
-        coming = np.pad(public.visible, ((0, 0), (0, 11), (0, 0)))[:, k : k + 11]
+        np.testing.assert_array_equal(seen[:, column["dead_steps"]], belief.dead)
+        coming = np.pad(belief.visible, ((0, 0), (0, 11), (0, 0)))[:, k : k + 11]
         for t in range(4):
             now = coming[:, 0, t]
             differs = coming[:, :10, t] != now[:, None]
             change = np.where(differs.any(axis=1), differs.argmax(axis=1), 10)
-            F, Q = SYSTEM.motion.F, public.q[:, t, None, None] * SYSTEM.motion.Q
-            P = F @ public.covariance[:, t] @ F.T + Q
+            F, Q = SYSTEM.motion.F, belief.q[:, t, None, None] * SYSTEM.motion.Q
+            P = F @ belief.covariance[:, t] @ F.T + Q
             want = {
-                "set_up": public.pointed == t, "visible": now, "changes": change,
-                "soon_visible": coming[:, :10, t].mean(axis=1), "log10_q": np.log10(public.q[:, t]),
+                "set_up": belief.pointed == t, "visible": now, "changes": change,
+                "soon_visible": coming[:, :10, t].mean(axis=1), "log10_q": np.log10(belief.q[:, t]),
                 "log10_sigma_position": np.log10(P[:, 0, 0] + P[:, 2, 2]) / 2,
                 "log10_sigma_velocity": np.log10(P[:, 1, 1] + P[:, 3, 3]) / 2,
             }  # fmt: skip
             for name, values in want.items():
                 np.testing.assert_allclose(seen[:, column[f"{name}_{t + 1}"]], values, rtol=1e-9, atol=1e-12)
         if k < 60:
-            state = SYSTEM.advance(state, rng.integers(8, size=60) if k % 7 == 0 else public.pointed * 2, worlds)
+            state = SYSTEM.transition(state, rng.integers(8, size=60) if k % 7 == 0 else belief.pointed * 2, worlds)
 
 
 def test_a_target_on_top_of_a_receiver():
@@ -161,30 +161,30 @@ def test_a_target_on_top_of_a_receiver():
     system = SectorSetup(region=((-3e3, -3e3), (0.0, 0.0)), speed=(0.0, 0.0), receivers=((-3e3, 0.0), (0.0, 0.0)))
     worlds = oracles.worlds(system, 20)
     worlds = worlds._replace(start=0.0 * worlds.start, window=0.0 * worlds.window)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(6):
-        seen = system.observe(state.public)
+        seen = system.observe(state.belief)
         assert np.isfinite(seen).all()
-        assert np.isfinite(system.gain(state.public, 1, 5)).all()
-        state = system.advance(state, np.zeros(20, np.int64), worlds)
-        assert np.isfinite(state.public.mean).all()
-        assert (system.metrics(state)["nees"] >= 0).all()
-    eta = seen[:, [e.name for e in system.elements].index("snr_1_1")]
+        assert np.isfinite(system.gain(state.belief, 1, 5)).all()
+        state = system.transition(state, np.zeros(20, np.int64), worlds)
+        assert np.isfinite(state.belief.mean).all()
+        assert (system.state_info(state)["nees"] >= 0).all()
+    eta = seen[:, [e.name for e in system.observation_fields].index("snr_1_1")]
     assert eta.max() <= 10 * np.log10(20 * 5650.0**4 / (500.0 * 2.5e3) ** 2)
 
 
 def test_a_batch_is_its_elements_bit_for_bit():
     worlds, actions = oracles.worlds(SYSTEM, 5), np.random.default_rng(0).integers(8, size=(12, 5))
-    whole = SYSTEM.begin(worlds)
-    parts = [SYSTEM.begin(oracles.rows(worlds, slice(e, e + 1))) for e in range(5)]
+    whole = SYSTEM.initial(worlds)
+    parts = [SYSTEM.initial(oracles.rows(worlds, slice(e, e + 1))) for e in range(5)]
     for action in np.repeat(actions, 5, axis=0):
-        whole = SYSTEM.advance(whole, action, worlds)
+        whole = SYSTEM.transition(whole, action, worlds)
         for e in range(5):
-            parts[e] = SYSTEM.advance(parts[e], action[e : e + 1], oracles.rows(worlds, slice(e, e + 1)))
-            for one, many in zip(parts[e].public, whole.public, strict=True):
+            parts[e] = SYSTEM.transition(parts[e], action[e : e + 1], oracles.rows(worlds, slice(e, e + 1)))
+            for one, many in zip(parts[e].belief, whole.belief, strict=True):
                 np.testing.assert_array_equal(one[0], many[e])
             for ask in (SYSTEM.observe, SYSTEM.cost, SYSTEM.delay, partial(SYSTEM.gain, wait=2, ahead=7)):
-                np.testing.assert_array_equal(ask(parts[e].public)[0], ask(whole.public)[e])
+                np.testing.assert_array_equal(ask(parts[e].belief)[0], ask(whole.belief)[e])
 
 
 def test_registered():
@@ -236,4 +236,4 @@ def test_bad_input_is_refused_in_one_line(parameters, words):
 
 def test_a_look_ahead_of_no_steps_is_refused():
     with pytest.raises(InputError, match="ahead is 0"):
-        SYSTEM.gain(SYSTEM.begin(oracles.worlds(SYSTEM, 1)).public, 0, 0)
+        SYSTEM.gain(SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief, 0, 0)

@@ -17,7 +17,7 @@ SYSTEM = SectorSetupCity()
 
 
 def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
-    truth = SYSTEM.begin(oracles.worlds(SYSTEM, 400)).hidden.truth.reshape(-1, 4)
+    truth = SYSTEM.initial(oracles.worlds(SYSTEM, 400)).truth.targets.reshape(-1, 4)
     x, u, y, v = truth.T
     assert (v == 0.0).all()  # both roads lead from west to east
     assert SYSTEM.map.on_road(truth[:, ::2]).all()
@@ -32,15 +32,15 @@ def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
 
 def test_who_is_hidden_is_so_by_a_building():
     """Every step of some targets: the straight lines to the three antennas from where each would be, by shapely."""
-    public, truth = (lambda s: (s.public, s.hidden.truth))(SYSTEM.begin(oracles.worlds(SYSTEM, 4)))
+    belief, truth = (lambda s: (s.belief, s.truth.targets))(SYSTEM.initial(oracles.worlds(SYSTEM, 4)))
     built = shapely.union_all([shapely.Polygon(each.corners) for each in SYSTEM.map.buildings])
     for e in range(4):
         for k in range(0, SYSTEM.horizon, 3):
             for t in range(SYSTEM.targets):
                 place = truth[e, t, ::2] + SYSTEM.dt * (k + 1) * truth[e, t, 1::2]
                 ways = [shapely.LineString([place, site]) for site in (SYSTEM.illuminator, *SYSTEM.receivers)]
-                assert public.visible[e, k, t] == (not any(way.crosses(built) for way in ways))
-    assert 0.3 < public.visible.mean() < 0.7
+                assert belief.visible[e, k, t] == (not any(way.crosses(built) for way in ways))
+    assert 0.3 < belief.visible.mean() < 0.7
 
 
 def test_in_sight_is_the_first_of_what_is_seen():
@@ -51,18 +51,18 @@ def test_in_sight_is_the_first_of_what_is_seen():
 
 
 def test_windows_that_are_given_take_the_place_of_the_city_s():
-    visible = SectorSetupCity(windows=((1, 5, 9),)).begin(oracles.worlds(SYSTEM, 2)).public.visible
+    visible = SectorSetupCity(windows=((1, 5, 9),)).initial(oracles.worlds(SYSTEM, 2)).belief.visible
     assert visible.sum() == visible.size - 2 * 5
 
 
 def test_estimates_are_consistent():
     """NEES at the ends of 400 episodes with a rule that keeps tracks alive: 4 of mean, 8 of variance."""
     worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
-    state = SYSTEM.begin(worlds)
+    state = SYSTEM.initial(worlds)
     rule.begin(SYSTEM, 400, np.random.default_rng(0))
     for _ in range(SYSTEM.horizon):
-        state = SYSTEM.advance(state, rule.act(state.public, None, None), worlds)
-    nees = SYSTEM.metrics(state)["nees"]
+        state = SYSTEM.transition(state, rule.act(state.belief, None, None), worlds)
+    nees = SYSTEM.state_info(state)["nees"]
     assert abs(nees.mean() - 4.0) < 5 * np.sqrt(8 / nees.size)
 
 

@@ -1,4 +1,4 @@
-"""The sector-setup loop against plain NumPy, and its foresight against the loop."""
+"""The sector-setup loop against plain NumPy, and its prediction against the loop."""
 
 from __future__ import annotations
 
@@ -30,33 +30,33 @@ def somewhere(system, count, seed=0, steps=20):
     """A state in mid-episode, its worlds, and the generator."""
     rng = np.random.default_rng(seed)
     worlds = oracles.worlds(system, count, seed)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for action in held(system, rng, count)[:steps]:
-        state = system.advance(state, action, worlds)
+        state = system.transition(state, action, worlds)
     return state, worlds, rng
 
 
-def ready(system, public, target, seen=True):
+def ready(system, belief, target, seen=True):
     """The same with ``target`` (env,) set up, and in sight or not."""
-    visible = np.full_like(public.visible, seen)
-    return public._replace(pointed=target, dead=np.zeros_like(public.dead), visible=visible)
+    visible = np.full_like(belief.visible, seen)
+    return belief._replace(pointed=target, dead=np.zeros_like(belief.dead), visible=visible)
 
 
 @pytest.mark.parametrize("system", [SYSTEM, THREE], ids=["default", "three receivers"])
 def test_whole_episodes(system):
     """Means to 1e-7 of a standard deviation, covariances to 1e-9."""
     rng, worlds = np.random.default_rng(1), oracles.worlds(system, 4)
-    states, detections = [system.begin(worlds)], 0
+    states, detections = [system.initial(worlds)], 0
     for k, action in enumerate(held(system, rng, 4)):
-        before, state = states[-1], system.advance(states[-1], action, worlds)
+        before, state = states[-1], system.transition(states[-1], action, worlds)
         for e in range(4):
             own = oracles.rows(worlds, e)
-            _, mean, P, pointed, dead, q, visible = oracles.rows(before.public, e)
-            want = plain.step(system, own, k, action[e], mean, P, before.hidden.truth[e], pointed, dead, q, visible)
-            after, hidden = oracles.rows(state.public, e), oracles.rows(state.hidden, e)
+            _, mean, P, pointed, dead, q, visible = oracles.rows(before.belief, e)
+            want = plain.step(system, own, k, action[e], mean, P, before.truth.targets[e], pointed, dead, q, visible)
+            after, truth = oracles.rows(state.belief, e), oracles.rows(state.truth, e)
             assert (after.step, after.pointed, after.dead) == (k + 1, want.pointed, want.dead)
-            assert hidden.detections == want.detections
-            np.testing.assert_allclose(hidden.truth, want.truth, rtol=1e-12, atol=1e-9)
+            assert truth.detections == want.detections
+            np.testing.assert_allclose(truth.targets, want.truth, rtol=1e-12, atol=1e-9)
             sigma = np.sqrt(np.diagonal(want.covariance, axis1=1, axis2=2))
             assert np.abs((after.mean - want.mean) / sigma).max() < 1e-7
             assert oracles.covariance_distance(after.covariance, want.covariance) < 1e-9
@@ -68,45 +68,48 @@ def test_whole_episodes(system):
 def test_belief_coasts_as_the_motion_model_says():
     """Steps of any length in one go, as ``gain`` takes them: against F P F' + Q."""
     state, _, rng = somewhere(SYSTEM, 5)
-    public = ready(SYSTEM, state.public, rng.integers(4, size=5), seen=False)
-    here = public
+    belief = ready(SYSTEM, state.belief, rng.integers(4, size=5), seen=False)
+    here = belief
     for _ in range(7):
-        here = SYSTEM.imagine(here, 2 * here.pointed)
+        here = SYSTEM.predict(here, 2 * here.pointed)
     for e, t in product(range(5), range(4)):
-        F, Q = plain.model(SYSTEM, public.q[e, t], 7 * SYSTEM.dt)
-        mean, P = oracles.predict(public.mean[e, t], public.covariance[e, t], F, Q)
+        F, Q = plain.model(SYSTEM, belief.q[e, t], 7 * SYSTEM.dt)
+        mean, P = oracles.predict(belief.mean[e, t], belief.covariance[e, t], F, Q)
         np.testing.assert_allclose(here.mean[e, t], mean, rtol=1e-12)
         assert oracles.covariance_distance(here.covariance[e, t], P) < 1e-12
 
 
 @pytest.mark.parametrize("system", [SYSTEM, THREE], ids=["default", "three receivers"])
 def test_imagined_outcomes_are_what_happens(system):
-    """Draws of 0 and 1 say which receivers detect, for the world and in foresight; in every state of an episode."""
+    """Draws of 0 and 1 say which receivers detect, for the world and in prediction; in every state of an episode."""
     rng, worlds = np.random.default_rng(2), oracles.worlds(system, 30)
     worlds = worlds._replace(detection=rng.integers(0, 2, worlds.detection.shape).astype(float))
-    state, rows, updates = system.begin(worlds), np.arange(30), 0
+    state, rows, updates = system.initial(worlds), np.arange(30), 0
     for k, action in enumerate(held(system, rng, 30)):
         outcome = worlds.detection[rows, k, :, action // len(system.waveforms)]
-        after, foreseen = system.advance(state, action, worlds).public, system.imagine(state.public, action, outcome)
-        assert oracles.covariance_distance(foreseen.covariance, after.covariance) < 1e-12
+        after, predicted = (
+            system.transition(state, action, worlds).belief,
+            system.predict(state.belief, action, outcome),
+        )
+        assert oracles.covariance_distance(predicted.covariance, after.covariance) < 1e-12
         for name in ("step", "pointed", "dead", "q", "visible"):
-            np.testing.assert_array_equal(getattr(foreseen, name), getattr(after, name))
-        state = system.advance(state, action, worlds)
-        updates += state.hidden.detections.sum()
+            np.testing.assert_array_equal(getattr(predicted, name), getattr(after, name))
+        state = system.transition(state, action, worlds)
+        updates += state.truth.detections.sum()
     assert updates > 100
 
 
 def test_candidates_and_their_own_outcomes():
     """(env, candidate) and (1, candidate) give what each alone gives, bit for bit; draws of 0, 1 and between."""
     state, _, rng = somewhere(SYSTEM, 6)
-    public, everything = state.public, SYSTEM.candidates()
+    belief, everything = state.belief, SYSTEM.candidates()
     draws = rng.random((6, 8, 2))
-    together = SYSTEM.imagine(public, np.tile(everything, (6, 1)), draws)
-    shared = SYSTEM.imagine(public, everything[None])
+    together = SYSTEM.predict(belief, np.tile(everything, (6, 1)), draws)
+    shared = SYSTEM.predict(belief, everything[None])
     for c in everything:
-        alone = SYSTEM.imagine(public, np.full(6, c), draws[:, c])
-        expected = SYSTEM.imagine(public, np.full(6, c))
-        for name in public._fields:
+        alone = SYSTEM.predict(belief, np.full(6, c), draws[:, c])
+        expected = SYSTEM.predict(belief, np.full(6, c))
+        for name in belief._fields:
             np.testing.assert_array_equal(getattr(together, name)[:, c], getattr(alone, name))
             np.testing.assert_array_equal(getattr(shared, name)[:, c], getattr(expected, name))
     np.testing.assert_array_equal(
@@ -117,78 +120,78 @@ def test_candidates_and_their_own_outcomes():
 def test_expected_outcome_is_the_mean_over_all_outcomes():
     state, _, rng = somewhere(THREE, 20, steps=12)
     target = rng.integers(2, size=20)
-    public = ready(THREE, state.public, target)
+    belief = ready(THREE, state.belief, target)
     F, _ = plain.model(THREE, 1.0)
-    eta = np.array([plain.measure(THREE, F @ public.mean[e, t])[1] for e, t in enumerate(target)])
+    eta = np.array([plain.measure(THREE, F @ belief.mean[e, t])[1] for e, t in enumerate(target)])
     pd = plain.detection(THREE, eta)
     want = 0.0
     for detected in product((0, 1), repeat=3):
         weight = np.where(detected, pd, 1 - pd).prod(axis=1)[:, None, None, None]
         outcome = np.tile(1.0 - np.array(detected), (20, 1))
-        want = want + weight * THREE.imagine(public, target, outcome).covariance
-    assert oracles.covariance_distance(THREE.imagine(public, target).covariance, want) < 1e-12
+        want = want + weight * THREE.predict(belief, target, outcome).covariance
+    assert oracles.covariance_distance(THREE.predict(belief, target).covariance, want) < 1e-12
 
 
 def test_expected_outcome_is_the_mean_of_what_happens():
     """10^4 drawn steps: with the truth where it is predicted within 5 standard errors, otherwise 3 % of the change."""
     state, _, rng = somewhere(SYSTEM, 1, seed=3)
     count, action = 10_000, np.full(10_000, 2)
-    many = type(state.public)(*(np.repeat(a, count, axis=0) for a in ready(SYSTEM, state.public, np.ones(1, int))))
+    many = type(state.belief)(*(np.repeat(a, count, axis=0) for a in ready(SYSTEM, state.belief, np.ones(1, int))))
     many = many._replace(step=np.zeros(count, np.int64))
     worlds = oracles.worlds(SectorSetup(horizon=1), count)
-    foreseen = SYSTEM.imagine(oracles.rows(many, slice(1)), action[:1]).covariance[0, 1]
+    predicted = SYSTEM.predict(oracles.rows(many, slice(1)), action[:1]).covariance[0, 1]
     before = plain.model(SYSTEM, many.q[0, 1])[0] @ many.covariance[0, 1] @ plain.model(SYSTEM, 1.0)[0].T
     for spread in (0.0, 1.0):
         noise = rng.standard_normal(many.mean.shape) @ np.linalg.cholesky(many.covariance[0, 1]).T
-        truth = many.mean + spread * noise
+        true_states = many.mean + spread * noise
         quiet = worlds._replace(process=spread * worlds.process)
-        after = SYSTEM.advance(type(state)(state.hidden._replace(truth=truth), many), action, quiet)
-        looks = after.public.covariance[:, 1]
+        after = SYSTEM.transition(type(state)(state.truth._replace(truth=true_states), many), action, quiet)
+        looks = after.belief.covariance[:, 1]
         if spread == 0.0:
             error = looks.std(axis=0) / np.sqrt(count)
-            assert (np.abs(looks.mean(axis=0) - foreseen) <= 5 * error + 1e-9).all()
+            assert (np.abs(looks.mean(axis=0) - predicted) <= 5 * error + 1e-9).all()
             assert (error > 0).all()  # not all of them detect
-        assert abs(np.trace(looks.mean(axis=0) - foreseen)) < 0.03 * np.trace(before - foreseen)
+        assert abs(np.trace(looks.mean(axis=0) - predicted)) < 0.03 * np.trace(before - predicted)
 
 
 @pytest.mark.parametrize(("wait", "ahead"), [(0, 1), (0, 14), (3, 5), (9, 14), (12, 30)])
 def test_gain_is_what_a_look_takes_off_the_costs_to_come(wait, ahead):
     """Against costs of beliefs that coast to the end, with and without the look."""
     state, _, _ = somewhere(SYSTEM, 12, steps=35)
-    public = state.public
-    dark = public._replace(visible=np.zeros_like(public.visible))
+    belief = state.belief
+    dark = belief._replace(visible=np.zeros_like(belief.visible))
     for _ in range(wait):
-        dark = SYSTEM.imagine(dark, np.zeros(12, np.int64))
-    gain = SYSTEM.gain(public, wait, ahead)
+        dark = SYSTEM.predict(dark, np.zeros(12, np.int64))
+    gain = SYSTEM.gain(belief, wait, ahead)
     for c in SYSTEM.candidates():
-        seen = dark._replace(visible=public.visible, pointed=np.full(12, c // 2), dead=np.zeros(12, np.int64))
-        here, there = SYSTEM.imagine(dark, np.full(12, c)), SYSTEM.imagine(seen, np.full(12, c))
+        seen = dark._replace(visible=belief.visible, pointed=np.full(12, c // 2), dead=np.zeros(12, np.int64))
+        here, there = SYSTEM.predict(dark, np.full(12, c)), SYSTEM.predict(seen, np.full(12, c))
         there = there._replace(visible=dark.visible)
         total = np.zeros(12)
         for _ in range(min(ahead, SYSTEM.horizon - 35 - wait)):
             total += SYSTEM.cost(here) - SYSTEM.cost(there)
-            here, there = (SYSTEM.imagine(b, np.zeros(12, np.int64)) for b in (here, there))
+            here, there = (SYSTEM.predict(b, np.zeros(12, np.int64)) for b in (here, there))
         np.testing.assert_allclose(gain[:, c], total, rtol=1e-9, atol=1e-6)
-        np.testing.assert_array_equal(gain[:, c] > 0, public.visible[:, 35 + wait, c // 2])
+        np.testing.assert_array_equal(gain[:, c] > 0, belief.visible[:, 35 + wait, c // 2])
 
 
 def test_gain_takes_a_wait_for_each_candidate_and_ends_with_the_episode():
     state, _, rng = somewhere(SYSTEM, 7, steps=50)
     wait = rng.integers(0, 15, size=(7, 8))
-    gain = SYSTEM.gain(state.public, wait, 9)
+    gain = SYSTEM.gain(state.belief, wait, 9)
     for w in range(15):
-        np.testing.assert_array_equal(gain[wait == w], SYSTEM.gain(state.public, w, 9)[wait == w])
+        np.testing.assert_array_equal(gain[wait == w], SYSTEM.gain(state.belief, w, 9)[wait == w])
     assert (gain[wait >= 10] == 0).all()
     assert (gain[wait < 10] > 0).any()
 
 
 def test_delay_is_how_long_it_takes():
     state, worlds, _ = somewhere(SYSTEM, 40, steps=11)
-    delay = SYSTEM.delay(state.public)
+    delay = SYSTEM.delay(state.belief)
     assert set(delay.ravel()) == {0, 1, 2, 3}
     for c in SYSTEM.candidates():
         here, silent = state, np.zeros(40, int)
         for _ in range(5):
-            here = SYSTEM.advance(here, np.full(40, c), worlds)
-            silent += here.hidden.silent
+            here = SYSTEM.transition(here, np.full(40, c), worlds)
+            silent += here.truth.silent
         np.testing.assert_array_equal(silent, delay[:, c])

@@ -13,7 +13,7 @@ from wavegym.core.parameters import make_checked
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import rollout
 from wavegym.sensors import multistatic_range_and_rate
-from wavegym.systems.urban.state import MOST, Public
+from wavegym.systems.urban.state import MOST, Belief
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
 from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
@@ -23,23 +23,23 @@ SYSTEM = Urban()
 
 def test_targets_drive_as_the_paper_says():
     """Ten seconds apart, from (1950, 1500) to (2069.33, 1669.33)."""
-    truth, present = SYSTEM.scene.truth, SYSTEM.scene.present
-    np.testing.assert_allclose(truth[-1, 0, :2], [2069.33, 1669.33], atol=0.01)
-    np.testing.assert_allclose(truth[40:, 1], truth[:-40, 0], atol=1e-9)
+    true_states, present = SYSTEM.scene.truth, SYSTEM.scene.present
+    np.testing.assert_allclose(true_states[-1, 0, :2], [2069.33, 1669.33], atol=0.01)
+    np.testing.assert_allclose(true_states[40:, 1], true_states[:-40, 0], atol=1e-9)
     assert present.sum(axis=0).tolist() == [141, 101]
 
 
 def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     """The first target's direct return at scan 100 in 4000 worlds: Pd, mean, covariance; and the number of others."""
     count, scan, system = 4000, 100, Urban(arrivals=(0.0,))
-    worlds, state = oracles.worlds(system, count), system.begin(oracles.worlds(system, count))
-    state = state._replace(public=state.public._replace(step=np.full(count, scan - 1)))
-    hidden = system.advance(state, np.full(count, LONG_UP), worlds).hidden
+    worlds, state = oracles.worlds(system, count), system.initial(oracles.worlds(system, count))
+    state = state._replace(belief=state.belief._replace(step=np.full(count, scan - 1)))
+    truth = system.transition(state, np.full(count, LONG_UP), worlds).truth
     exact = multistatic_range_and_rate(system.scene.truth[scan, 0, :4], system.transmitters[0], system.receivers[0])
     eta = 200.0 * (100.0 / exact[0]) ** 4
     R = system.actions.measurement_covariances(4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
     ways = system.scene.z[0, scan, 0, : system.scene.ways[0, scan, 0]]
-    off = hidden.z[:, 0, 0] - exact  # ways come first, the direct one before all others
+    off = truth.z[:, 0, 0] - exact  # ways come first, the direct one before all others
     squared = (off * np.linalg.solve(R, off.T).T).sum(axis=1)
     detected = squared < chi2.ppf(1 - 1e-6, 2)
     pd = 1e-3 ** (1.0 / (1.0 + eta / 2.0))
@@ -52,9 +52,9 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
         1e-3 ** (1.0 / (1.0 + 100.0 * (100.0 / r) ** 4 * 0.4**k))
         for r, k in zip(ways[:, 0], walls(system, scan), strict=True)
     ]
-    number = hidden.number[:, 0].mean()
+    number = truth.number[:, 0].mean()
     assert abs(number - expected - sum(most)) < 4.5 * np.sqrt((expected + len(most) / 4) / count)
-    assert hidden.z.shape[2] == MOST
+    assert truth.z.shape[2] == MOST
     assert poisson.sf(MOST // 2, expected) < 1e-6  # an array has room for all
 
 
@@ -62,16 +62,16 @@ def test_there_is_room_for_all_clutter():
     """Beside what targets return: 6 standard deviations; as many false returns come as should."""
     system, count = Urban(clutter_density=1e-2), 40
     worlds = oracles.worlds(system, count)
-    hidden = system.advance(system.begin(worlds), np.zeros(count, int), worlds).hidden
+    truth = system.transition(system.initial(worlds), np.zeros(count, int), worlds).truth
     expected = 1e-2 * 300.0 * 2.0 * system.ambiguity  # 112
-    assert poisson.sf(hidden.z.shape[2] - 1, expected) < 1e-8
-    assert abs(hidden.number.mean() - expected) < 4.5 * np.sqrt(expected / hidden.number.size)
+    assert poisson.sf(truth.z.shape[2] - 1, expected) < 1e-8
+    assert abs(truth.number.mean() - expected) < 4.5 * np.sqrt(expected / truth.number.size)
 
 
 def test_a_target_that_nobody_holds_is_an_error_too():
     system = Urban(reference_snr=1e-3)
     worlds = oracles.worlds(system, 2)
-    figures = system.metrics(system.advance(system.begin(worlds), np.zeros(2, int), worlds))
+    figures = system.state_info(system.transition(system.initial(worlds), np.zeros(2, int), worlds))
     np.testing.assert_array_equal(figures["position_error"], [[20.0, 0.0]] * 2)  # the second has not come yet
 
 
@@ -83,8 +83,8 @@ def walls(system, scan):
 def test_measurements_do_not_depend_on_other_choices():
     """Both sweeps, of the same energy, meet the same returns and the same clutter."""
     worlds = oracles.worlds(SYSTEM, 20)
-    state = SYSTEM.begin(worlds)
-    up, down = (SYSTEM.advance(state, np.full(20, a), worlds).hidden for a in (0, 1))
+    state = SYSTEM.initial(worlds)
+    up, down = (SYSTEM.transition(state, np.full(20, a), worlds).truth for a in (0, 1))
     np.testing.assert_array_equal(up.number, down.number)
     np.testing.assert_allclose(up.z, down.z, atol=1e-3)  # of a train, both sweeps have the same variances
 
@@ -92,35 +92,35 @@ def test_measurements_do_not_depend_on_other_choices():
 def test_to_lose_a_track_never_pays():
     """Whatever slot is emptied, whatever its covariance."""
     rng = np.random.default_rng(0)
-    public = played(SYSTEM, "random", 30, stop=100)[-1].public
-    public = public._replace(
-        existence=np.where(public.status == EMPTY, 0.0, rng.random(public.existence.shape)),
-        P=public.P * 10.0 ** rng.uniform(-3, 3, (*public.existence.shape, 1, 1, 1)),
+    belief = played(SYSTEM, "random", 30, stop=100)[-1].belief
+    belief = belief._replace(
+        existence=np.where(belief.status == EMPTY, 0.0, rng.random(belief.existence.shape)),
+        P=belief.P * 10.0 ** rng.uniform(-3, 3, (*belief.existence.shape, 1, 1, 1)),
     )
-    before = SYSTEM.cost(public)
-    assert (public.status != EMPTY).any(axis=0).sum() > 1
+    before = SYSTEM.cost(belief)
+    assert (belief.status != EMPTY).any(axis=0).sum() > 1
     for slot in range(SYSTEM.slots):
-        existence, status = public.existence.copy(), public.status.copy()
+        existence, status = belief.existence.copy(), belief.status.copy()
         existence[:, slot], status[:, slot] = 0.0, EMPTY
-        assert (SYSTEM.cost(public._replace(existence=existence, status=status)) >= before - 1e-12).all()
-    nothing = SYSTEM.begin(oracles.worlds(SYSTEM, 1)).public
+        assert (SYSTEM.cost(belief._replace(existence=existence, status=status)) >= before - 1e-12).all()
+    nothing = SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief
     assert SYSTEM.cost(nothing) == pytest.approx(2 * SYSTEM.absent)
 
 
 def test_the_cost_is_that_of_the_cheapest_slots():
     state = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1]
-    _, P = Tracks(*state.public[1:]).combined()
+    _, P = Tracks(*state.belief[1:]).combined()
     assert SYSTEM.absent == 5.0**2 + 2 * 10.0**2 + 2 * 1.0**2
     for e in range(5):
         each = []
-        for r, spread in zip(state.public.existence[e], P[e], strict=True):
+        for r, spread in zip(state.belief.existence[e], P[e], strict=True):
             each.append(r * min(np.trace(spread), SYSTEM.absent) + (1 - r) * SYSTEM.absent)
-        assert SYSTEM.cost(state.public)[e] == pytest.approx(sum(sorted(each)[:2]))
+        assert SYSTEM.cost(state.belief)[e] == pytest.approx(sum(sorted(each)[:2]))
 
 
-def test_foresight_has_the_shapes_of_the_contract_and_is_a_prediction():
-    public = played(SYSTEM, "round-robin", 3, stop=70)[-1].public
-    each, one = SYSTEM.imagine(public, np.arange(4)[None]), SYSTEM.imagine(public, np.full(3, LONG_UP))
+def test_prediction_has_the_shapes_of_the_contract_and_is_a_prediction():
+    belief = played(SYSTEM, "round-robin", 3, stop=70)[-1].belief
+    each, one = SYSTEM.predict(belief, np.arange(4)[None]), SYSTEM.predict(belief, np.full(3, LONG_UP))
     for many, single in zip(each, one, strict=True):
         assert many.shape[:2] == (3, 4)
         np.testing.assert_array_equal(many[:, LONG_UP], single)
@@ -128,59 +128,59 @@ def test_foresight_has_the_shapes_of_the_contract_and_is_a_prediction():
     assert cost.shape == (3, 4)
     np.testing.assert_allclose(cost[:, 0], cost[:, 1], rtol=1e-3)  # up and down
     assert (cost[:, 0] <= cost[:, 2] + 1e-9).all()  # the longer pulse has more energy
-    assert (each.step == public.step[:, None] + 1).all()
+    assert (each.step == belief.step[:, None] + 1).all()
 
 
 def test_what_agents_see_is_the_mixture_s_mean_and_spread():
-    public = played(SYSTEM, "random", 4, stop=90)[-1].public
-    x, P = Tracks(*public[1:]).combined()
+    belief = played(SYSTEM, "random", 4, stop=90)[-1].belief
+    x, P = Tracks(*belief[1:]).combined()
     shown = [
-        SYSTEM.observe(public)[:, [i for i, e in enumerate(SYSTEM.elements) if e.name.startswith(name)]]
+        SYSTEM.observe(belief)[:, [i for i, e in enumerate(SYSTEM.observation_fields) if e.name.startswith(name)]]
         for name in ("x_", "y_", "xdot_", "ydot_", "sigma_position_", "sigma_velocity_", "existence_", "confirmed_")
     ]
-    there, variance = public.status != EMPTY, np.diagonal(P, 0, -2, -1)
+    there, variance = belief.status != EMPTY, np.diagonal(P, 0, -2, -1)
     sigma = np.sqrt(variance[..., 0] + variance[..., 1]), np.sqrt(variance[..., 2] + variance[..., 3])
     place = x[..., 0] - SYSTEM.transmitters[0][0], x[..., 1] - SYSTEM.transmitters[0][1], x[..., 2], x[..., 3]
-    for ours, exact in zip(shown, (*place, *sigma, public.existence, public.status == CONFIRMED), strict=True):
+    for ours, exact in zip(shown, (*place, *sigma, belief.existence, belief.status == CONFIRMED), strict=True):
         np.testing.assert_allclose(ours, np.where(there, exact, 0.0), rtol=1e-9, atol=1e-9)
-    named = [e.name for e in SYSTEM.elements]
-    turning = SYSTEM.observe(public)[:, [named.index(f"mu_CT_left_{s}") for s in range(1, SYSTEM.slots + 1)]]
-    np.testing.assert_array_equal(turning, np.where(there, public.mu[..., 2], 0.0))
+    named = [e.name for e in SYSTEM.observation_fields]
+    turning = SYSTEM.observe(belief)[:, [named.index(f"mu_CT_left_{s}") for s in range(1, SYSTEM.slots + 1)]]
+    np.testing.assert_array_equal(turning, np.where(there, belief.mu[..., 2], 0.0))
     assert there.any()
 
 
 def test_metrics_are_counted_by_hand():
     for state in played(SYSTEM, "round-robin", 4)[19::30]:
-        found = SYSTEM.metrics(state)
-        x, P = Tracks(*state.public[1:]).combined()
+        found = SYSTEM.state_info(state)
+        x, P = Tracks(*state.belief[1:]).combined()
         for e in range(4):
-            sure = np.flatnonzero(state.public.status[e] == CONFIRMED)
+            sure = np.flatnonzero(state.belief.status[e] == CONFIRMED)
             assert found["confirmed"][e] == len(sure)
             false = 0
             for s in sure:
-                off = np.linalg.norm(state.hidden.truth[e, state.hidden.present[e], :2] - x[e, s, :2], axis=1)
+                off = np.linalg.norm(state.truth.targets[e, state.truth.present[e], :2] - x[e, s, :2], axis=1)
                 false += off.min() > 20.0
             assert found["false"][e] == false
             for g in range(2):
-                off = {s: np.linalg.norm(state.hidden.truth[e, g, :2] - x[e, s, :2]) for s in sure}
+                off = {s: np.linalg.norm(state.truth.targets[e, g, :2] - x[e, s, :2]) for s in sure}
                 near = min(off, key=off.__getitem__) if off else None
-                held = bool(state.hidden.present[e, g]) and near is not None and off[near] <= 20.0
+                held = bool(state.truth.present[e, g]) and near is not None and off[near] <= 20.0
                 assert found["held"][e, g] == held
                 assert found["position_error"][e, g] == pytest.approx(
-                    off[near] if held else 20.0 if state.hidden.present[e, g] else 0.0
+                    off[near] if held else 20.0 if state.truth.present[e, g] else 0.0
                 )
                 if held:
-                    d = state.hidden.truth[e, g, :4] - x[e, near, :4]
+                    d = state.truth.targets[e, g, :4] - x[e, near, :4]
                     assert found["nees"][e, g] == pytest.approx(d @ np.linalg.solve(P[e, near, :4, :4], d))
 
 
 def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
     """All costs are equal then, and the first of the library is taken; with tracks, energy decides: it always does."""
-    public = SYSTEM.begin(oracles.worlds(SYSTEM, 3)).public
-    costs = SYSTEM.cost(SYSTEM.imagine(public, np.arange(4)[None]))
+    belief = SYSTEM.initial(oracles.worlds(SYSTEM, 3)).belief
+    costs = SYSTEM.cost(SYSTEM.predict(belief, np.arange(4)[None]))
     assert (costs == costs[:, :1]).all()
     always, myopic = (played(SYSTEM, policy, 5)[-1] for policy in (f"fixed:{LONG_UP}", "myopic"))
-    np.testing.assert_allclose(SYSTEM.cost(always.public), SYSTEM.cost(myopic.public), rtol=1e-3)
+    np.testing.assert_allclose(SYSTEM.cost(always.belief), SYSTEM.cost(myopic.belief), rtol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_mistakes(change, message):
 
 
 def test_public_is_a_named_tuple_of_tracks():
-    assert Public._fields[1:] == Tracks._fields
+    assert Belief._fields[1:] == Tracks._fields
 
 
 def test_a_tree_of_futures_can_be_searched():

@@ -39,19 +39,19 @@ def test_the_paper_s_findings():
 
 
 def test_each_of_several_transmitters_has_its_own_waveform():
-    """Sixteen joint actions of two; what one sends is measured, and foreseen, by its own pairs alone."""
+    """Sixteen joint actions of two; what one sends is measured, and predicted, by its own pairs alone."""
     system = Urban(transmitters=((2085.0, 1470.5), (2060.0, 1530.0)))
     assert len(system.actions) == 16
     assert system.actions.labels[2] == f"{system.library.labels[0]} | {system.library.labels[2]}"
     worlds = oracles.worlds(system, 10)
-    state = system.begin(worlds)
+    state = system.initial(worlds)
     for _ in range(70):
-        state = system.advance(state, np.full(10, 0), worlds)
-    short, mixed, long = (system.advance(state, np.full(10, a), worlds).hidden.z for a in (10, 2, 0))
+        state = system.transition(state, np.full(10, 0), worlds)
+    short, mixed, long = (system.transition(state, np.full(10, a), worlds).truth.z for a in (10, 2, 0))
     np.testing.assert_array_equal(mixed[:, :2], long[:, :2])  # pairs of the first transmitter, which sends the longer
     np.testing.assert_array_equal(mixed[:, 2:], short[:, 2:])
     assert (short != long).any(axis=(0, 2, 3)).all()
-    cost = system.cost(system.imagine(state.public, np.array([[10, 8, 2, 0]])))
+    cost = system.cost(system.predict(state.belief, np.array([[10, 8, 2, 0]])))
     assert (cost[:, 3:] <= cost + 1e-9).all()
     assert (cost[:, :1] >= cost - 1e-9).all()
     assert (cost[:, 1] != cost[:, 2]).all()

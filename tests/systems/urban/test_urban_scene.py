@@ -52,7 +52,7 @@ def marked(marker, artists):
 
 
 def tracks_of(state):
-    return Tracks(*state.public[1:])
+    return Tracks(*state.belief[1:])
 
 
 def plain(states, transmitter, receiver):
@@ -88,7 +88,7 @@ def test_the_map_shows_targets_with_their_trails_and_ways_that_are_open(crossing
     axes, moment = crossing[0]._map, crossing[1]
     for t, since in ((0, 0), (1, 40)):  # the second target comes ten seconds later
         ways, trail, cross = of(colour(t), axes.lines)
-        expected = [state.hidden.truth[0, t, :2] for state in moment.states[since:]]
+        expected = [state.truth.targets[0, t, :2] for state in moment.states[since:]]
         np.testing.assert_allclose(trail.get_xydata(), expected)
         np.testing.assert_allclose(cross.get_xydata(), expected[-1:])
         antennas = (*SYSTEM.transmitters, *SYSTEM.receivers)
@@ -103,13 +103,13 @@ def test_the_map_shows_every_track_with_its_ellipse(steps):
     x, P = tracks_of(now).combined()
     for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
         outlines = [line for line in of(style["color"], scene._map.lines) if len(line.get_xdata()) == 121]
-        for slot, line in zip(np.flatnonzero(now.public.status[0] == status), outlines, strict=True):
+        for slot, line in zip(np.flatnonzero(now.belief.status[0] == status), outlines, strict=True):
             off = line.get_xydata() - x[0, slot, :2]
             inverse = np.linalg.inv(P[0, slot, :2, :2])
             np.testing.assert_allclose(np.einsum("pi,ij,pj->p", off, inverse, off), 4.0, rtol=1e-6)
-    assert (now.public.status == (CONFIRMED if steps == BOTH_HELD else TENTATIVE)).any()
+    assert (now.belief.status == (CONFIRMED if steps == BOTH_HELD else TENTATIVE)).any()
     trail = marked(".", of("black", scene._map.lines))[0].get_xydata()
-    assert len(trail) == sum((state.public.status == CONFIRMED).sum() for state in moment.states)
+    assert len(trail) == sum((state.belief.status == CONFIRMED).sum() for state in moment.states)
 
 
 def test_before_the_crossing_a_target_has_ways_by_walls_only():
@@ -128,12 +128,12 @@ def test_a_scan_panel_shows_measurements_targets_and_tracks(crossing):
     now = moment.states[-1]
     x, _ = tracks_of(now).combined()
     for m, axes in enumerate(scene._scans):
-        number = now.hidden.number[0, m]
-        np.testing.assert_array_equal(marked(".", axes.lines)[0].get_xydata(), now.hidden.z[0, m, :number])
-        exact = plain(now.hidden.truth[0], SYSTEM.transmitters[0], SYSTEM.receivers[m])
+        number = now.truth.number[0, m]
+        np.testing.assert_array_equal(marked(".", axes.lines)[0].get_xydata(), now.truth.z[0, m, :number])
+        exact = plain(now.truth.targets[0], SYSTEM.transmitters[0], SYSTEM.receivers[m])
         for t, cross in enumerate(marked("x", axes.lines)):
             np.testing.assert_allclose(cross.get_xydata(), exact[t : t + 1])
-        sure = x[0, now.public.status[0] == CONFIRMED]
+        sure = x[0, now.belief.status[0] == CONFIRMED]
         circles = of("black", marked("o", axes.lines))[0]
         np.testing.assert_allclose(circles.get_xydata(), plain(sure, SYSTEM.transmitters[0], SYSTEM.receivers[m]))
         assert len(sure) == 2
@@ -146,7 +146,7 @@ def test_rates_are_drawn_as_they_are_measured():
 
 def test_errors_are_those_of_the_metrics_where_a_target_is_held(crossing):
     scene, moment = crossing
-    figures = [SYSTEM.metrics(state) for state in moment.states]
+    figures = [SYSTEM.state_info(state) for state in moment.states]
     for t in (0, 1):
         line, last = of(colour(t), scene._errors.lines)
         held = np.array([figure["held"][0, t] for figure in figures])
@@ -159,22 +159,22 @@ def test_errors_are_those_of_the_metrics_where_a_target_is_held(crossing):
 @pytest.mark.parametrize("steps", [30, BOTH_HELD])
 def test_a_bar_is_as_long_as_its_track_is_sure(steps):
     scene, moment = drawn(SYSTEM, steps)
-    public = moment.states[-1].public
+    belief = moment.states[-1].belief
     bars = [patch for patch in scene._slots.patches if isinstance(patch, Rectangle)]
     for slot in range(SYSTEM.slots):
         own = [bar for bar in bars if bar.get_y() + 0.5 * bar.get_height() == pytest.approx(slot + 1)]
-        assert bool(own) == (public.status[0, slot] != EMPTY)
-        for bar, mu, shade in zip(own, public.mu[0, slot], SHADES, strict=False):
-            assert bar.get_width() == pytest.approx(public.existence[0, slot] * mu)
-            faint = 1.0 if public.status[0, slot] == CONFIRMED else FAINT
+        assert bool(own) == (belief.status[0, slot] != EMPTY)
+        for bar, mu, shade in zip(own, belief.mu[0, slot], SHADES, strict=False):
+            assert bar.get_width() == pytest.approx(belief.existence[0, slot] * mu)
+            faint = 1.0 if belief.status[0, slot] == CONFIRMED else FAINT
             assert bar.get_facecolor() == pytest.approx(colours.to_rgba(shade, faint))
         if own:
-            assert own[-1].get_x() + own[-1].get_width() == pytest.approx(public.existence[0, slot])
+            assert own[-1].get_x() + own[-1].get_width() == pytest.approx(belief.existence[0, slot])
 
 
 def test_the_caption_counts(crossing):
     moment = crossing[1]
-    count = int(moment.states[-1].hidden.number.sum())
+    count = int(moment.states[-1].truth.number.sum())
     assert scan_caption(SYSTEM, moment) == f"{count} measurements  ·  target 1: held  ·  target 2: held"
 
 
@@ -189,7 +189,7 @@ def test_the_caption_counts(crossing):
 )
 def test_any_numbers_are_drawn(changes):
     scene, moment = drawn(Urban(**changes), 45)
-    present = moment.states[-1].hidden.present[0]
+    present = moment.states[-1].truth.present[0]
     assert len(marked("x", scene._map.lines)) == present.sum()
     scene._map.figure.canvas.draw()
 

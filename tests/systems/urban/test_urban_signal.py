@@ -31,21 +31,21 @@ def plain(tmp_path_factory):
 def scanned(system, scan, count, waveform):
     """What receivers measure in the scan-th scan of ``count`` worlds."""
     worlds = oracles.worlds(system, count)
-    state = system.begin(worlds)
-    state = state._replace(public=state.public._replace(step=np.full(count, scan - 1)))
-    return system.advance(state, np.full(count, waveform), worlds).hidden
+    state = system.initial(worlds)
+    state = state._replace(belief=state.belief._replace(step=np.full(count, scan - 1)))
+    return system.transition(state, np.full(count, waveform), worlds).truth
 
 
 @pytest.mark.parametrize("waveform", range(4))
 def test_a_target_in_the_open_is_measured_as_well_as_the_measurement_level_says(plain, waveform):
     """200 trains a receiver: no bias, and deviations within four standard errors (20 %) of sqrt(R(psi) / eta)."""
     count, scan = 200, 30
-    hidden = scanned(plain, scan, count, waveform)
+    truth = scanned(plain, scan, count, waveform)
     for m, place in enumerate(plain.receivers):
         exact = multistatic_range_and_rate(plain.scene.truth[scan, 0, :4], plain.transmitters[0], place)
         eta = 200.0 * plain.durations[waveform // 2] / plain.durations[0] * (100.0 / exact[0]) ** 4
         sigma = np.sqrt(np.diag(plain.actions.measurement_covariances(4e9)[waveform]) / eta)
-        errors = (hidden.z[:, m, 0] - exact) / sigma  # the strongest comes first
+        errors = (truth.z[:, m, 0] - exact) / sigma  # the strongest comes first
         assert (np.abs(errors.mean(axis=0)) < 4.0 / math.sqrt(count)).all()
         np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.2)
 
@@ -85,12 +85,12 @@ def test_it_is_tracked_as_well_as_at_the_measurement_level():
 def per_episode(system, count=10):
     """Mean GOSPA of each episode, always with the longer pulse."""
     worlds = oracles.worlds(system, count)
-    state, total = system.begin(worlds), np.zeros(count)
+    state, total = system.initial(worlds), np.zeros(count)
     policy = make_policy(f"fixed:{LONG_UP}", system, None)
     policy.begin(system, count, np.random.default_rng(0))
     for _ in range(system.horizon):
-        state = system.advance(state, policy.act(state.public, None, None), worlds)
-        total += system.metrics(state)["gospa"]
+        state = system.transition(state, policy.act(state.belief, None, None), worlds)
+        total += system.state_info(state)["gospa"]
     return total / system.horizon
 
 

@@ -15,11 +15,11 @@ LONG_UP = 0  # number of the longer pulse that sweeps up
 def played(system, policy, count, stop=None):
     """States after every scan of ``count`` episodes."""
     worlds = oracles.worlds(system, count)
-    state, states = system.begin(worlds), []
+    state, states = system.initial(worlds), []
     chosen = make_policy(policy, system, None)
     chosen.begin(system, count, np.random.default_rng(0))
     for _ in range(stop or system.horizon):
-        state = system.advance(state, chosen.act(state.public, None, None), worlds)
+        state = system.transition(state, chosen.act(state.belief, None, None), worlds)
         states.append(state)
     return states
 
@@ -27,7 +27,7 @@ def played(system, policy, count, stop=None):
 def headline(system, policy):
     """Mean number of confirmed tracks and RMSE of those held in fifty runs; and the first target's models."""
     states = played(system, policy, 50)
-    figures = [system.metrics(state) for state in states]
+    figures = [system.state_info(state) for state in states]
     held = np.array([f["held"] for f in figures])
     squares = np.array([f["position_error"] for f in figures]) ** 2
     confirmed = np.mean([f["confirmed"] for f in figures])
@@ -38,13 +38,13 @@ def models_of_first(states):
     """Mean model probabilities of the confirmed track nearest the first target, (scan, model); NaN for none."""
     rows = []
     for state in states:
-        x, _ = Tracks(*state.public[1:]).combined()
-        off = np.linalg.norm(x[..., :2] - state.hidden.truth[:, :1, :2], axis=2)
-        off = np.where(state.public.status == CONFIRMED, off, np.inf)
+        x, _ = Tracks(*state.belief[1:]).combined()
+        off = np.linalg.norm(x[..., :2] - state.truth.targets[:, :1, :2], axis=2)
+        off = np.where(state.belief.status == CONFIRMED, off, np.inf)
         near = off.min(axis=1) < 20.0
         rows.append(
-            state.public.mu[near, off[near].argmin(axis=1)].mean(axis=0)
+            state.belief.mu[near, off[near].argmin(axis=1)].mean(axis=0)
             if near.any()
-            else np.full(state.public.mu.shape[2], np.nan)
+            else np.full(state.belief.mu.shape[2], np.nan)
         )
     return np.array(rows)

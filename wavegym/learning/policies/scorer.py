@@ -1,4 +1,4 @@
-"""One network that scores every candidate alike, from what is foreseen of it and from what all candidates share.
+"""One network that scores every candidate alike, from what is predicted of it and from what all candidates share.
 
 Of each candidate h = tanh(A f + B c + e): f its forecasts (``wavegym.envs.forecasts``) and what is observed of the
 targets that it looks at (``System.aims``), c a summary of the whole observation of the system, e an offset of its own,
@@ -43,7 +43,7 @@ class Layout(NamedTuple):
     @classmethod
     def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
         """That of an environment of a system."""
-        own, count = len(system.elements), int(actions.n)
+        own, count = len(system.observation_fields), int(actions.n)
         return cls(own, count, (observation.shape[0] - own) // count, pairs(system))
 
 
@@ -52,13 +52,16 @@ def pairs(system: System) -> tuple[tuple[int, ...], ...]:
 
     A number after it tells of one sensor, as in ``snr_2_1``.
     """
-    if system.aims is None:
+    if system.target_of_action is None:
         return ((),) * len(system.candidates())
     of_target: dict[int, list[int]] = {}
-    for n, element in enumerate(system.elements):
+    for n, element in enumerate(system.observation_fields):
         if named := re.fullmatch(r".*?_(\d+)(_\d+)?", element.name):
             of_target.setdefault(int(named[1]) - 1, []).append(n)
-    return tuple(tuple(n for target in aims for n in of_target[target]) for aims in system.aims.tolist())
+    return tuple(
+        tuple(n for target in target_of_action for n in of_target[target])
+        for target_of_action in system.target_of_action.tolist()
+    )
 
 
 class Trunk(nn.Module):
@@ -79,9 +82,9 @@ class Trunk(nn.Module):
         elements, candidates, figures, _ = self.layout
         hidden = self.shared(self.context(observation[:, :elements]))[:, None] + self.offset
         if self.own is not None:
-            foreseen = observation[:, elements:].reshape(len(observation), candidates, figures)
+            predicted = observation[:, elements:].reshape(len(observation), candidates, figures)
             of_pairs: Any = self.pairs
-            hidden = hidden + self.own(torch.cat([foreseen, observation[:, of_pairs]], dim=2))
+            hidden = hidden + self.own(torch.cat([predicted, observation[:, of_pairs]], dim=2))
         return self.activation(hidden)
 
 
@@ -95,8 +98,8 @@ class Exchange(nn.Module):
 
     def forward(self, hidden: Tensor) -> Tensor:
         """(env, candidate, width) of (env, candidate, inputs)."""
-        told = self.activation(self.own(hidden) + self.others(pooled(hidden))[:, None])
-        return hidden + told if told.shape == hidden.shape else told
+        labels = self.activation(self.own(hidden) + self.others(pooled(hidden))[:, None])
+        return hidden + labels if labels.shape == hidden.shape else labels
 
 
 class Scorer(nn.Module):

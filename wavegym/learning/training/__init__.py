@@ -1,1 +1,2 @@
-"""Training: from a plan to a run's folder, through kills, with lessons from a scheduler and a search for settings."""
+"""Training: from a run specification to a run's folder, through kills, with lessons from a scheduler and a search for
+settings."""

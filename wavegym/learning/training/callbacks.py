@@ -18,18 +18,18 @@ from tqdm import tqdm
 from wavegym.evaluation.files import write_whole
 from wavegym.learning.training.checkpoints import save_checkpoint
 from wavegym.learning.training.curve import LearningCurve
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.snapshots import snapshot
 from wavegym.policies.runs import BOARD, CHECKPOINTS, CURVE
 
 ROWS = 100  # of the learning curve in a whole training
 
 
-class Keeper(BaseCallback):
+class SnapshotCallback(BaseCallback):
     """Keeps account of every step, and saves at the start of rollouts, where a run can be taken up (``snapshots``).
 
     Args:
-        plan: what is being trained.
+        spec: what is being trained.
         folder: of the run.
         curve: the learning curve so far.
         every: environment steps that a kill may cost, at most (or one rollout, if that is longer).
@@ -38,19 +38,19 @@ class Keeper(BaseCallback):
     """
 
     def __init__(
-        self, plan: Plan, folder: Path, curve: LearningCurve, every: int, saved: int | None, progress: bool
+        self, spec: RunSpec, folder: Path, curve: LearningCurve, every: int, saved: int | None, progress: bool
     ) -> None:
         super().__init__()
-        settings: Any = plan.settings
+        settings: Any = spec.settings
         self.folder, self.curve, self.every, self.saved = folder, curve, every, saved
         self.spacing = settings.steps // ROWS
-        self.rollout = settings.num_envs * (settings.n_steps if plan.algo == "ppo" else 1)
+        self.rollout = settings.num_envs * (settings.n_steps if spec.algo == "ppo" else 1)
         self.bar = tqdm(
             total=settings.steps,
             initial=saved or 0,
             unit=" steps",
             unit_scale=True,
-            desc=f"{plan.algo} seed {plan.seed}",
+            desc=f"{spec.algo} seed {spec.seed}",
             mininterval=0.5 if sys.stderr.isatty() else 10.0,
             disable=not progress,
         )

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.errors import InputError, whole
+from wavegym.core.errors import InputError, check_int
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import play
 from wavegym.evaluation.worlds import draw_worlds
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.train import train
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
@@ -84,11 +84,11 @@ def tune(
         from optuna.storages.journal import JournalFileBackend, JournalStorage
     except ImportError as error:
         raise InputError(f"--tune needs Optuna: {error}; pip install 'wavegym[tune]'") from None
-    whole("tune", trials, 1)
+    check_int("tune", trials, 1)
     load_settings(env_id, algo, changes, environment)  # a mistake shows before anything is trained
     out.mkdir(parents=True, exist_ok=True)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    study = optuna.create_study(
+    experiment = optuna.create_study(
         storage=JournalStorage(JournalFileBackend(str(out / TRIALS))),
         study_name=f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}",
         sampler=optuna.samplers.TPESampler(seed=seed),
@@ -99,26 +99,26 @@ def tune(
     def objective(trial: Any) -> float:
         proposed = {name: _proposed(trial, name, values) for name, values in space.items()}
         settings = load_settings(env_id, algo, {**changes, **proposed}, environment)
-        return judge(Plan(env_id, algo, seed, settings))
+        return judge(RunSpec(env_id, algo, seed, settings))
 
-    def save(study: Any, trial: Any) -> None:
-        write_whole(out, {TABLE: _table(study.trials).encode(), BEST: _toml(env_id, algo, study).encode()})
+    def save(experiment: Any, trial: Any) -> None:
+        write_whole(out, {TABLE: _table(experiment.trials).encode(), BEST: _toml(env_id, algo, experiment).encode()})
         print(f"trial {trial.number}: {100 * (np.exp(trial.value) - 1):+.2f} % of {SIMPLE}", flush=True)
 
-    left = trials - len([t for t in study.trials if t.state.is_finished()])
+    left = trials - len([t for t in experiment.trials if t.state.is_finished()])
     if left > 0:
-        study.optimize(objective, n_trials=left, callbacks=[save])
-    return _toml(env_id, algo, study)
+        experiment.optimize(objective, n_trials=left, callbacks=[save])
+    return _toml(env_id, algo, experiment)
 
 
-def judge(plan: Plan) -> float:
+def judge(spec: RunSpec) -> float:
     """Train, and compare: the mean logarithm of the cost over the best simple rule's on worlds for tuning."""
-    task = make_task(plan.env, dict(plan.settings.environment))
+    task = make_task(spec.env, dict(spec.settings.environment))
     rule = make_policy(SIMPLE, task.system, draw_worlds(task.system, world_seeds(0, "tune", RULE_WORLDS)))
     seeds = world_seeds(ROOT, "tune", WORLDS)
     with tempfile.TemporaryDirectory() as folder:
-        train(plan, Path(folder) / "run", plan.settings.steps, progress=False)
-        (policy,) = load_policy(Path(folder) / "run", plan.env, task.system)
+        train(spec, Path(folder) / "run", spec.settings.steps, progress=False)
+        (policy,) = load_policy(Path(folder) / "run", spec.env, task.system)
     cost, reference = (play(task, p, seeds).episode_cost() for p in (policy, rule))
     return float(np.log(cost / reference).mean())
 
@@ -142,9 +142,9 @@ def _table(trials: list[Any]) -> str:
     return text.getvalue()
 
 
-def _toml(env_id: str, algo: str, study: Any) -> str:
+def _toml(env_id: str, algo: str, experiment: Any) -> str:
     """The best settings as a table for wavegym/learning/settings.toml."""
-    percent = 100 * (np.exp(study.best_value) - 1)
-    lines = [f"# {percent:+.2f} % of {SIMPLE} on worlds for tuning, the best of {len(study.trials)} trials"]
-    values = {k: float(f"{v:.3g}") if isinstance(v, float) else v for k, v in study.best_params.items()}
+    percent = 100 * (np.exp(experiment.best_value) - 1)
+    lines = [f"# {percent:+.2f} % of {SIMPLE} on worlds for tuning, the best of {len(experiment.trials)} trials"]
+    values = {k: float(f"{v:.3g}") if isinstance(v, float) else v for k, v in experiment.best_params.items()}
     return "\n".join([*lines, f'["{env_id}".{algo}]', *(f"{name} = {value}" for name, value in values.items())]) + "\n"

@@ -33,7 +33,7 @@ from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 
-ROOT = word("lessons")  # of their worlds' seeds
+ROOT = word("lessons")  # seeds the worlds of all trained agents: frozen, whatever the words around it become
 TUNING = 200  # worlds for a teacher that is to be tuned
 BATCH = 256
 SHARPNESS = 20.0  # logits for a saving of the whole cost
@@ -45,7 +45,7 @@ NEAR = 0.02  # of a box's half width: about as far from the best point a choice 
 RATE = 3e-3  # Adam's, at the start; falls to 0
 
 
-def teach(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -> None:
+def pretrain(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -> None:
     """Let the learner imitate ``settings.teacher``, whose constants are those recorded or tuned on training worlds.
 
     Args:
@@ -54,27 +54,27 @@ def teach(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -
         system: the closed loop.
         seed: number of the training run.
     """
-    seeds = training_seeds(ROOT, seed, settings.lessons * settings.rounds)
+    seeds = training_seeds(ROOT, seed, settings.teacher_episodes * settings.imitation_rounds)
     tuning = draw_worlds(system, training_seeds(ROOT, seed, TUNING))
     teacher = make_policy(settings.teacher, system, tuning)
     guide = teacher
     if isinstance(teacher, RolloutPlanner):
         teacher.futures.count, guide = settings.teacher_futures, teacher.futures.base
-    heard: list[tuple[Array, Array]] = []
-    for n in range(settings.rounds):
-        worlds = draw_worlds(system, seeds[n * settings.lessons : (n + 1) * settings.lessons])
+    dataset: list[tuple[Array, Array]] = []
+    for n in range(settings.imitation_rounds):
+        worlds = draw_worlds(system, seeds[n * settings.teacher_episodes : (n + 1) * settings.teacher_episodes])
         actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else guide
         rng = np.random.default_rng([seed, n])
-        heard.append(lesson(system, teacher, actor, worlds, settings.forecasts, rng, settings.lesson_every))
-        observations, told = (np.concatenate(arrays) for arrays in zip(*heard, strict=True))
-        imitate(model, observations, told, settings.lesson_epochs, np.random.default_rng([seed, n]))
+        dataset.append(demonstrations(system, teacher, actor, worlds, settings.forecasts, rng, settings.query_every))
+        observations, labels = (np.concatenate(arrays) for arrays in zip(*dataset, strict=True))
+        imitate(model, observations, labels, settings.imitation_epochs, np.random.default_rng([seed, n]))
     if isinstance(model, DQN):  # what a rollout saves is about what Q differs by
         model.q_net_target.load_state_dict(model.q_net.state_dict())
     elif isinstance(teacher, RolloutPlanner) or isinstance(model.action_space, spaces.Box):
-        sharpen(model)
+        calibrate_temperature(model)
 
 
-def lesson(
+def demonstrations(
     system: System,
     teacher: Policy,
     actor: Policy,
@@ -92,33 +92,33 @@ def lesson(
         Observations (decision, elements), and the teacher's actions (decision, ...); or, of a RolloutPlanner, the
         logits (decision, candidate) that its advantages are worth, NaN where a candidate is not allowed.
     """
-    observer, state = Observer(system, forecasts), system.begin(worlds)
+    observer, state = Observer(system, forecasts), system.initial(worlds)
     for policy in {id(teacher): teacher, id(actor): actor}.values():
-        policy.begin(system, len(state.public.step), rng)
+        policy.begin(system, len(state.belief.step), rng)
     seen: list[Array] = []
-    told: list[Array] = []
-    while not (over := system.ended(state.public)).all():
-        mask = allowed(system, state.public)
-        observation, _ = observer(state.public)
+    labels: list[Array] = []
+    while not (over := system.terminal(state.belief)).all():
+        mask = allowed(system, state.belief)
+        observation, _ = observer(state.belief)
         if len(seen) < every or every == 1 or rng.random() < 1.0 / every:
-            answer = _answer(teacher, state.public, observation, mask)
+            answer = _answer(teacher, state.belief, observation, mask)
             seen.append(observation[~over])
-            told.append(answer[~over])
-        done = answer if actor is teacher else actor.act(state.public, observation, mask)
-        state = system.advance(state, done, worlds)
-    return np.concatenate(seen), np.concatenate(told)
+            labels.append(answer[~over])
+        done = answer if actor is teacher else actor.act(state.belief, observation, mask)
+        state = system.transition(state, done, worlds)
+    return np.concatenate(seen), np.concatenate(labels)
 
 
-def _answer(teacher: Policy, public: Any, observation: Array, mask: Array | None) -> Array:
-    """See ``lesson``."""
+def _answer(teacher: Policy, belief: Any, observation: Array, mask: Array | None) -> Array:
+    """See ``demonstrations``."""
     if isinstance(teacher, RolloutPlanner):
-        return np.clip(SHARPNESS * teacher.advantages(public, mask), -MOST, MOST).astype(np.float32)
-    return teacher.act(public, observation, mask)
+        return np.clip(SHARPNESS * teacher.advantages(belief, mask), -MOST, MOST).astype(np.float32)
+    return teacher.act(belief, observation, mask)
 
 
-def imitate(model: BaseAlgorithm, observations: Array, told: Array, epochs: int, rng: np.random.Generator) -> None:
+def imitate(model: BaseAlgorithm, observations: Array, labels: Array, epochs: int, rng: np.random.Generator) -> None:
     """Bring the actor to what it was told: actions, or the distribution that logits stand for."""
-    seen, wanted = torch.as_tensor(observations), torch.as_tensor(told)
+    seen, wanted = torch.as_tensor(observations), torch.as_tensor(labels)
     optimiser = torch.optim.Adam(actor_parameters(model), lr=RATE)
     steps = max(1, epochs * len(seen) // BATCH)
     for step in range(steps):
@@ -149,7 +149,7 @@ def preferences(model: BaseAlgorithm, seen: torch.Tensor) -> torch.Tensor:
     return policy.q_net(seen) if isinstance(model, DQN) else policy.get_distribution(seen).distribution.logits
 
 
-def sharpen(model: BaseAlgorithm) -> None:
+def calibrate_temperature(model: BaseAlgorithm) -> None:
     """Make the actor surer of the same choices; noise in what it was told had kept it undecided.
 
     In a box, where lessons say nothing of it, it becomes as sure as is worth anything.

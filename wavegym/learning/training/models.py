@@ -1,4 +1,4 @@
-"""From a plan to an untrained Stable-Baselines3 model with its environments."""
+"""From a run specification to an untrained Stable-Baselines3 model with its environments."""
 
 from __future__ import annotations
 
@@ -20,14 +20,24 @@ from wavegym.evaluation import training_seeds
 from wavegym.learning.policies.mixture import MixturePolicy
 from wavegym.learning.policies.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
 from wavegym.learning.settings import PPOSettings, Settings
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 
 ROOT = 0  # of the training worlds' seeds; test worlds differ from them whatever their root is
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that are not Stable-Baselines3's own.
 OURS = (
     *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
-    *("masks", "modes", "teacher", "teacher_futures", "lessons", "rounds", "lesson_every", "lesson_epochs", "warm_up"),
+    *(
+        "masks",
+        "modes",
+        "teacher",
+        "teacher_futures",
+        "teacher_episodes",
+        "imitation_rounds",
+        "query_every",
+        "imitation_epochs",
+        "critic_warm_up",
+    ),
 )
 POLICIES = {PPO: ScorerPolicy, MaskablePPO: MaskableScorerPolicy, DQN: ScorerDQNPolicy}
 
@@ -39,14 +49,14 @@ def model_class(settings: Settings) -> type[BaseAlgorithm]:
     return MaskablePPO if settings.masks else PPO
 
 
-def build_model(plan: Plan) -> BaseAlgorithm:
+def build_model(spec: RunSpec) -> BaseAlgorithm:
     """The model, every generator seeded.
 
     Raises:
         InputError: a setting that the environment does not know, or actions that the algorithm cannot choose.
     """
-    settings, algorithm = plan.settings, model_class(plan.settings)
-    env = _environments(plan, settings.num_envs)
+    settings, algorithm = spec.settings, model_class(spec.settings)
+    env = _environments(spec, settings.num_envs)
     own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in OURS}
     if algorithm is DQN:
         own["train_freq"] = 1
@@ -56,11 +66,11 @@ def build_model(plan: Plan) -> BaseAlgorithm:
         env,
         learning_rate=LinearSchedule(settings.learning_rate, 0.0, 1.0),
         policy_kwargs=network,
-        seed=plan.seed,
+        seed=spec.seed,
         device="cpu",
         **own,
     )
-    env.seed(training_seeds(ROOT, plan.seed, settings.num_envs))
+    env.seed(training_seeds(ROOT, spec.seed, settings.num_envs))
     return model
 
 
@@ -80,37 +90,37 @@ def _modes(settings: Settings) -> int:
     return settings.modes if isinstance(settings, PPOSettings) else 1
 
 
-def _environments(plan: Plan, count: int) -> SB3VecEnv:
-    """A batch of the plan's environments; InputError where the algorithm or the policy cannot choose there."""
-    settings = plan.settings
-    env = SB3VecEnv(plan.env, count, reward=settings.reward, forecasts=settings.forecasts, **settings.environment)
+def _environments(spec: RunSpec, count: int) -> SB3VecEnv:
+    """A batch of the run's environments; InputError where the algorithm or the policy cannot choose there."""
+    settings = spec.settings
+    env = SB3VecEnv(spec.env, count, reward=settings.reward, forecasts=settings.forecasts, **settings.environment)
     if not isinstance(env.action_space, spaces.Discrete):
-        for name, asked in (("dqn", plan.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
+        for name, asked in (("dqn", spec.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
             if asked:
                 wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
                 raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
     if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):
-        raise InputError(f"modes is {modes}, expected 1: the actions of {plan.env} are {env.action_space}, no box")
+        raise InputError(f"modes is {modes}, expected 1: the actions of {spec.env} are {env.action_space}, no box")
     return env
 
 
-def try_out(plan: Plan) -> None:
-    """One step of the plan's environment, apart from the training's own environments and generators.
+def try_out(spec: RunSpec) -> None:
+    """One step of the run's environment, apart from the training's own environments and generators.
 
     Raises:
         InputError: a setting that the environment does not know, a missing file of recorded targets and the like, or a
             reward that its system cannot give.
     """
-    settings = plan.settings
-    env = _environments(plan, 1)
-    env.seed(training_seeds(ROOT, plan.seed, 1))
+    settings = spec.settings
+    env = _environments(spec, 1)
+    env.seed(training_seeds(ROOT, spec.seed, 1))
     env.action_space.seed(0)
     try:
         env.reset()
         env.step(np.array([env.action_space.sample()]))
     except NotImplementedError as error:
         missing = f"its system does not offer what reward {settings.reward!r} needs"
-        raise InputError(f"{plan.env} cannot be trained in: {missing}, expected another reward") from error
+        raise InputError(f"{spec.env} cannot be trained in: {missing}, expected another reward") from error
     finally:
         env.close()
 

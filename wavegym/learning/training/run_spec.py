@@ -13,13 +13,13 @@ import wavegym
 from wavegym.core.errors import InputError
 from wavegym.learning.settings import Settings
 from wavegym.policies.records import difference, read_record
-from wavegym.policies.runs import CONTENTS, PLAN
+from wavegym.policies.runs import CONTENTS, SPEC
 
 PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3", "sb3-contrib")
 
 
 @dataclasses.dataclass(frozen=True)
-class Plan:
+class RunSpec:
     """What is to be trained; two runs of one plan end with the same weights.
 
     Attributes:
@@ -52,11 +52,11 @@ def check_unused(folder: Path) -> None:
             raise InputError(f"{folder} already holds a run ({name}), expected a new folder or --resume")
 
 
-def check_same(plan: Plan, folder: Path) -> None:
-    """Raise an InputError that names the difference if the run in the folder is of another plan, or there is none."""
-    if not (folder / PLAN).exists():
-        raise InputError(f"{folder} holds no run to resume, expected {PLAN} in it")
-    unlike = difference(plan.record(), read_record(folder / PLAN))
+def check_same(spec: RunSpec, folder: Path) -> None:
+    """Raise an InputError that names the difference if the run in the folder is of another spec, or there is none."""
+    if not (folder / SPEC).exists():
+        raise InputError(f"{folder} holds no run to resume, expected {SPEC} in it")
+    unlike = difference(spec.record(), read_record(folder / SPEC))
     if unlike:
         name, here, there = unlike
         raise InputError(f"{name} is {here!r}, but the run in {folder} has {there!r}: it cannot be resumed")

@@ -17,7 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from wavegym.core.errors import InputError
 from wavegym.learning.training.models import model_bytes, model_class
-from wavegym.learning.training.run_spec import Plan
+from wavegym.learning.training.run_spec import RunSpec
 
 
 def snapshot(model: BaseAlgorithm, notes: Any) -> bytes:
@@ -36,15 +36,15 @@ def snapshot(model: BaseAlgorithm, notes: Any) -> bytes:
     return pickle.dumps(state, protocol=pickle.HIGHEST_PROTOCOL)
 
 
-def restore(plan: Plan, content: bytes) -> tuple[BaseAlgorithm, Any]:
+def restore(spec: RunSpec, content: bytes) -> tuple[BaseAlgorithm, Any]:
     """The model with its environment, ready for ``learn(reset_num_timesteps=False)``, and the notes.
 
     Raises:
-        InputError: the content is no snapshot of a run of this plan, or one of another version of the code.
+        InputError: the content is no snapshot of a run of this spec, or one of another version of the code.
     """
     try:
         state = pickle.loads(content)
-        model = model_class(plan.settings).load(
+        model = model_class(spec.settings).load(
             io.BytesIO(state["model"]), env=state["env"], device="cpu", force_reset=False
         )
         model.action_space = state["action_space"]

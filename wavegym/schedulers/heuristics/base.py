@@ -12,7 +12,7 @@ from wavegym.core.system import System
 from wavegym.schedulers.myopic import impossible
 
 
-class Rule:
+class Heuristic:
     """The allowed candidate of the greatest value.
 
     A planner that follows a rule in simulated futures calls ``settle`` once, at the belief it starts from, and
@@ -34,26 +34,26 @@ class Rule:
         self.system: Any = system
         self.candidates = system.candidates()
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        return self.choose(public, mask, self.settle(public))
+        return self.choose(belief, mask, self.settle(belief))
 
-    def settle(self, public: Any) -> Array | None:
+    def settle(self, belief: Any) -> Array | None:
         """What is settled at a belief and held in the futures simulated from it, (env, ...); None for nothing."""
         return None
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
         """Actions (env, ...).
 
         Args:
-            public: beliefs, axis 0 = environment.
+            belief: beliefs, axis 0 = environment.
             mask: allowed actions (env, candidate), or None.
             settled: what ``settle`` returned, a row for each environment.
         """
         raise NotImplementedError
 
 
-class Held(Rule):
+class Held(Heuristic):
     """Any policy that reads nothing but the belief, with the two methods of a rule.
 
     Args:
@@ -67,9 +67,9 @@ class Held(Rule):
         """See ``Policy``."""
         self.policy.begin(system, num_envs, rng)
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``."""
-        return self.policy.act(public, None, mask)
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        return self.policy.act(belief, None, mask)
 
 
 def greatest(values: Array, mask: Array | None, burden: Array) -> Array:
@@ -88,8 +88,8 @@ def greatest(values: Array, mask: Array | None, burden: Array) -> Array:
     return np.argmin(np.where(is_best, burden, np.inf), axis=1)
 
 
-def delays(system: Any, public: Any) -> Array:
+def delays(system: Any, belief: Any) -> Array:
     """The system's delays (env, candidate); 0 where it has none."""
     if hasattr(system, "delay"):
-        return system.delay(public)
-    return np.zeros((len(public.step), len(system.actions.labels)), np.int64)
+        return system.delay(belief)
+    return np.zeros((len(belief.step), len(system.actions.labels)), np.int64)

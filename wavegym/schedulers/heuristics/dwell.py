@@ -50,13 +50,13 @@ def setups(system: Any, worlds: Any) -> list[Array]:
     count = len(candidates)
     if not hasattr(system, "delay"):
         return list(candidates[:, None])
-    public = system.begin(trees.first(worlds, HELD_ON)).public
-    held = np.tile(np.arange(count), len(public.step))
-    public = trees.repeated(public, count)
+    belief = system.initial(trees.first(worlds, HELD_ON)).belief
+    held = np.tile(np.arange(count), len(belief.step))
+    belief = trees.repeated(belief, count)
     for _ in range(min(LONGEST, system.horizon)):
-        if not system.delay(public)[np.arange(len(held)), held].any():
+        if not system.delay(belief)[np.arange(len(held)), held].any():
             break
-        public = system.imagine(public, candidates[held])
-    is_ready = (system.delay(public) == 0).reshape(-1, count, count).mean(axis=0) > 0.5
+        belief = system.predict(belief, candidates[held])
+    is_ready = (system.delay(belief) == 0).reshape(-1, count, count).mean(axis=0) > 0.5
     groups = {ready.tobytes(): candidates[ready] for ready in is_ready}
     return [group for group in groups.values() if len(group)]

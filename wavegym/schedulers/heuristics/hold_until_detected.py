@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
-from wavegym.schedulers.heuristics.base import Rule, greatest
+from wavegym.core.errors import check_int
+from wavegym.schedulers.heuristics.base import Heuristic, greatest
 from wavegym.schedulers.heuristics.index_policies import delays
 
 FAR = 32  # steps out of sight that are told apart
 
 
-class UntilSeen(Rule):
+class HoldUntilDetected(Heuristic):
     """The greatest gain, summed for each target over ``ahead`` steps and those in which it is hidden after the look.
 
     A look at a target that stays in sight has to last until its next turn, one before it hides until it is back. For
@@ -28,17 +28,17 @@ class UntilSeen(Rule):
         InputError: fewer than one step.
     """
 
-    name = "until-seen"
+    name = "hold-until-detected"
     needs = ("gain", "gain_by_target")
 
     def __init__(self, ahead: int = 4) -> None:
-        self.ahead = whole("ahead", ahead, 1)
+        self.ahead = check_int("ahead", ahead, 1)
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``."""
-        visible, rows = public.visible, np.arange(len(public.step))[:, None]
-        when = public.step[:, None] + np.arange(1, FAR + 1)
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        visible, rows = belief.visible, np.arange(len(belief.step))[:, None]
+        when = belief.step[:, None] + np.arange(1, FAR + 1)
         back = visible[rows, np.minimum(when, visible.shape[1] - 1)]  # (env, step, target)
         hidden = np.where(back.any(axis=1), back.argmax(axis=1), FAR)
-        values = self.system.gain(public, 0, self.ahead + hidden)
-        return self.candidates[greatest(values, mask, delays(self.system, public))]
+        values = self.system.gain(belief, 0, self.ahead + hidden)
+        return self.candidates[greatest(values, mask, delays(self.system, belief))]

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import non_negative, whole
+from wavegym.core.errors import check_int, check_non_negative
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Rule, delays, greatest
+from wavegym.schedulers.heuristics.base import Heuristic, delays, greatest
 
 
-class Greedy(Rule):
+class Greedy(Heuristic):
     """The candidate of the greatest gain, as if every set-up took no time.
 
     Args:
@@ -26,14 +26,14 @@ class Greedy(Rule):
     needs = ("gain",)
 
     def __init__(self, ahead: int = 1) -> None:
-        self.ahead = whole("ahead", ahead, 1)
+        self.ahead = check_int("ahead", ahead, 1)
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``."""
-        return self.candidates[greatest(self.system.gain(public, 0, self.ahead), mask, delays(self.system, public))]
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        return self.candidates[greatest(self.system.gain(belief, 0, self.ahead), mask, delays(self.system, belief))]
 
 
-class AwareGreedy(Rule):
+class AwareGreedy(Heuristic):
     """The greatest gain at the time of the pulse, divided by 1 + kappa * delay.
 
     Args:
@@ -48,16 +48,16 @@ class AwareGreedy(Rule):
     needs = ("gain", "delay")
 
     def __init__(self, kappa: float = 0.4, ahead: int = 1) -> None:
-        self.kappa, self.ahead = non_negative("kappa", kappa), whole("ahead", ahead, 1)
+        self.kappa, self.ahead = check_non_negative("kappa", kappa), check_int("ahead", ahead, 1)
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``."""
-        delay = self.system.delay(public)
-        values = self.system.gain(public, delay, self.ahead) / (1.0 + self.kappa * delay)
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        delay = self.system.delay(belief)
+        values = self.system.gain(belief, delay, self.ahead) / (1.0 + self.kappa * delay)
         return self.candidates[greatest(values, mask, delay)]
 
 
-class CostOfDelay(Rule):
+class CostOfDelay(Heuristic):
     """What is lost if a candidate's pulse comes later, per time that it takes.
 
     The value is gain(delay) - alpha * gain(delay + later), divided by (1 + delay)^power, and times 1 + bonus where the
@@ -81,9 +81,9 @@ class CostOfDelay(Rule):
     def __init__(
         self, alpha: float = 0.6, later: int = 9, ahead: int = 14, power: float = 1.3, bonus: float = 0.3
     ) -> None:
-        self.alpha, self.power = non_negative("alpha", alpha), non_negative("power", power)
-        self.bonus = non_negative("bonus", bonus)
-        self.later, self.ahead = whole("later", later, 1), whole("ahead", ahead, 1)
+        self.alpha, self.power = check_non_negative("alpha", alpha), check_non_negative("power", power)
+        self.bonus = check_non_negative("bonus", bonus)
+        self.later, self.ahead = check_int("later", later, 1), check_int("ahead", ahead, 1)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
@@ -92,11 +92,11 @@ class CostOfDelay(Rule):
         self._scale = (1.0 + np.arange(system.horizon + 1)) ** -self.power
         self._scale[0] *= 1.0 + self.bonus
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``."""
-        delay = delays(self.system, public)
-        gain = self.system.gain(public, delay, self.ahead)
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        delay = delays(self.system, belief)
+        gain = self.system.gain(belief, delay, self.ahead)
         if self.alpha:
-            gain = gain - self.alpha * self.system.gain(public, delay + self.later, self.ahead)
+            gain = gain - self.alpha * self.system.gain(belief, delay + self.later, self.ahead)
         scale = self._scale[np.minimum(delay, self.system.horizon)]
         return self.candidates[greatest(np.where(gain > 0, gain * scale, gain / scale), mask, delay)]

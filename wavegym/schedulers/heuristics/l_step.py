@@ -1,4 +1,4 @@
-"""L-step gain by one step of foresight: for any system with a linear motion model."""
+"""L-step gain by one step of prediction: for any system with a linear motion model."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Rule
+from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.myopic import impossible
 
-BELIEFS = 200_000  # imagined at a time
+BELIEFS = 200_000  # predicted at a time
 
 
-class Gain(Rule):
+class Gain(Heuristic):
     """L-step gain: the candidate after which the ``ahead`` steps to come cost least if nothing else is ever measured.
 
-    That is the least trace(M P), with P as ``imagine`` expects it after one step and M of ``horizon_weights``, summed
-    over the targets. All it needs is one ``imagine``, so it suits every system with one covariance for each target and
+    That is the least trace(M P), with P as ``predict`` expects it after one step and M of ``horizon_weights``, summed
+    over the targets. All it needs is one ``predict``, so it suits every system with one covariance for each target and
     a linear motion model. With ``ahead=1`` it is the myopic scheduler. A pulse that comes only after a delay shows no
     gain here; see ``Greedy`` and its kin.
 
@@ -32,27 +32,27 @@ class Gain(Rule):
         InputError: fewer than one step.
     """
 
-    needs = ("transition", "weights")
+    needs = ("transition_matrix", "weights")
 
     def __init__(self, ahead: int) -> None:
-        self.ahead = whole("ahead", ahead, 1)
+        self.ahead = check_int("ahead", ahead, 1)
         self.name = f"gain:{self.ahead}"
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         super().begin(system, num_envs, rng)
-        self._weights = horizon_weights(self.system.transition, self.system.weights, self.ahead)
+        self._weights = horizon_weights(self.system.transition_matrix, self.system.weights, self.ahead)
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``. Raises an InputError where the belief has no covariance."""
-        if not hasattr(public, "covariance"):
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``. Raises an InputError where the belief has no covariance."""
+        if not hasattr(belief, "covariance"):
             raise impossible(self.name, self.system, "its belief has no single covariance")
-        count, chunk = len(public.step), max(1, BELIEFS // len(self.candidates))
+        count, chunk = len(belief.step), max(1, BELIEFS // len(self.candidates))
         values = np.empty((count, len(self.candidates)))
         for start in range(0, count, chunk):
             part = np.arange(start, min(start + chunk, count))
-            imagined = self.system.imagine(trees.take(public, part), self.candidates[None])
-            values[part] = _weighted(imagined.covariance, self._weights)
+            predicted = self.system.predict(trees.take(belief, part), self.candidates[None])
+            values[part] = _weighted(predicted.covariance, self._weights)
         return self.candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import non_negative, positive, whole
-from wavegym.schedulers.heuristics.base import Rule, delays, greatest
+from wavegym.core.errors import check_int, check_non_negative, check_positive
+from wavegym.schedulers.heuristics.base import Heuristic, delays, greatest
 
 PRICES = 8  # tried at a time
 STRIDES = (81, 9, 1)  # between them, on the ladder: each round divides one of the PRICES + 1 parts of the one before
@@ -20,7 +20,7 @@ CUSHION = 1.0  # longest pulses, so that an account near its end sends the price
 ROWS = 100_000  # beliefs followed at a time
 
 
-class Priced(Rule):
+class LagrangianPrice(Heuristic):
     """The greatest gain less price times spending.
 
     The price rises where less is left than one unit for each step left, and falls where more is: a feedback, as cheap
@@ -35,24 +35,24 @@ class Priced(Rule):
         InputError: a price or a power that is negative or not finite, fewer than one step.
     """
 
-    name = "priced"
+    name = "lagrangian-price"
     needs = ("gain", "spending")
 
     def __init__(self, price: float = 1.0, ahead: int = 8, power: float = 0.0) -> None:
-        self.price, self.ahead = non_negative("price", price), whole("ahead", ahead, 1)
-        self.power = non_negative("power", power)
+        self.price, self.ahead = check_non_negative("price", price), check_int("ahead", ahead, 1)
+        self.power = check_non_negative("power", power)
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``."""
-        left = np.maximum(self.system.horizon - public.step, 0)
-        scarcity = (left + CUSHION) / (public.energy + CUSHION)
-        return priced_choice(self, public, mask, self.price * scarcity**self.power)
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        left = np.maximum(self.system.horizon - belief.step, 0)
+        scarcity = (left + CUSHION) / (belief.energy + CUSHION)
+        return priced_choice(self, belief, mask, self.price * scarcity**self.power)
 
 
-class AdaptivePrice(Rule):
+class AdaptiveLagrangianPrice(Heuristic):
     """Priced, at the price with which what is left would last just to the end.
 
-    At each step the rule is followed to the episode's end in the recursion that ``imagine`` expects, with a purse that
+    At each step the rule is followed to the episode's end in the recursion that ``predict`` expects, with a purse that
     never empties, for a grid of prices at once; the interval in which the predicted spending comes down to what is left
     is divided again and again. Inside futures that a planner simulates that would be too dear: there the price settled
     at the root goes with the cube of what was predicted to be left by now over what is, so that the account does not
@@ -66,88 +66,88 @@ class AdaptivePrice(Rule):
         InputError: fewer than one step, a thrift that is not positive.
     """
 
-    name = "adaptive-price"
+    name = "adaptive-lagrangian-price"
     needs = ("gain", "spending")
 
     def __init__(self, ahead: int = 8, thrift: float = 1.0) -> None:
-        self.ahead, self.thrift = whole("ahead", ahead, 1), positive("thrift", thrift)
+        self.ahead, self.thrift = check_int("ahead", ahead, 1), check_positive("thrift", thrift)
 
-    def settle(self, public: Any) -> Array:
+    def settle(self, belief: Any) -> Array:
         """(env, 1 + H + 1): the lowest price, to 2.9 %, at which what is left lasts, and what is then left by step."""
-        count, chunk = len(public.step), max(1, ROWS // PRICES)
-        parts = [trees.take(public, np.arange(start, min(start + chunk, count))) for start in range(0, count, chunk)]
+        count, chunk = len(belief.step), max(1, ROWS // PRICES)
+        parts = [trees.take(belief, np.arange(start, min(start + chunk, count))) for start in range(0, count, chunk)]
         return np.concatenate([self._settled(part) for part in parts])
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``; ``settled`` as ``settle`` returns it."""
-        return priced_choice(self, public, mask, self.price(public, settled))
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``; ``settled`` as ``settle`` returns it."""
+        return priced_choice(self, belief, mask, self.price(belief, settled))
 
-    def leftover(self, public: Any, settled: Array | None) -> Array:
+    def leftover(self, belief: Any, settled: Array | None) -> Array:
         """What the account still holds at the settled price where a simulated future is cut off, a cost (env,)."""
-        return -np.asarray(settled)[:, 0] * public.energy
+        return -np.asarray(settled)[:, 0] * belief.energy
 
-    def price(self, public: Any, settled: Any) -> Array:
+    def price(self, belief: Any, settled: Any) -> Array:
         """The price at a belief, (env,): at the root the one settled."""
-        predicted = settled[np.arange(len(settled)), 1 + np.minimum(public.step, self.system.horizon)]
-        ratio = (predicted + CUSHION) / (public.energy + CUSHION)
+        predicted = settled[np.arange(len(settled)), 1 + np.minimum(belief.step, self.system.horizon)]
+        ratio = (predicted + CUSHION) / (belief.energy + CUSHION)
         price: Array = settled[:, 0] * (ratio * ratio * ratio)
         return price
 
-    def _settled(self, public: Any) -> Array:
-        aim, scale = self.thrift * public.energy[:, None], self.scale(public)[:, None]
+    def _settled(self, belief: Any) -> Array:
+        aim, scale = self.thrift * belief.energy[:, None], self.scale(belief)[:, None]
         low = np.zeros((len(aim), 1), np.int64)
         for stride in STRIDES:
             levels = low + stride * np.arange(1, PRICES + 1)
-            fits = self.spent(public, scale * LADDER[levels]) <= aim
+            fits = self.spent(belief, scale * LADDER[levels]) <= aim
             below = np.where(fits.any(axis=1), np.argmax(fits, axis=1), PRICES)
             low += stride * below[:, None]
         price = (scale * LADDER[low + 1])[:, 0]
-        return np.concatenate([price[:, None], self._left(public, price)], axis=1)
+        return np.concatenate([price[:, None], self._left(belief, price)], axis=1)
 
-    def _left(self, public: Any, price: Array) -> Array:
+    def _left(self, belief: Any, price: Array) -> Array:
         """What is predicted to be left at each step, (env, H + 1), of what is there now."""
-        left = np.repeat(public.energy[:, None], self.system.horizon + 1, axis=1)
-        rich = ample(self.system, public)
+        left = np.repeat(belief.energy[:, None], self.system.horizon + 1, axis=1)
+        rich = ample(self.system, belief)
         for here, rows in self._followed(rich, lambda here, rows: priced_choice(self, here, None, price[rows])):
             paid = (rich.energy[rows] - here.energy) / self.thrift
-            left[rows, here.step] = np.maximum(public.energy[rows] - paid, 0.0)
+            left[rows, here.step] = np.maximum(belief.energy[rows] - paid, 0.0)
         return left
 
-    def scale(self, public: Any) -> Array:
+    def scale(self, belief: Any) -> Array:
         """The cost (env,) at the episode's end if the least is spent, for ``ahead`` steps: no look gains much more."""
         cheapest = int(np.argmin(self.system.spending))
-        cost = np.zeros(len(public.step))
+        cost = np.zeros(len(belief.step))
 
         def silent(here: Any, rows: Array) -> Array:
             return np.full(len(rows), self.candidates[cheapest])
 
-        for here, rows in self._followed(public, silent):
+        for here, rows in self._followed(belief, silent):
             cost[rows] = self.system.cost(here)
-        return np.maximum(cost, self.system.cost(public)) * self.ahead
+        return np.maximum(cost, self.system.cost(belief)) * self.ahead
 
-    def spent(self, public: Any, prices: Array) -> Array:
+    def spent(self, belief: Any, prices: Array) -> Array:
         """What each price (env, price) is predicted to take from a full purse to the episode's end, (env, price)."""
         count = prices.shape[1]
-        public = ample(self.system, trees.repeated(public, count))
+        belief = ample(self.system, trees.repeated(belief, count))
         paid, held = np.zeros(prices.size), prices.ravel()
-        for here, rows in self._followed(public, lambda here, rows: priced_choice(self, here, None, held[rows])):
-            paid[rows] = public.energy[rows] - here.energy
+        for here, rows in self._followed(belief, lambda here, rows: priced_choice(self, here, None, held[rows])):
+            paid[rows] = belief.energy[rows] - here.energy
         return paid.reshape(prices.shape)
 
-    def _followed(self, public: Any, choose: Callable[[Any, Array], Array]) -> Iterator[tuple[Any, Array]]:
+    def _followed(self, belief: Any, choose: Callable[[Any, Array], Array]) -> Iterator[tuple[Any, Array]]:
         """The beliefs after each step of the expected recursion, to the episode's end, and which rows they are of."""
-        rows = np.arange(len(public.step))
+        rows = np.arange(len(belief.step))
         while True:
-            is_on = ~self.system.ended(public)
+            is_on = ~self.system.terminal(belief)
             if not is_on.all():
-                public, rows = trees.take(public, is_on), rows[is_on]
+                belief, rows = trees.take(belief, is_on), rows[is_on]
             if not len(rows):
                 return
-            public = self.system.imagine(public, choose(public, rows))
-            yield public, rows
+            belief = self.system.predict(belief, choose(belief, rows))
+            yield belief, rows
 
 
-class Paced(Rule):
+class ConstantPace(Heuristic):
     """The greatest gain among the candidates that spend at most ``share`` of an even pace, or the least spending.
 
     Args:
@@ -158,34 +158,34 @@ class Paced(Rule):
         InputError: fewer than one step, a share that is not positive.
     """
 
-    name = "paced"
+    name = "constant-pace"
     needs = ("gain", "spending")
 
     def __init__(self, ahead: int = 1, share: float = 1.0) -> None:
-        self.ahead, self.share = whole("ahead", ahead, 1), positive("share", share)
+        self.ahead, self.share = check_int("ahead", ahead, 1), check_positive("share", share)
 
-    def choose(self, public: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Rule``."""
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
         spending = self.system.spending
-        left = np.maximum(self.system.horizon - public.step, 1)
-        within = spending <= (self.share * public.energy / left)[:, None]
+        left = np.maximum(self.system.horizon - belief.step, 1)
+        within = spending <= (self.share * belief.energy / left)[:, None]
         if mask is not None:
             within = within & mask
-        gain = self.system.gain(public, delays(self.system, public), self.ahead)
+        gain = self.system.gain(belief, delays(self.system, belief), self.ahead)
         none = ~within.any(axis=1, keepdims=True)  # then the least spending that the mask allows
         values = np.where(none, -np.broadcast_to(spending, gain.shape), gain)
         open_to = np.where(none, True if mask is None else mask, within)
         return self.candidates[greatest(values, open_to, spending)]
 
 
-def ample(system: Any, public: Any) -> Any:
+def ample(system: Any, belief: Any) -> Any:
     """Beliefs with a purse that never empties."""
-    return public._replace(energy=np.full(len(public.step), 2.0 * system.horizon * float(np.max(system.spending))))
+    return belief._replace(energy=np.full(len(belief.step), 2.0 * system.horizon * float(np.max(system.spending))))
 
 
-def priced_choice(rule: Any, public: Any, mask: Array | None, prices: Array | None) -> Array:
+def priced_choice(rule: Any, belief: Any, mask: Array | None, prices: Array | None) -> Array:
     """The greatest gain less spending times ``prices`` (env,); of equals the one that spends least."""
     spending = rule.system.spending
-    gain = rule.system.gain(public, delays(rule.system, public), rule.ahead)
+    gain = rule.system.gain(belief, delays(rule.system, belief), rule.ahead)
     values = gain - np.asarray(prices)[:, None] * spending
     return rule.candidates[greatest(values, mask, spending)]

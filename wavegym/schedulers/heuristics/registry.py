@@ -12,12 +12,12 @@ from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Held, Rule
+from wavegym.schedulers.heuristics.base import Held, Heuristic
 from wavegym.schedulers.heuristics.dwell import best_dwell
-from wavegym.schedulers.heuristics.hold_until_detected import UntilSeen
+from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Greedy
 from wavegym.schedulers.heuristics.l_step import Gain
-from wavegym.schedulers.heuristics.price_policies import AdaptivePrice, Paced, Priced
+from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.rollout import allowed
@@ -25,12 +25,12 @@ from wavegym.schedulers.simple import Cycle
 
 AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
 FAR = (1, 2, 4, 6, 8, 11, 14, 20, 25, 32, 40, 60)  # for accounts that must last
-MOST = 50_000  # beliefs that tuning may have foreseen one by one in an episode
+MOST = 50_000  # beliefs that tuning may have predicted one by one in an episode
 DEARLY = 16  # worlds on which a rule that looks to the episode's end is tuned
 
 
 @dataclass(frozen=True)
-class Family:
+class TunableHeuristic:
     """A rule whose constants are to be tuned.
 
     Args:
@@ -42,7 +42,7 @@ class Family:
         also: where further descents start.
     """
 
-    make: Callable[..., Rule]
+    make: Callable[..., Heuristic]
     grid: Grid
     start: Constants
     worlds: int | None = None
@@ -50,25 +50,25 @@ class Family:
     also: tuple[Constants, ...] = ()
 
 
-def _cycle(actions: Any) -> Rule:
+def _cycle(actions: Any) -> Heuristic:
     return Held(Cycle(np.asarray(actions)))
 
 
-def _myopic() -> Rule:
+def _myopic() -> Heuristic:
     return Held(Myopic())
 
 
-FAMILIES: dict[str, Family] = {
-    "myopic": Family(_myopic, {}, {}),
-    "cycle": Family(_cycle, {}, {}),
-    "gain": Family(Gain, {"ahead": AHEAD}, {"ahead": 4}),
-    "greedy": Family(Greedy, {"ahead": AHEAD}, {"ahead": 4}),
-    "aware-greedy": Family(
+HEURISTICS: dict[str, TunableHeuristic] = {
+    "myopic": TunableHeuristic(_myopic, {}, {}),
+    "cycle": TunableHeuristic(_cycle, {}, {}),
+    "gain": TunableHeuristic(Gain, {"ahead": AHEAD}, {"ahead": 4}),
+    "greedy": TunableHeuristic(Greedy, {"ahead": AHEAD}, {"ahead": 4}),
+    "aware-greedy": TunableHeuristic(
         AwareGreedy,
         {"kappa": (0.0, 0.2, 0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0), "ahead": AHEAD},
         {"kappa": 0.4, "ahead": 4},
     ),
-    "cost-of-delay": Family(
+    "cost-of-delay": TunableHeuristic(
         CostOfDelay,
         {
             "alpha": (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0),
@@ -80,9 +80,9 @@ FAMILIES: dict[str, Family] = {
         {"alpha": 0.2, "later": 4, "ahead": 10, "power": 1.3, "bonus": 0.2},
         also=({"alpha": 0.5, "later": 1, "ahead": 8, "power": 1.0, "bonus": 0.0},),
     ),
-    "until-seen": Family(UntilSeen, {"ahead": (1, 2, 3, 4, 5, 6, 7, 8, 10)}, {"ahead": 4}),
-    "priced": Family(
-        Priced,
+    "hold-until-detected": TunableHeuristic(HoldUntilDetected, {"ahead": (1, 2, 3, 4, 5, 6, 7, 8, 10)}, {"ahead": 4}),
+    "lagrangian-price": TunableHeuristic(
+        LagrangianPrice,
         {
             "price": tuple(float(f"{price:.3g}") for price in 10.0 ** np.arange(-2.0, 7.05, 0.1)),
             "ahead": FAR,
@@ -92,26 +92,26 @@ FAMILIES: dict[str, Family] = {
         budget=500,
         also=({"price": 501.0, "ahead": 8, "power": 1.0},),
     ),
-    "adaptive-price": Family(
-        AdaptivePrice,
+    "adaptive-lagrangian-price": TunableHeuristic(
+        AdaptiveLagrangianPrice,
         {"ahead": (4, 8, 14, 25, 40), "thrift": (0.8, 1.0, 1.25)},
         {"ahead": 8, "thrift": 1.0},
         DEARLY,
         12,
     ),
-    "paced": Family(
-        Paced, {"ahead": FAR, "share": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0)}, {"ahead": 4, "share": 1.0}
+    "constant-pace": TunableHeuristic(
+        ConstantPace, {"ahead": FAR, "share": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0)}, {"ahead": 4, "share": 1.0}
     ),
 }
 
 
-def tuned_family(name: str, system: System, worlds: Any) -> Constants:
+def tune_heuristic(name: str, system: System, worlds: Any) -> Constants:
     """The constants of the rule ``name``, found on ``worlds``.
 
     Raises:
         InputError: the system cannot have this rule.
     """
-    family = FAMILIES[name]
+    family = HEURISTICS[name]
     if name == "cycle":
         return {"actions": best_dwell(system, worlds).tolist()}
     check(name, system, worlds)
@@ -128,10 +128,10 @@ def check(name: str, system: System, worlds: Any) -> None:
     if name == "gain" and len(system.candidates()) * system.horizon > MOST:
         wanted = f"at most {MOST} beliefs foreseen in an episode (nearest: 'gain:L' with an L of your own)"
         raise InputError(f"rule 'gain' tries {len(system.candidates())} candidates at each step, expected {wanted}")
-    policy: Policy = FAMILIES[name].make(**FAMILIES[name].start)
-    public = system.begin(trees.first(worlds, 1)).public
+    policy: Policy = HEURISTICS[name].make(**HEURISTICS[name].start)
+    belief = system.initial(trees.first(worlds, 1)).belief
     policy.begin(system, 1, np.random.default_rng(0))
-    policy.act(public, None, allowed(system, public))
+    policy.act(belief, None, allowed(system, belief))
 
 
 def best_simple(system: System, worlds: Any) -> tuple[str, dict[str, Constants], dict[str, float]]:
@@ -141,9 +141,9 @@ def best_simple(system: System, worlds: Any) -> tuple[str, dict[str, Constants],
         The name of the best rule, the constants of all, and the ``log_cost`` of all.
     """
     constants, costs = {}, {}
-    for name, family in FAMILIES.items():
+    for name, family in HEURISTICS.items():
         try:
-            constants[name] = tuned_family(name, system, worlds)
+            constants[name] = tune_heuristic(name, system, worlds)
         except (InputError, NotImplementedError):
             continue
         costs[name] = log_cost(system, family.make(**constants[name]), worlds)

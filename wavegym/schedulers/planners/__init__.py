@@ -3,7 +3,7 @@
 from wavegym.schedulers.planners.base import Planner
 from wavegym.schedulers.planners.beam import BeamSearch
 from wavegym.schedulers.planners.mcts import MonteCarloTree
-from wavegym.schedulers.planners.receding_horizon import PlanOnce, Replan
+from wavegym.schedulers.planners.receding_horizon import PlanOnce, RecedingHorizon
 from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
 
-__all__ = ["BeamSearch", "MonteCarloTree", "PlanOnce", "Planner", "Replan", "RolloutPlanner", "TreeSearch"]
+__all__ = ["BeamSearch", "MonteCarloTree", "PlanOnce", "Planner", "RecedingHorizon", "RolloutPlanner", "TreeSearch"]

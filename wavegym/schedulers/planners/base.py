@@ -8,10 +8,10 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import non_negative
+from wavegym.core.errors import check_non_negative
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.schedulers.planners.sampled_futures import Futures, significant
+from wavegym.schedulers.planners.sampled_futures import SampledFutures, significant
 
 FUTURES = 32
 ERRORS = 1.0
@@ -43,34 +43,34 @@ class Planner:
         errors: float = ERRORS,
         shortlist: int = SHORTLIST,
     ) -> None:
-        self.futures = Futures(base, depth, futures)
-        self.errors, self.shortlist = non_negative("errors", errors), shortlist
+        self.futures = SampledFutures(base, depth, futures)
+        self.errors, self.shortlist = check_non_negative("errors", errors), shortlist
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         self.futures.begin(system, num_envs, rng)
         self.system, self.candidates, self.rng = system, system.candidates(), rng
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        settled = self.futures.base.settle(public)
-        action: Array = self.futures.base.choose(public, mask, settled)
-        live = ~self.system.ended(public)
+        settled = self.futures.base.settle(belief)
+        action: Array = self.futures.base.choose(belief, mask, settled)
+        live = ~self.system.terminal(belief)
         if live.any():
             if not live.all():
-                public = trees.take(public, live)
+                belief = trees.take(belief, live)
                 settled = None if settled is None else settled[live]
                 mask = None if mask is None else mask[live]
-            better = self.improved(public, action[live], mask, settled, np.flatnonzero(live))
+            better = self.improved(belief, action[live], mask, settled, np.flatnonzero(live))
             action = action.astype(np.result_type(action, better))
             action[live] = better
         return action
 
-    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """Actions (env, ...) for beliefs whose episodes go on.
 
         Args:
-            public: the beliefs.
+            belief: the beliefs.
             own: the base policy's actions.
             mask: allowed actions, or None.
             settled: what the base has settled.
@@ -78,20 +78,20 @@ class Planner:
         """
         raise NotImplementedError
 
-    def options(self, public: Any, mask: Array | None) -> tuple[Array, Array]:
+    def options(self, belief: Any, mask: Array | None) -> tuple[Array, Array]:
         """First actions worth following, (env, option, ...), and which of them are allowed, (env, option)."""
-        envs, count = len(public.step), len(self.candidates)
+        envs, count = len(belief.step), len(self.candidates)
         if count <= self.shortlist:
             listed = np.broadcast_to(self.candidates, (envs, *self.candidates.shape))
             return listed, np.ones((envs, count), np.bool_) if mask is None else mask
-        costs = self.system.cost(self.system.imagine(public, self.candidates[None]))
+        costs = self.system.cost(self.system.predict(belief, self.candidates[None]))
         if mask is not None:
             costs = np.where(mask, costs, np.inf)
         best = np.argsort(costs, axis=1, kind="stable")[:, : self.shortlist]
         return self.candidates[best], np.isfinite(np.take_along_axis(costs, best, axis=1))
 
     def chosen(
-        self, public: Any, own: Array, plans: Array, permitted: Array, settled: Array | None, few: int = 0
+        self, belief: Any, own: Array, plans: Array, permitted: Array, settled: Array | None, few: int = 0
     ) -> Array:
         """First actions of the plans that beat the base significantly, or the base's own, (env, ...).
 
@@ -101,25 +101,25 @@ class Planner:
             permitted: which plans may be taken, (env, plan).
             few: if not 0, all plans but the ``few`` best in the first quarter of the futures are given up there.
         """
-        draws = self.futures.draw(len(public.step))
+        draws = self.futures.draw(len(belief.step))
         futures = 1 if draws is None else draws.shape[2]
         if few and draws is not None and futures >= QUICK and plans.shape[1] > few:
-            quick = self.futures.costs(public, plans, settled, draws[:, :, : futures // 4]).mean(axis=2)
+            quick = self.futures.costs(belief, plans, settled, draws[:, :, : futures // 4]).mean(axis=2)
             best = np.argsort(np.where(permitted, quick, np.inf), axis=1, kind="stable")[:, :few]
             at = np.arange(len(best))[:, None]
             plans, permitted = plans[at, best], permitted[at, best]
-        base, costs = self._beside_base(public, plans, settled, draws)
+        base, costs = self._beside_base(belief, plans, settled, draws)
         taken = significant(np.where(permitted[:, :, None], costs, np.inf), base, self.errors)
         first = plans[np.arange(len(taken)), np.maximum(taken, 0), 0]
         shape = (-1,) + (1,) * (first.ndim - 1)
         return np.where((taken >= 0).reshape(shape), first, own)
 
     def _beside_base(
-        self, public: Any, plans: Array, settled: Array | None, draws: Array | None
+        self, belief: Any, plans: Array, settled: Array | None, draws: Array | None
     ) -> tuple[Array, Array]:
         """Costs of the base, (env, 1, future), and of the plans, (env, plan, future), in the same futures."""
         if plans.ndim > 3:
-            return self.futures.costs(public, None, settled, draws), self.futures.costs(public, plans, settled, draws)
+            return self.futures.costs(belief, None, settled, draws), self.futures.costs(belief, plans, settled, draws)
         nothing = np.full((len(plans), 1, plans.shape[2]), -1)
-        together = self.futures.costs(public, np.concatenate([nothing, plans], axis=1), settled, draws)
+        together = self.futures.costs(belief, np.concatenate([nothing, plans], axis=1), settled, draws)
         return together[:, :1], together[:, 1:]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.schedulers.planners.base import Planner
 
@@ -28,17 +28,21 @@ class BeamSearch(Planner):
         self, base: Policy, width: int, depth: int = 20, levels: int = 4, sampled: int = 0, **settings: Any
     ) -> None:
         super().__init__(base, max(depth, levels), **settings)
-        self.width, self.levels, self.sampled = whole("beam width", width, 1), whole("levels", levels, 1), sampled
+        self.width, self.levels, self.sampled = (
+            check_int("beam width", width, 1),
+            check_int("levels", levels, 1),
+            sampled,
+        )
 
-    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
-        options, permitted = self.options(public, mask)
+        options, permitted = self.options(belief, mask)
         draws = self.futures.draw(len(rows), self.sampled) if self.sampled else None
         count, at = options.shape[1], np.arange(len(rows))[:, None]
         plans, first = options[:, :, None], np.broadcast_to(np.arange(count), (len(rows), count))
         allowed = permitted
         for level in range(1, self.levels + 1):
-            values = self.futures.costs(public, plans, settled, draws).mean(axis=2)
+            values = self.futures.costs(belief, plans, settled, draws).mean(axis=2)
             kept = _diverse(np.where(allowed, values, np.inf), first, self.width)
             plans, first, allowed = plans[at, kept], first[at, kept], allowed[at, kept]
             if level < self.levels:
@@ -46,7 +50,7 @@ class BeamSearch(Planner):
                 ends = np.tile(options, (1, plans.shape[1], *(1,) * (options.ndim - 2)))
                 plans = np.concatenate([grown, ends[:, :, None]], axis=2)
                 first, allowed = np.repeat(first, count, axis=1), np.repeat(allowed, count, axis=1)
-        return self.chosen(public, own, plans, allowed, settled)
+        return self.chosen(belief, own, plans, allowed, settled)
 
 
 def _diverse(values: Array, first: Array, width: int) -> Array:

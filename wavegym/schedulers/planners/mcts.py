@@ -9,7 +9,7 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import impossible
@@ -77,7 +77,7 @@ class MonteCarloTree(Planner):
         self, base: Policy, simulations: int, depth: int = 20, exploration: float = EXPLORATION, **settings: Any
     ) -> None:
         super().__init__(base, depth, **settings)
-        self.simulations, self.exploration = whole("simulations", simulations, 1), exploration
+        self.simulations, self.exploration = check_int("simulations", simulations, 1), exploration
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for actions that are no indices."""
@@ -85,27 +85,27 @@ class MonteCarloTree(Planner):
             raise impossible("mcts", system, "its actions are no single indices")
         super().begin(system, num_envs, rng)
 
-    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
-        options, permitted = self.options(public, mask)
+        options, permitted = self.options(belief, mask)
         roots = [_Node(row) for row in permitted]
         returns: list[Array] = []
         for _ in range(self.simulations):
             spread = np.std(returns, axis=0) if len(returns) > 1 else np.zeros(len(roots))
-            returns.append(self._simulate(public, options, settled, roots, self.exploration * spread))
+            returns.append(self._simulate(belief, options, settled, roots, self.exploration * spread))
         lines = np.stack([_line(root, own) for root, own in zip(roots, options, strict=True)])
         first = np.where(np.arange(LINE) == 0, lines, -1)
         may = np.take_along_axis(permitted, (options == lines[:, :1]).argmax(axis=1)[:, None], axis=1)
-        return self.chosen(public, own, np.stack([first, lines], axis=1), np.repeat(may, 2, axis=1), settled)
+        return self.chosen(belief, own, np.stack([first, lines], axis=1), np.repeat(may, 2, axis=1), settled)
 
-    def _simulate(self, public: Any, options: Array, settled: Array | None, roots: list[_Node], spread: Array) -> Array:
+    def _simulate(self, belief: Any, options: Array, settled: Array | None, roots: list[_Node], spread: Array) -> Array:
         """One future of every environment, (env,) summed costs; adds what it found to the trees."""
         system, base, draws = self.system, self.futures.base, self.futures.draw(len(roots), 1)
-        here, total = public, np.zeros(len(roots))
+        here, total = belief, np.zeros(len(roots))
         nodes: list[_Node | None] = list(roots)
         paths: list[list[tuple[_Node, int, float]]] = [[] for _ in roots]
         for t in range(self.futures.depth):
-            over = system.ended(here)
+            over = system.terminal(here)
             if over.all():
                 break
             mask = allowed(system, here)
@@ -117,7 +117,7 @@ class MonteCarloTree(Planner):
                 assert node is not None
                 action[e] = options[e, option]
                 paths[e].append((node, option, total[e]))
-            following = system.imagine(here, action, None if draws is None else draws[t, :, 0])
+            following = system.predict(here, action, None if draws is None else draws[t, :, 0])
             here = trees.merged(following, over, here)
             total = total + np.where(over, 0.0, system.cost(here))
             self._descend(here, options, nodes, picked)

@@ -11,7 +11,7 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.schedulers.heuristics.price_policies import ample
-from wavegym.schedulers.planners.sampled_futures import Futures
+from wavegym.schedulers.planners.sampled_futures import SampledFutures
 
 FAR, NEAR = 200, 300  # pairs of changes that are tried: of any two steps, of two steps that are close
 CLOSE = 3  # steps
@@ -20,7 +20,13 @@ ROUND = 1e-9  # of the account
 
 
 def exchanged(
-    futures: Futures, public: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None, rounds: int
+    futures: SampledFutures,
+    belief: Any,
+    plan: Array,
+    options: Array,
+    settled: Array | None,
+    draws: Array | None,
+    rounds: int,
 ) -> Array:
     """Plans (env, depth) that exchanging energy between steps has improved, one environment after the other.
 
@@ -30,7 +36,7 @@ def exchanged(
 
     Args:
         futures: what judges a plan.
-        public: beliefs, axis 0 = environment.
+        belief: beliefs, axis 0 = environment.
         plan: actions to begin with, (env, depth).
         options: actions that may take a step's place, (env, option).
         settled: what the base has settled.
@@ -40,19 +46,25 @@ def exchanged(
     found = plan.copy()
     for env in range(len(plan)):
         at = slice(env, env + 1)
-        one = trees.take(public, np.array([env]))
+        one = trees.take(belief, np.array([env]))
         own, drawn = None if settled is None else settled[at], None if draws is None else draws[:, at]
         found[env] = _exchanged_one(futures, one, plan[env], options[env], own, drawn, rounds)
     return found
 
 
 def _exchanged_one(
-    futures: Futures, public: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None, rounds: int
+    futures: SampledFutures,
+    belief: Any,
+    plan: Array,
+    options: Array,
+    settled: Array | None,
+    draws: Array | None,
+    rounds: int,
 ) -> Array:
-    """``exchanged`` of one environment: ``public`` (1,), ``plan`` (depth,), ``options`` (option,)."""
+    """``exchanged`` of one environment: ``belief`` (1,), ``plan`` (depth,), ``options`` (option,)."""
     system: Any = futures.system
-    steps = min(system.horizon - int(public.step[0]), len(plan))
-    rich = ample(system, public)
+    steps = min(system.horizon - int(belief.step[0]), len(plan))
+    rich = ample(system, belief)
 
     def judged(purse: Any, plans: Array) -> Array:
         costs: Array = futures.costs(purse, plans[None], settled, draws)[0].mean(axis=1)
@@ -61,7 +73,7 @@ def _exchanged_one(
     for _ in range(rounds):
         single = _Singles(plan, options, steps, system.spending)
         single.judge(partial(judged, rich))
-        better = _traded(single, partial(judged, public), float(public.energy[0]))
+        better = _traded(single, partial(judged, belief), float(belief.energy[0]))
         if better is None:
             break
         plan = better

@@ -8,12 +8,12 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.schedulers.planners.base import Planner
 from wavegym.schedulers.planners.pairwise_exchange import exchanged
-from wavegym.schedulers.planners.sampled_futures import Futures, possible
+from wavegym.schedulers.planners.sampled_futures import SampledFutures, possible
 
 MOVES = 32  # neighbours of a plan that are tried in one round
 
@@ -59,7 +59,7 @@ def _moved(plans: Array, options: Array, steps: Array, rng: np.random.Generator)
 
 
 def searched(
-    futures: Futures, public: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None,
+    futures: SampledFutures, belief: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None,
     rounds: int, rng: np.random.Generator,
 ) -> Array:  # fmt: skip
     """A plan that local search has improved, (env, depth, ...).
@@ -68,13 +68,13 @@ def searched(
     ``exchanged`` goes before: changes at random would rarely both fit and save.
     """
     if hasattr(futures.system, "spending"):
-        plan = exchanged(futures, public, plan, options, settled, draws, rounds)
-    steps = np.maximum(futures.system.horizon - public.step, 1)
+        plan = exchanged(futures, belief, plan, options, settled, draws, rounds)
+    steps = np.maximum(futures.system.horizon - belief.step, 1)
     rows = np.arange(len(plan))
-    cost = futures.costs(public, plan[:, None], settled, draws)[:, 0].mean(axis=1)
+    cost = futures.costs(belief, plan[:, None], settled, draws)[:, 0].mean(axis=1)
     for _ in range(rounds):
         tried = neighbours(plan, options, steps, MOVES, rng)
-        values = futures.costs(public, tried, settled, draws).mean(axis=2)
+        values = futures.costs(belief, tried, settled, draws).mean(axis=2)
         best = values.argmin(axis=1)
         is_less = values[rows, best] < cost
         cost = np.where(is_less, values[rows, best], cost)
@@ -82,7 +82,7 @@ def searched(
     return plan
 
 
-class Replan(Planner):
+class RecedingHorizon(Planner):
     """Receding-horizon replanning: a whole plan is kept, shifted and improved by local search at every step.
 
     Open-loop feedback control: the plan is made for the expected recursion, or for ``sampled`` futures, as if nothing
@@ -108,7 +108,7 @@ class Replan(Planner):
         **settings: Any,
     ) -> None:
         super().__init__(base, depth, **settings)
-        self.rounds, self.first, self.sampled = whole("rounds", rounds, 0), whole("first", first, 0), sampled
+        self.rounds, self.first, self.sampled = check_int("rounds", rounds, 0), check_int("first", first, 0), sampled
         self.asks = asks
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
@@ -117,33 +117,33 @@ class Replan(Planner):
         self._plan: Array | None = None
         self._made = np.full(num_envs, -2)  # the step that each plan begins at
 
-    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
-        options, _ = self.options(public, mask)
+        options, _ = self.options(belief, mask)
         draws = self.futures.draw(len(rows), self.sampled) if self.sampled else None
-        plan = self.futures.nominal(public, None, settled)
-        is_old = self._made[rows] == public.step - 1
+        plan = self.futures.nominal(belief, None, settled)
+        is_old = self._made[rows] == belief.step - 1
         if self._plan is not None and is_old.any():
-            kept = self.futures.nominal(public, np.where(_as(is_old, plan), self._plan[rows], plan)[:, 1:], settled)
-            pair = self.futures.costs(public, np.stack([plan, kept], axis=1), settled, draws).mean(axis=2)
+            kept = self.futures.nominal(belief, np.where(_as(is_old, plan), self._plan[rows], plan)[:, 1:], settled)
+            pair = self.futures.costs(belief, np.stack([plan, kept], axis=1), settled, draws).mean(axis=2)
             plan = np.where(_as(is_old & (pair[:, 1] <= pair[:, 0]), plan), kept, plan)
-        plan = searched(self.futures, public, plan, options, settled, draws, self.rounds, self.rng)
+        plan = searched(self.futures, belief, plan, options, settled, draws, self.rounds, self.rng)
         if not is_old.all() and self.first > self.rounds:
             fresh = ~is_old
-            part = trees.take(public, fresh)
+            part = trees.take(belief, fresh)
             some = None if settled is None else settled[fresh]
             drawn = None if draws is None else draws[:, fresh]
             more = self.first - self.rounds
             plan[fresh] = searched(self.futures, part, plan[fresh], options[fresh], some, drawn, more, self.rng)
         if self._plan is None:
             self._plan = np.zeros((len(self._made), *plan.shape[1:]), plan.dtype)
-        self._plan[rows], self._made[rows] = plan, public.step
+        self._plan[rows], self._made[rows] = plan, belief.step
         may = np.ones((len(rows), 1), np.bool_)
         if mask is not None and plan.ndim == 2:
             may = np.take_along_axis(mask, plan[:, :1], axis=1)
         if not self.asks:
             return np.where(_as(may[:, 0], own), plan[:, 0], own)
-        return self.chosen(public, own, plan[:, None], may, settled)
+        return self.chosen(belief, own, plan[:, None], may, settled)
 
 
 class PlanOnce:
@@ -155,7 +155,7 @@ class PlanOnce:
     """
 
     def __init__(self, base: Policy, rounds: int = 200) -> None:
-        self._base, self.rounds = base, whole("rounds", rounds, 0)
+        self._base, self.rounds = base, check_int("rounds", rounds, 0)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
@@ -164,31 +164,31 @@ class PlanOnce:
         self._system, self._rng = system, rng
         self._plan: Array | None = None
 
-    def act(self, public: Any, observation: Array | None, mask: Array | None) -> Array:
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        fresh = np.flatnonzero(public.step == 0) if self._plan is not None else np.arange(len(public.step))
+        fresh = np.flatnonzero(belief.step == 0) if self._plan is not None else np.arange(len(belief.step))
         if len(fresh):
-            plan = self._planned(trees.take(public, fresh), None if mask is None else mask[fresh])
+            plan = self._planned(trees.take(belief, fresh), None if mask is None else mask[fresh])
             if self._plan is None:
                 self._plan = plan
             else:
                 self._plan[fresh] = plan
         assert self._plan is not None
-        at = np.minimum(public.step, self._plan.shape[1] - 1)
+        at = np.minimum(belief.step, self._plan.shape[1] - 1)
         wanted: Array = self._plan[np.arange(len(at)), at]
         if mask is None or not self._system.strict or wanted.ndim > 1:
             return wanted
         base = self._planner.futures.base
-        return possible(wanted, base.choose(public, mask, base.settle(public)), mask)
+        return possible(wanted, base.choose(belief, mask, base.settle(belief)), mask)
 
-    def _planned(self, public: Any, mask: Array | None) -> Array:
+    def _planned(self, belief: Any, mask: Array | None) -> Array:
         """Plans (env, horizon, ...) indexed by step; a plan that begins later repeats its first action before."""
         planner, futures = self._planner, self._planner.futures
-        settled = futures.base.settle(public)
-        plan = futures.nominal(public, None, settled)
-        options, _ = planner.options(public, mask)
-        found = searched(futures, public, plan, options, settled, None, self.rounds, self._rng)
-        late = np.maximum(np.arange(self._system.horizon) - public.step[:, None], 0)
+        settled = futures.base.settle(belief)
+        plan = futures.nominal(belief, None, settled)
+        options, _ = planner.options(belief, mask)
+        found = searched(futures, belief, plan, options, settled, None, self.rounds, self._rng)
+        late = np.maximum(np.arange(self._system.horizon) - belief.step[:, None], 0)
         return found[np.arange(len(found))[:, None], late]
 
 

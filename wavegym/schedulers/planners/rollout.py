@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, whole
+from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
 from wavegym.schedulers.planners.base import Planner
 
@@ -31,23 +31,23 @@ class RolloutPlanner(Planner):
         super().__init__(base, depth, **settings)
         if not holds:
             raise InputError("holds is empty, expected numbers of steps (nearest: (1,))")
-        self.holds = tuple(whole("holds", steps, 1) for steps in holds)
+        self.holds = tuple(check_int("holds", steps, 1) for steps in holds)
 
-    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
-        options, permitted = self.options(public, mask)
+        options, permitted = self.options(belief, mask)
         allowed = permitted.repeat(len(self.holds), axis=1)
-        return self.chosen(public, own, self._plans(options), allowed, settled, FINALISTS)
+        return self.chosen(belief, own, self._plans(options), allowed, settled, FINALISTS)
 
-    def advantages(self, public: Any, mask: Array | None) -> Array:
+    def advantages(self, belief: Any, mask: Array | None) -> Array:
         """What each option saves of the mean cost of all options' futures, as a share of it, (env, option).
 
         All options meet the same futures; of several holds the best counts. NaN where an option is not allowed. It is a
         noisy estimate whose error has next to no mean, so that a few futures are enough to learn from.
         """
-        options, permitted = self.options(public, mask)
+        options, permitted = self.options(belief, mask)
         draws = self.futures.draw(len(options))
-        costs = self.futures.costs(public, self._plans(options), self.futures.base.settle(public), draws).mean(axis=2)
+        costs = self.futures.costs(belief, self._plans(options), self.futures.base.settle(belief), draws).mean(axis=2)
         least = costs.reshape(*permitted.shape, -1).min(axis=2)
         least = np.where(permitted, least, np.nan)
         mean = np.nanmean(least, axis=1, keepdims=True)
@@ -73,12 +73,12 @@ class TreeSearch(Planner):
 
     def __init__(self, base: Any, levels: int, depth: int = 20, **settings: Any) -> None:
         super().__init__(base, max(depth, levels), **settings)
-        self.levels = whole("levels", levels, 1)
+        self.levels = check_int("levels", levels, 1)
         self.shortlist = min(self.shortlist, int(self.MOST ** (1.0 / self.levels) + 1e-9))
 
-    def improved(self, public: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
-        options, permitted = self.options(public, mask)
+        options, permitted = self.options(belief, mask)
         count = options.shape[1]
         places = np.indices((count,) * self.levels).reshape(self.levels, -1).T
-        return self.chosen(public, own, options[:, places], permitted[:, places[:, 0]], settled, FINALISTS)
+        return self.chosen(belief, own, options[:, places], permitted[:, places[:, 0]], settled, FINALISTS)

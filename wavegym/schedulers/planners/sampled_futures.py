@@ -8,7 +8,7 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import whole
+from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Held
@@ -17,8 +17,8 @@ from wavegym.schedulers.rollout import allowed
 ROWS = 16_384  # beliefs followed at a time: they stay in the cache
 
 
-class Futures:
-    """Follows plans, and after them a base policy, through ``imagine``.
+class SampledFutures:
+    """Follows plans, and after them a base policy, through ``predict``.
 
     Args:
         base: what chooses where a plan has ended. Its ``settle`` is called at the belief that the futures start from
@@ -34,26 +34,26 @@ class Futures:
 
     def __init__(self, base: Policy, depth: int, count: int) -> None:
         self.base: Any = base if hasattr(base, "choose") else Held(base)
-        self.depth, self.count = whole("depth", depth, 1), whole("futures", count, 1)
+        self.depth, self.count = check_int("depth", depth, 1), check_int("futures", count, 1)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """Get ready for ``system``; draws come from ``rng``."""
         self.base.begin(system, num_envs, rng)
         self.system, self._rng = system, rng
-        self.is_certain = np.prod(system.chances) == 0
+        self.is_certain = np.prod(system.outcome_shape) == 0
         self._has_leftover = hasattr(self.base, "leftover")
 
     def draw(self, envs: int, count: int | None = None) -> Array | None:
         """Outcomes of every step, (depth, env, future, *chances) uniform; None where nothing is left to chance."""
         if self.is_certain:
             return None
-        return self._rng.random((self.depth, envs, count or self.count, *self.system.chances))
+        return self._rng.random((self.depth, envs, count or self.count, *self.system.outcome_shape))
 
-    def costs(self, public: Any, plans: Array | None, settled: Array | None, draws: Array | None) -> Array:
+    def costs(self, belief: Any, plans: Array | None, settled: Array | None, draws: Array | None) -> Array:
         """Summed cost of each plan in each future.
 
         Args:
-            public: beliefs, axis 0 = environment.
+            belief: beliefs, axis 0 = environment.
             plans: first actions, (env, plan, steps, ...); None: the base policy alone, as one plan. Indices below 0, or
                 masked where the system is strict, leave the choice to the base.
             settled: what the base has settled at these beliefs.
@@ -62,51 +62,51 @@ class Futures:
         Returns:
             (env, plan, future).
         """
-        envs, count = len(public.step), 1 if plans is None else plans.shape[1]
+        envs, count = len(belief.step), 1 if plans is None else plans.shape[1]
         futures = 1 if draws is None else draws.shape[2]
         chunk = max(1, ROWS // (count * futures))
         if envs <= chunk:
-            return self._followed(public, plans, settled, draws).reshape(-1, count, futures)
+            return self._followed(belief, plans, settled, draws).reshape(-1, count, futures)
         parts = []
         for at in range(0, envs, chunk):
             part = slice(at, at + chunk)
             here, its_plans, its_settled = (
-                trees.tree_map(lambda leaf, part=part: leaf[part], each) for each in (public, plans, settled)
+                trees.tree_map(lambda leaf, part=part: leaf[part], each) for each in (belief, plans, settled)
             )
             parts.append(self.costs(here, its_plans, its_settled, None if draws is None else draws[:, part]))
         return np.concatenate(parts)
 
-    def nominal(self, public: Any, plan: Array | None, settled: Array | None) -> Array:
+    def nominal(self, belief: Any, plan: Array | None, settled: Array | None) -> Array:
         """Actions (env, depth, ...) of the plan (env, steps, ...) and then the base, in the expected recursion.
 
         Where an episode is over, the last action is repeated.
         """
-        here, actions = public, []
+        here, actions = belief, []
         for t in range(self.depth):
             mask = allowed(self.system, here)
             action = self.base.choose(here, mask, settled)
             if plan is not None and t < plan.shape[1]:
                 action = possible(plan[:, t], action, mask if self.system.strict else None)
             actions.append(action)
-            over = self.system.ended(here)
+            over = self.system.terminal(here)
             if over.all():
                 break
-            here = trees.merged(self.system.imagine(here, action), over, here)
+            here = trees.merged(self.system.predict(here, action), over, here)
         actions += [actions[-1]] * (self.depth - len(actions))
         return np.stack(actions, axis=1)
 
-    def _followed(self, public: Any, plans: Array | None, settled: Array | None, draws: Array | None) -> Array:
+    def _followed(self, belief: Any, plans: Array | None, settled: Array | None, draws: Array | None) -> Array:
         """Summed costs, flat (env, plan, future)."""
-        envs, count = len(public.step), 1 if plans is None else plans.shape[1]
+        envs, count = len(belief.step), 1 if plans is None else plans.shape[1]
         futures = 1 if draws is None else draws.shape[2]
         each, steps = count * futures, 0 if plans is None else plans.shape[2]
         live = np.arange(envs * each)  # rows whose episode goes on
         env, future = live // each, live % futures
-        here = trees.repeated(public, each)
+        here = trees.repeated(belief, each)
         held = None if settled is None else np.repeat(settled, each, axis=0)
         total = np.zeros(envs * each)
         for t in range(self.depth):
-            over = self.system.ended(here)
+            over = self.system.terminal(here)
             if over.any():
                 live, here = live[~over], trees.take(here, ~over)
                 env, future = live // each, live % futures
@@ -117,17 +117,17 @@ class Futures:
             here = self._step(here, action, held, None if draws is None else draws[t, env, future])
             total[live] += self.system.cost(here)
         if self._has_leftover:
-            total[live] += np.where(self.system.ended(here), 0.0, self.base.leftover(here, held))
+            total[live] += np.where(self.system.terminal(here), 0.0, self.base.leftover(here, held))
         return total
 
-    def _step(self, public: Any, action: Array | None, settled: Array | None, outcome: Array | None) -> Any:
+    def _step(self, belief: Any, action: Array | None, settled: Array | None, outcome: Array | None) -> Any:
         if action is None:
-            action = self.base.choose(public, allowed(self.system, public), settled)
+            action = self.base.choose(belief, allowed(self.system, belief), settled)
         elif action.ndim == 1:
-            mask = allowed(self.system, public) if self.system.strict else None
+            mask = allowed(self.system, belief) if self.system.strict else None
             if (action < 0).any() or (mask is not None and not mask[np.arange(len(action)), action].all()):
-                action = possible(action, self.base.choose(public, allowed(self.system, public), settled), mask)
-        return self.system.imagine(public, action, outcome)
+                action = possible(action, self.base.choose(belief, allowed(self.system, belief), settled), mask)
+        return self.system.predict(belief, action, outcome)
 
 
 def possible(wanted: Array, otherwise: Array, mask: Array | None) -> Array:

@@ -8,14 +8,14 @@ from itertools import product
 
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.waveforms import Library, chirp_law, chirp_measurement_covariance, parse_law, trapezoid_chirp_library
 
 
 @dataclass(frozen=True)
-class ChirpMenu:
+class ChirpActions:
     """Every phase law with every duration, sweep and direction, at each of several sensors.
 
     Args:
@@ -63,11 +63,11 @@ class ChirpMenu:
         return ParameterBox(tuple(parameters))
 
     @property
-    def actions(self) -> PerSensor | JointLibrary | ParameterBox:
+    def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """What an action means."""
         if self.form == "box":
             return self.box
-        return self.joint if self.form == "joint" else PerSensor(self.library, self.sensors)
+        return self.joint if self.form == "joint" else PerSensorLibrary(self.library, self.sensors)
 
     @property
     def options(self) -> Library:
@@ -117,7 +117,7 @@ class ChirpMenu:
     @cached_property
     def candidates(self) -> Array:
         """Every combination of one option per sensor, as actions."""
-        return self.encode(PerSensor(self.options, self.sensors).combinations())
+        return self.encode(PerSensorLibrary(self.options, self.sensors).combinations())
 
     def unit_covariance(self, actions: Array) -> Array:
         """C (..., sensor, 2, 2) of the waveforms that ``actions`` name."""

@@ -143,7 +143,7 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, ou
 
 
 @kernel
-def advance(step, mean, covariance, X, V, path, first, uniform, error, key, pulse, targets, F, Q, radar,
+def transition(step, mean, covariance, X, V, path, first, uniform, error, key, pulse, targets, F, Q, radar,
             mean_out, covariance_out, X_out, V_out, truth, outside, scan, nn):  # fmt: skip
     """One step of every environment, sensor after sensor; tapes read at [e, step].
 

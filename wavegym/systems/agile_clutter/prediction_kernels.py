@@ -1,4 +1,4 @@
-"""What a scheduler of the agile-clutter loop foresees: covariances by the unscented transform, sensors in sequence.
+"""What a scheduler of the agile-clutter loop predicts: covariances by the unscented transform, sensors in sequence.
 
 Sira et al., eqs. (13) and (14) with the bracket mended: P - q2 Pxz (Pzz + N)^-1 Pxz', N = C / eta at the predicted
 range, q2 the information reduction factor. Axes and argument groups as in ``agile_clutter_kernels``; c candidate.
@@ -31,7 +31,7 @@ def reduction(pd, S, radar, q2):
 
 @kernel
 def information(pd, chance, S, radar, q2, draw):
-    """The share of the full update foreseen: q2 times the chance to see, or, of a uniform draw, q2 / Pd or nothing.
+    """The share of the full update predicted: q2 times the chance to see, or, of a uniform draw, q2 / Pd or nothing.
 
     Without clutter a detection is the whole update: q2 / Pd is less by what a gate loses on average.
     """
@@ -62,7 +62,7 @@ def foresee_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
 
 
 @kernel
-def imagine(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_out, P_out, nn):
+def predict(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_out, P_out, nn):
     """One step ahead: predicted means, covariances after all sensors' pulses. All arrays with one flat axis e."""
     birth, lifetime = targets
     count_t, n = len(birth), len(nn)
@@ -84,7 +84,7 @@ def imagine(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_ou
 
 
 @kernel
-def predict(step, mean, covariance, targets, F, Q, x_out, P_out, present_out, nn):
+def predict_present(step, mean, covariance, targets, F, Q, x_out, P_out, present_out, nn):
     """The belief (e, t, ...) that the next pulse meets, before any sensor has measured."""
     birth, lifetime = targets
     for e in range(len(step)):

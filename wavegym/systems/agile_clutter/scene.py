@@ -14,7 +14,7 @@ from wavegym.rendering.maps import PLANE, colour, cross, draw_map, draw_particle
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, legend, wipe
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
-from wavegym.systems.agile_clutter.state import Public
+from wavegym.systems.agile_clutter.state import Belief
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp, Waveform, parse_law
 
@@ -95,9 +95,9 @@ class TargetScene:
         axes.axvline(0.0, color=TRUTH, linewidth=0.5)
         reach = np.full(2, 1e-3)
         for t in known_targets(self.system, len(moment.actions)):
-            truth = now.hidden.truth[0, t, PLANE]
-            error = now.public.mean[0, t, PLANE] - truth
-            outline = error[:, None] + ellipse(now.public.covariance[0, t, PLANE, PLANE])
+            truth = now.truth.targets[0, t, PLANE]
+            error = now.belief.mean[0, t, PLANE] - truth
+            outline = error[:, None] + ellipse(now.belief.covariance[0, t, PLANE, PLANE])
             draw_particles(axes, now, t, truth)
             axes.plot(*outline, color=colour(t), linewidth=1.2)
             axes.plot(*error[:, None], "o", color=colour(t), markersize=3)
@@ -112,7 +112,7 @@ class TargetScene:
         measurement by the Jacobian, where the tracker takes the unscented transform: they agree at such distances.
         """
         system, now, position = self.system, moment.states[-1], np.array(self.system.sensors[sensor])
-        before = moment.states[-2].public
+        before = moment.states[-2].belief
         ahead, C, strength, lit = system.ahead(before), *lighted(system, before, moment.actions[-1])
         reach = np.full(2, 1e-3)
         for t in np.flatnonzero(ahead.present[0] & lit[sensor]).tolist():
@@ -121,9 +121,9 @@ class TargetScene:
             N = C[sensor] / eta
             S = _projected(ahead.mean[0, t], ahead.covariance[0, t], position) + N
             gate = ellipse(S, system.gate)
-            updated = range_and_rate(now.public.mean[0, t], position) - predicted
-            truth = range_and_rate(now.hidden.truth[0, t], position) - predicted
-            P = _projected(now.public.mean[0, t], now.public.covariance[0, t], position)
+            updated = range_and_rate(now.belief.mean[0, t], position) - predicted
+            truth = range_and_rate(now.truth.targets[0, t], position) - predicted
+            P = _projected(now.belief.mean[0, t], now.belief.covariance[0, t], position)
             axes.plot(*gate, color=colour(t), **GATE)
             axes.plot(*ellipse(N), color=colour(t), **PULSE)
             fill(axes, updated[:, None] + ellipse(P), color=colour(t), **UPDATED)
@@ -143,8 +143,8 @@ def scan_caption(system: AgileClutter, moment: Moment) -> str:
     """What all sensors received in this step; the points themselves are not part of the state."""
     if not moment.actions:
         return ""
-    detections, clutter, effective, ancestors = moment.states[-1].hidden.scan[0]
-    before, sensors = moment.states[-2].public, len(system.sensors)
+    detections, clutter, effective, ancestors = moment.states[-1].truth.scan[0]
+    before, sensors = moment.states[-2].belief, len(system.sensors)
     looks = int((system.ahead(before).present[0] & lighted(system, before, moment.actions[-1])[2]).sum())
     who = f"{sensors} sensors" if sensors > 1 else "1 sensor"
     text = f"{who}: {detections:.0f} of {looks} returns detected, {clutter:.0f} clutter points in gates"
@@ -153,7 +153,7 @@ def scan_caption(system: AgileClutter, moment: Moment) -> str:
     return text
 
 
-def lighted(system: AgileClutter, before: Public, action: Array) -> tuple[Array, Array, Array]:
+def lighted(system: AgileClutter, before: Belief, action: Array) -> tuple[Array, Array, Array]:
     """Of a step: C (sensor, 2, 2), strength (sensor,), and where each sensor looks, (sensor, target) bool."""
     pulse = system.pulse(before, action[:, None])
     return pulse.C[0, 0], pulse.strength[0, 0], pulse.chance[0, 0] > 0.0

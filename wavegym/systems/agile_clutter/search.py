@@ -8,8 +8,8 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import System
-from wavegym.systems.agile_clutter import prediction_kernels as foresight
-from wavegym.systems.agile_clutter.state import Ahead, Public
+from wavegym.systems.agile_clutter import prediction_kernels as prediction
+from wavegym.systems.agile_clutter.state import Ahead, Belief
 from wavegym.trackers.information_reduction import reduction_table
 
 NN = (0, 0, 0, 0)  # the state [x y xdot ydot], as kernels take its size
@@ -25,31 +25,31 @@ class SensorAfterSensor(System):
     _radar: Any
     _weights: Any
 
-    def ahead(self, public: Public) -> Ahead:
+    def ahead(self, belief: Belief) -> Ahead:
         """The belief that the next pulse meets."""
-        x, P = np.empty(public.mean.shape), np.empty(public.covariance.shape)
+        x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
         present = np.empty(x.shape[:2], np.bool_)
-        foresight.predict(*public[:3], self._targets, *self._model, x, P, present, NN)
+        prediction.predict_present(*belief[:3], self._targets, *self._model, x, P, present, NN)
         return Ahead(x, P, present)
 
     def sensor_costs(self, ahead: Ahead, sensor: int, C: Array) -> Array:
         """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
         cost = np.empty((len(ahead.mean), C.shape[1]))
-        foresight.sensor_costs(sensor, *ahead, C, self._weights, self._radar, reduction_table(), cost, NN)
+        prediction.sensor_costs(sensor, *ahead, C, self._weights, self._radar, reduction_table(), cost, NN)
         return cost
 
     def after_sensor(self, ahead: Ahead, sensor: int, C: Array) -> Ahead:
         """The belief that the next sensor's pulse meets, after this sensor's with C (env, 2, 2) at unit SNR."""
         P = np.empty(ahead.covariance.shape)
-        foresight.after_sensor(sensor, *ahead, C, self._radar, reduction_table(), P, NN)
+        prediction.after_sensor(sensor, *ahead, C, self._radar, reduction_table(), P, NN)
         return ahead._replace(covariance=P)
 
-    def best_action(self, public: Public) -> Array:
+    def best_action(self, belief: Belief) -> Array:
         """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1).
 
         Nearly the best joint one: a later sensor's pulse may favour another choice of an earlier one's.
         """
-        ahead, C, choices = self.ahead(public), self.menu.option_covariances, []
+        ahead, C, choices = self.ahead(belief), self.menu.option_covariances, []
         for i in range(len(self.sensors)):
             choices.append(self.sensor_costs(ahead, i, C[None]).argmin(axis=1))
             if i + 1 < len(self.sensors):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, open_unit, positive, within
-from wavegym.core.system import Element
+from wavegym.core.errors import InputError, check_non_negative, check_positive, check_probability, check_within
+from wavegym.core.system import ObservationField
 from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.trackers import Particles
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
@@ -32,23 +32,23 @@ class World(NamedTuple):
     key: Array  # () uint64: of the counter-based draws, clutter and particles
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     """What no scheduler sees."""
 
-    truth: Array  # (env, target, 4)
+    targets: Array  # (env, target, 4)
     path: Array  # (env, target, lifetime + 1, 4) from each target's birth
     first: Array  # (env, target, 4) the estimates that the tracker is handed at birth
     outside: Array  # (env, target) int: returns that fell outside their own target's gate so far
     scan: Array  # (env, 4) of the last step: detections, clutter points, effective sample size, distinct ancestors
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief. A slot whose target is still to come holds where it is expected to start, and P0."""
 
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    particles: Particles | None  # (env, particle, target, ...) each; None with tracker="jpda" and in foresight
+    particles: Particles | None  # (env, particle, target, ...) each; None with tracker="jpda" and in prediction
 
 
 class Pulse(NamedTuple):
@@ -83,23 +83,23 @@ def drawn_around(centre: ArrayLike, spread: ArrayLike, place: Array) -> Array:
     return np.array(centre) + np.array(spread) * (2.0 * place - 1.0)
 
 
-def target_elements(targets: int, sensors: int) -> tuple[Element, ...]:
+def target_fields(targets: int, sensors: int) -> tuple[ObservationField, ...]:
     """Observation elements: time left, and of every target what the next pulse meets, by itself and at each sensor."""
-    listed = [Element("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
+    listed = [ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
     for t in range(1, targets + 1):
         of = f"of target {t} as the next pulse meets it; 0 where it meets none"
         listed += [
-            Element(f"present_{t}", "1", 0.5, 0.5, f"whether the next pulse meets target {t}"),
-            Element(f"log10_sigma_position_{t}", "log10(m)", 1.0, 1.0, f"RMS position uncertainty {of}"),
-            Element(f"log10_sigma_velocity_{t}", "log10(m/s)", 0.5, 0.5, f"RMS velocity uncertainty {of}"),
+            ObservationField(f"present_{t}", "1", 0.5, 0.5, f"whether the next pulse meets target {t}"),
+            ObservationField(f"log10_sigma_position_{t}", "log10(m)", 1.0, 1.0, f"RMS position uncertainty {of}"),
+            ObservationField(f"log10_sigma_velocity_{t}", "log10(m/s)", 0.5, 0.5, f"RMS velocity uncertainty {of}"),
         ]
         for i in range(1, sensors + 1):
             at, where = f"{t}_{i}", f"{of}, at sensor {i}"
             listed += [
-                Element(f"snr_{at}", "dB", 19.0, 3.0, f"eta {where}"),
-                Element(f"log10_sigma_r_{at}", "log10(m)", 0.5, 0.5, f"standard deviation of range {where}"),
-                Element(f"log10_sigma_rdot_{at}", "log10(m/s)", 0.5, 0.5, f"the same of range-rate {where}"),
-                Element(f"correlation_{at}", "1", 0.0, 0.5, f"correlation of range and range-rate {where}"),
+                ObservationField(f"snr_{at}", "dB", 19.0, 3.0, f"eta {where}"),
+                ObservationField(f"log10_sigma_r_{at}", "log10(m)", 0.5, 0.5, f"standard deviation of range {where}"),
+                ObservationField(f"log10_sigma_rdot_{at}", "log10(m/s)", 0.5, 0.5, f"the same of range-rate {where}"),
+                ObservationField(f"correlation_{at}", "1", 0.0, 0.5, f"correlation of range and range-rate {where}"),
             ]
     return tuple(listed)
 
@@ -107,16 +107,16 @@ def target_elements(targets: int, sensors: int) -> tuple[Element, ...]:
 def check_numbers(system: AgileClutter) -> None:
     """InputError for single numbers out of range."""
     for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "gate"):
-        positive(name, getattr(system, name))
-    non_negative("q", system.q)
-    for name, check in (("prior_variance", positive), ("weights", non_negative)):
+        check_positive(name, getattr(system, name))
+    check_non_negative("q", system.q)
+    for name, check in (("prior_variance", check_positive), ("weights", check_non_negative)):
         for value in getattr(system, name):
             check(name, value)
-    positive("sum of weights", sum(system.weights))
+    check_positive("sum of weights", sum(system.weights))
     for sweep in system.sweeps:
-        positive("sweep", sweep, "Hz")
-    open_unit("false_alarm", system.false_alarm)
-    within("particles", system.particles, 2, 1_000_000)
+        check_positive("sweep", sweep, "Hz")
+    check_probability("false_alarm", system.false_alarm)
+    check_within("particles", system.particles, 2, 1_000_000)
 
 
 def check_scenario(
@@ -127,19 +127,19 @@ def check_scenario(
     horizon: int,
 ) -> None:
     """InputError for sensors, targets or times that make no scenario; arguments as ``AgileClutter`` has them."""
-    within("number of sensors", len(sensors), 1, MOST_SENSORS)
-    within("number of targets (exact joint association)", len(starts), 1, CLUSTER_LIMIT)
+    check_within("number of sensors", len(sensors), 1, MOST_SENSORS)
+    check_within("number of targets (exact joint association)", len(starts), 1, CLUSTER_LIMIT)
     for name, rows in (("sensors", sensors), ("starts", starts)):
         if not np.isfinite(np.array(rows)).all():
             raise InputError(f"{name} is {rows}, expected finite numbers")
     if len(births) != len(starts):
         raise InputError(f"births is {births}, expected {len(starts)} steps, one for each of starts")
-    within("lifetime", lifetime, 1, 100_000, "steps")
+    check_within("lifetime", lifetime, 1, 100_000, "steps")
     last = max(births) + lifetime
     if not 1 <= horizon <= last:
         wanted = f"1 to {last}, when the last target is gone (the greatest of births + lifetime)"
         raise InputError(f"horizon is {horizon} steps, expected {wanted}; nearest: {min(max(horizon, 1), last)}")
-    within("least of births", min(births), 0, horizon - 1)
+    check_within("least of births", min(births), 0, horizon - 1)
 
 
 def first_gate_volume(

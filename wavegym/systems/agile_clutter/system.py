@@ -12,25 +12,25 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from wavegym.core import trees
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, within
+from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.system import Element, State
+from wavegym.core.system import ObservationField, State
 from wavegym.sensors import gate_probability
 from wavegym.systems.agile_clutter import kernels
-from wavegym.systems.agile_clutter import prediction_kernels as foresight
-from wavegym.systems.agile_clutter.actions import ChirpMenu
+from wavegym.systems.agile_clutter import prediction_kernels as prediction
+from wavegym.systems.agile_clutter.actions import ChirpActions
 from wavegym.systems.agile_clutter.search import NN, SensorAfterSensor
 from wavegym.systems.agile_clutter.state import (
-    Hidden,
-    Public,
+    Belief,
     Pulse,
+    Truth,
     World,
     check_numbers,
     check_scenario,
     first_gate_volume,
-    target_elements,
+    target_fields,
 )
 from wavegym.targets import MotionModel, constant_velocity, random_path
 from wavegym.trackers import Particles
@@ -110,7 +110,9 @@ class AgileClutter(SensorAfterSensor):
         check_scenario(self.sensors, self.starts, self.births, self.lifetime, self.horizon)
         C, snr = self.menu.option_covariances, (self.reference_range, self.nearest_range)
         volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
-        within("clutter_density", self.clutter_density, 0, float(f"{kernels.MOST_CLUTTER / volume:.3g}"), "per m (m/s)")
+        check_within(
+            "clutter_density", self.clutter_density, 0, float(f"{kernels.MOST_CLUTTER / volume:.3g}"), "per m (m/s)"
+        )
 
     @cached_property
     def motion(self) -> MotionModel:
@@ -118,12 +120,12 @@ class AgileClutter(SensorAfterSensor):
         return constant_velocity(self.dt, self.q, ("x", "y"), order="derivative")
 
     @cached_property
-    def menu(self) -> ChirpMenu:
+    def menu(self) -> ChirpActions:
         """What may be transmitted."""
-        return ChirpMenu(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
+        return ChirpActions(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
 
     @property
-    def actions(self) -> PerSensor | JointLibrary | ParameterBox:
+    def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """What an action means."""
         return self.menu.actions
 
@@ -163,7 +165,7 @@ class AgileClutter(SensorAfterSensor):
             np.asarray(rng.integers(2**64, dtype=np.uint64)),
         )
 
-    def begin(self, world: World) -> State:
+    def initial(self, world: World) -> State:
         """The true paths, and the first estimates drawn around their starts."""
         count, S = world.start.shape[:2]
         path = random_path(self.motion, self.first_places(world), world.process)
@@ -173,64 +175,64 @@ class AgileClutter(SensorAfterSensor):
         particles = None
         if self.tracker == "particle":
             particles = Particles(*(np.repeat(a[:, None], self.particles, axis=1) for a in (mean, covariance)))
-        hidden = Hidden(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
-        return State(hidden, Public(np.zeros(count, np.int64), mean, covariance, particles))
+        truth = Truth(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
+        return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, particles))
 
     def first_places(self, world: World) -> Array:
         """Where the targets are at birth, (target, 4) or (env, target, 4)."""
         return np.array(self.starts)
 
-    def advance(self, state: State, action: Array, world: World) -> State:
+    def transition(self, state: State, action: Array, world: World) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
-        return self._advance(state, self.pulse(state.public, action[:, None]), world)
+        return self._advance(state, self.pulse(state.belief, action[:, None]), world)
 
     def _advance(self, state: State, pulse: Pulse, world: World) -> State:
-        """``advance`` with any pulse: for systems that add a resource."""
-        hidden, (step, mean, covariance, particles) = state.hidden, state.public[:4]
-        x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
-        outside, scan = hidden.outside.copy(), np.zeros(hidden.scan.shape)
+        """``transition`` with any pulse: for systems that add a resource."""
+        truth, (step, mean, covariance, particles) = state.truth, state.belief[:4]
+        x, P, true_states = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
+        outside, scan = truth.outside.copy(), np.zeros(truth.scan.shape)
         X, V = particles or (np.empty((len(step), 0, *shape[1:])) for shape in (mean.shape, covariance.shape))
         X_out, V_out = np.empty(X.shape), np.empty(V.shape)
-        kernels.advance(
-            step, mean, covariance, X, V, hidden.path, hidden.first, world.detection, world.error, world.key,
-            pulse.rows((len(step), 1)), self._targets, *self._model, self._radar, x, P, X_out, V_out, truth, outside,
-            scan, NN
+        kernels.transition(
+            step, mean, covariance, X, V, truth.path, truth.first, world.detection, world.error, world.key,
+            pulse.rows((len(step), 1)), self._targets, *self._model, self._radar, x, P, X_out, V_out, true_states,
+            outside, scan, NN
         )  # fmt: skip
         if np.isnan(scan).any():
             where = f"environment {np.argmax(np.isnan(scan).any(axis=1))} at step {step[np.isnan(scan).any(axis=1)][0]}"
             wanted = f"at most {kernels.MOST_CLUTTER:g} (smaller clutter_density, dt or q)"
             raise InputError(f"clutter in a gate of {where} has no bound or one too large, expected {wanted}")
-        fresh = Public(step + 1, x, P, None if particles is None else Particles(X_out, V_out))
-        return State(Hidden(truth, hidden.path, hidden.first, outside, scan), fresh)
+        fresh = Belief(step + 1, x, P, None if particles is None else Particles(X_out, V_out))
+        return State(Truth(true_states, truth.path, truth.first, outside, scan), fresh)
 
-    def imagine(self, public: Public, actions: Array, outcome: Array | None = None) -> Public:
+    def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief after one pulse of every sensor: predicted means, covariances of eqs. (13) and (14).
 
         ``outcome``: uniform draws (env, sensor, target) or (env, candidate, ...), a detection where below Pd: q2/Pd
         instead of q2 for a detection, no update for a miss. A tracker in clutter is not told which of them happened.
         """
         several = actions.ndim == (2 if self.action == "joint" else 3)
-        pulse = self.pulse(public, actions if several else actions[:, None])
-        shape = (len(public.step), max(a.shape[1] for a in pulse))
+        pulse = self.pulse(belief, actions if several else actions[:, None])
+        shape = (len(belief.step), max(a.shape[1] for a in pulse))
         if outcome is not None:
             full = shape + self._everywhere[1].shape[2:]
             outcome = np.broadcast_to(outcome if several else outcome[:, None], full).reshape(-1, *full[2:])
-        many = trees.repeated(public._replace(particles=None), shape[1]) if several else public
+        many = trees.repeated(belief._replace(particles=None), shape[1]) if several else belief
         ahead = self._imagine(many, pulse.rows(shape), outcome)
         return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), ahead) if several else ahead
 
-    def _imagine(self, public: Any, pulse: Sequence[Array], draws: Array | None) -> Public:
-        """``imagine`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
+    def _imagine(self, belief: Any, pulse: Sequence[Array], draws: Array | None) -> Belief:
+        """``predict`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
         draws = -self._everywhere[1][0] if draws is None else np.ascontiguousarray(draws)  # negative: none
-        step, mean, covariance = map(np.ascontiguousarray, public[:3])
+        step, mean, covariance = map(np.ascontiguousarray, belief[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
-        foresight.imagine(
+        prediction.predict(
             step, mean, covariance, tuple(pulse), draws, self._targets, *self._model, self._radar, reduction_table(),
             x, P, NN
         )  # fmt: skip
-        return Public(step + 1, x, P, None)
+        return Belief(step + 1, x, P, None)
 
-    def pulse(self, public: Public, actions: Array) -> Pulse:
+    def pulse(self, belief: Belief, actions: Array) -> Pulse:
         """What ``actions`` (env or 1, candidate, ...) transmit: here every sensor looks at all targets."""
         return Pulse(self.menu.unit_covariance(actions), *self._everywhere)
 
@@ -241,48 +243,48 @@ class AgileClutter(SensorAfterSensor):
         return np.ones((1, 1, sensors)), np.ones((1, 1, sensors, targets))
 
     @property
-    def chances(self) -> tuple[int, int]:
+    def outcome_shape(self) -> tuple[int, int]:
         """A draw for every sensor and target: whether it is detected."""
         return len(self.sensors), len(self.starts)
 
-    def cost(self, public: Public) -> Array:
+    def cost(self, belief: Belief) -> Array:
         """trace(Lambda P) summed over the targets present."""
-        P = public.covariance
-        cost = np.empty(public.step.size)
-        step, P = np.ascontiguousarray(public.step).reshape(-1), P.reshape(-1, *P.shape[-3:])
-        foresight.weighted_trace(step, P, self._targets, self._weights, cost)
-        return cost.reshape(public.step.shape)
+        P = belief.covariance
+        cost = np.empty(belief.step.size)
+        step, P = np.ascontiguousarray(belief.step).reshape(-1), P.reshape(-1, *P.shape[-3:])
+        prediction.weighted_trace(step, P, self._targets, self._weights, cost)
+        return cost.reshape(belief.step.shape)
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: time left, and of every target what the next pulse meets, by itself and at each sensor."""
-        return target_elements(len(self.starts), len(self.sensors))
+        return target_fields(len(self.starts), len(self.sensors))
 
-    def observe(self, public: Public) -> Array:
-        """See ``elements``."""
-        out = np.empty((len(public.step), len(self.elements)))
-        foresight.observe(*public[:3], self.horizon, self._targets, *self._model, self._radar, out, NN)
+    def observe(self, belief: Belief) -> Array:
+        """See ``observation_fields``."""
+        out = np.empty((len(belief.step), len(self.observation_fields)))
+        prediction.observe(*belief[:3], self.horizon, self._targets, *self._model, self._radar, out, NN)
         return out
 
-    def metrics(self, state: State) -> dict[str, Array]:
+    def state_info(self, state: State) -> dict[str, Array]:
         """Of each target, 0 unless ``present``: ``position_error`` (m), ``squared_error`` (m^2, weighted with Lambda)
         and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen outside its gates so far. Of
         the step: ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"`` also ``ess`` and
         ``ancestors``, effective sample size and distinct ancestors as shares of the particles.
         """
-        hidden, public = state
-        present = np.empty(hidden.outside.shape, np.bool_)
+        truth, belief = state
+        present = np.empty(truth.outside.shape, np.bool_)
         squared, position, nees = np.empty((3, *present.shape))
-        foresight.measure(*public[:3], hidden.truth, self._targets, self._weights, present, squared, position, nees)
+        prediction.measure(*belief[:3], truth.targets, self._targets, self._weights, present, squared, position, nees)
         figures = {
             "present": present,
             "position_error": position,
             "squared_error": squared,
             "nees": nees,
-            "lost": hidden.outside > LOST_AFTER,
-            "detections": hidden.scan[:, 0].copy(),
-            "clutter": hidden.scan[:, 1].copy(),
+            "lost": truth.outside > LOST_AFTER,
+            "detections": truth.scan[:, 0].copy(),
+            "clutter": truth.scan[:, 1].copy(),
         }
         if self.tracker == "particle":
-            figures["ess"], figures["ancestors"] = (hidden.scan[:, i] / self.particles for i in (2, 3))
+            figures["ess"], figures["ancestors"] = (truth.scan[:, i] / self.particles for i in (2, 3))
         return figures

@@ -1,8 +1,8 @@
 """What beams are worth to index rules, in compiled form: expected covariances of the targets they look at.
 
-Axes and argument groups as in ``agile_clutter_foresight_kernels``. A target's covariance depends on who looks at it and
-with what only, so it is foreseen once for every way to look at it, not for every joint action. A way is a number with
-one digit for every sensor, the last sensor's the lowest: 0 it looks elsewhere, d > 0 it looks with chirp d - 1.
+Axes and argument groups as in ``agile_clutter/prediction_kernels``. A target's covariance depends on who looks at it
+and with what only, so it is predicted once for every way to look at it, not for every joint action. A way is a number
+with one digit for every sensor, the last sensor's the lowest: 0 it looks elsewhere, d > 0 it looks with chirp d - 1.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False

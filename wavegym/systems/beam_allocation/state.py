@@ -12,9 +12,9 @@ import numpy as np
 from wavegym.core.action_labels import Menu
 from wavegym.core.action_sets import JointLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, within
-from wavegym.core.system import Element
-from wavegym.systems.agile_clutter.actions import ChirpMenu
+from wavegym.core.errors import InputError, check_non_negative, check_within
+from wavegym.core.system import ObservationField
+from wavegym.systems.agile_clutter.actions import ChirpActions
 from wavegym.systems.visibility_windows import given_windows, window_draws
 from wavegym.waveforms import Library, trapezoid_chirp_library
 from wavegym.waveforms.waveform import Waveform
@@ -40,7 +40,7 @@ class World(NamedTuple):
     window: Array  # (target, n) uniform: windows of visibility
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief, and when each target can be seen."""
 
     step: Array  # (env,) int
@@ -51,7 +51,7 @@ class Public(NamedTuple):
 
 
 @dataclass(frozen=True)
-class BeamMenu(ChirpMenu):
+class BeamMenu(ChirpActions):
     """A target to look at and a chirp for every sensor; an action is one index for all sensors.
 
     Args:
@@ -116,14 +116,18 @@ class BeamMenu(ChirpMenu):
         return (self.looks * (digits * weights)[..., None]).sum(axis=1), base**self.sensors
 
 
-def window_elements(targets: int) -> tuple[Element, ...]:
+def window_elements(targets: int) -> tuple[ObservationField, ...]:
     """Observation elements that say when each target can be seen."""
-    listed: list[Element] = []
+    listed: list[ObservationField] = []
     for t in range(1, targets + 1):
         listed += [
-            Element(f"visible_{t}", "1", 0.5, 0.5, f"whether target {t} can be seen in the coming step"),
-            Element(f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until that changes, at most {SOON}"),
-            Element(f"soon_visible_{t}", "1", 0.5, 0.3, f"share of the next {SOON} steps in which it can be seen"),
+            ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"whether target {t} can be seen in the coming step"),
+            ObservationField(
+                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until that changes, at most {SOON}"
+            ),
+            ObservationField(
+                f"soon_visible_{t}", "1", 0.5, 0.3, f"share of the next {SOON} steps in which it can be seen"
+            ),
         ]
     return tuple(listed)
 
@@ -133,8 +137,8 @@ def check_beams(system: BeamAllocation) -> None:
     if any(system.births):
         raise InputError(f"births is {system.births}, expected 0 for every target: all are there throughout")
     for value in system.spread:
-        non_negative("spread", value)
+        check_non_negative("spread", value)
     count = (len(system.menu.library) * len(system.starts)) ** len(system.sensors)
-    within("number of joint actions", count, 1, MOST_ACTIONS)
+    check_within("number of joint actions", count, 1, MOST_ACTIONS)
     window_draws(system.horizon, system.shown, system.hidden)
     given_windows(system.windows, len(system.starts), system.horizon)

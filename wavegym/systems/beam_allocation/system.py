@@ -10,12 +10,12 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from wavegym.core.arrays import Array
-from wavegym.core.system import Element, State
+from wavegym.core.system import ObservationField, State
 from wavegym.systems.agile_clutter.search import NN
-from wavegym.systems.agile_clutter.state import Pulse, drawn_around, target_elements
+from wavegym.systems.agile_clutter.state import Pulse, drawn_around, target_fields
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation import kernels
-from wavegym.systems.beam_allocation.state import SOON, BeamMenu, Public, Quad, World, check_beams, window_elements
+from wavegym.systems.beam_allocation.state import SOON, BeamMenu, Belief, Quad, World, check_beams, window_elements
 from wavegym.systems.visibility_windows import Window, coming, visibility, window_draws
 from wavegym.trackers.information_reduction import reduction_table
 
@@ -100,53 +100,53 @@ class BeamAllocation(AgileClutter):
         draws = window_draws(self.horizon, self.shown, self.hidden)
         return World(*super().draw_world(rng), rng.random((targets, 4)), rng.random((targets, draws)))
 
-    def begin(self, world: Any) -> State:
+    def initial(self, world: Any) -> State:
         """The true paths, the first estimates drawn around their starts, and the windows of visibility."""
-        hidden, base = super().begin(world)
+        truth, base = super().initial(world)
         step, mean, covariance = base[:3]
-        return State(hidden, Public(step, mean, covariance, None, visibility(self, world.window, len(self.starts))))
+        return State(truth, Belief(step, mean, covariance, None, visibility(self, world.window, len(self.starts))))
 
     def first_places(self, world: Any) -> Array:
         """Drawn around ``starts``."""
         return drawn_around(self.starts, self.spread, world.place)
 
-    def pulse(self, public: Any, actions: Array) -> Pulse:
+    def pulse(self, belief: Any, actions: Array) -> Pulse:
         """Every sensor lights one target, with chance 1 where that can be seen."""
-        seen = coming(public.visible, public.step, 1)[:, :, None]
+        seen = coming(belief.visible, belief.step, 1)[:, :, None]
         return Pulse(self.menu.unit_covariance(actions), self._everywhere[0], self.menu.looks.take(actions, 0) * seen)
 
-    def advance(self, state: State, action: Array, world: Any) -> State:
+    def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
-        ahead = super().advance(state, action, world)
-        step, mean, covariance = ahead.public[:3]
-        return State(ahead.hidden, Public(step, mean, covariance, None, state.public.visible))
+        ahead = super().transition(state, action, world)
+        step, mean, covariance = ahead.belief[:3]
+        return State(ahead.truth, Belief(step, mean, covariance, None, state.belief.visible))
 
-    def imagine(self, public: Any, actions: Array, outcome: Array | None = None) -> Any:
+    def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""
-        ahead = super().imagine(public, actions, outcome)
-        visible = public.visible
+        ahead = super().predict(belief, actions, outcome)
+        visible = belief.visible
         if ahead.step.ndim == 2:
             visible = np.broadcast_to(visible[:, None], ahead.step.shape + visible.shape[1:])
-        return Public(*ahead[:3], None, visible)
+        return Belief(*ahead[:3], None, visible)
 
-    def best_action(self, public: Any) -> Array:
+    def best_action(self, belief: Any) -> Array:
         """Sensor after sensor is no shortcut here. Raises NotImplementedError: all joint actions are tried."""
         raise NotImplementedError
 
-    def delay(self, public: Public) -> Array:
+    def delay(self, belief: Belief) -> Array:
         """Steps before each candidate's pulse does its work, (env, candidate): none, beams turn at once."""
-        return np.zeros((len(public.step), len(self.menu.joint)), np.int64)
+        return np.zeros((len(belief.step), len(self.menu.joint)), np.int64)
 
     @property
-    def aims(self) -> Array:
+    def target_of_action(self) -> Array:
         """The target of each radar's beam, (candidate, radar)."""
         return self.menu.looks.argmax(axis=2)
 
-    def gain(self, public: Public, wait: Array | int, ahead: Array | int) -> Array:
+    def gain(self, belief: Belief, wait: Array | int, ahead: Array | int) -> Array:
         """By how much each candidate's pulses lower the summed cost of the ``ahead`` steps from the look on.
 
         Args:
-            public: the belief.
+            belief: the belief.
             wait: steps before the look in which nothing is measured, int or (env or 1, candidate or 1).
             ahead: steps counted, the look's own included, int or (env or 1, target), of each target's; those beyond the
                 horizon count nothing.
@@ -154,26 +154,26 @@ class BeamAllocation(AgileClutter):
         Returns:
             Expected over detections, (env, candidate); 0 where the targets are hidden then or the episode over.
         """
-        out = np.empty((len(public.step), len(self.menu.joint)))
-        waits, counted = np.empty(out.shape, np.int64), np.empty(public.mean.shape[:2], np.int64)
+        out = np.empty((len(belief.step), len(self.menu.joint)))
+        waits, counted = np.empty(out.shape, np.int64), np.empty(belief.mean.shape[:2], np.int64)
         waits[...], counted[...] = wait, ahead
-        M, visible = self.weights_ahead(int(counted.max())), np.require(public.visible, requirements=["C", "W"])
+        M, visible = self.weights_ahead(int(counted.max())), np.require(belief.visible, requirements=["C", "W"])
         kernels.gain(
-            *public[:3], visible, waits, counted, *self.menu.ways, self.menu.chirp_covariances, M,
+            *belief[:3], visible, waits, counted, *self.menu.ways, self.menu.chirp_covariances, M,
             *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """As the parent's, then of every target when it can be seen."""
         targets = len(self.starts)
-        return target_elements(targets, len(self.sensors)) + window_elements(targets)
+        return target_fields(targets, len(self.sensors)) + window_elements(targets)
 
-    def observe(self, public: Any) -> Array:
-        """See ``elements``."""
-        out = super().observe(public)
-        soon = coming(public.visible, public.step, SOON + 1)
+    def observe(self, belief: Any) -> Array:
+        """See ``observation_fields``."""
+        out = super().observe(belief)
+        soon = coming(belief.visible, belief.step, SOON + 1)
         changes = soon != soon[:, :1]
         until = np.where(changes.any(axis=1), changes.argmax(axis=1), SOON)
         share = np.ascontiguousarray(np.swapaxes(soon[:, :SOON], 1, 2)).mean(axis=2)

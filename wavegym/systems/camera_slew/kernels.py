@@ -14,7 +14,7 @@ import numpy as np
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.rf_eo.kernels import gain_of, look_one, measure_one, move_one, track_one
-from wavegym.systems.rf_eo.prediction_kernels import foresee
+from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rank_one_kernels import shrink_one
 
@@ -61,7 +61,7 @@ def scaled(A, factor, out, nn):
 
 
 @kernel
-def advance(
+def transition(
     step, mean, P, pointing, settling, density, visible, truth, unseen, process, error, found, action, F, Q, L, places,
     rules, mount, variance, low, high, x, P_out, pointing_out, settling_out, truth_out, received, unseen_out, seen, nn
 ):  # fmt: skip
@@ -110,7 +110,7 @@ def absorb_foreseen(t, P, h, H, variance, low, high, rules, azimuth, v, nn):
 
 
 @kernel
-def imagine(
+def predict(
     step, mean, P, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount, variance,
     low, high, x, P_out, pointing_out, settling_out, nn
 ):  # fmt: skip
@@ -123,8 +123,8 @@ def imagine(
     unseen, seen = np.empty((targets, n, n)), np.empty((targets, n, n))
     h, H = np.empty((targets, 3 * places.shape[0])), np.empty((targets, 3 * places.shape[0], n))
     for e in range(count):
-        foresee(mean[e], P[e], F, Q, places, rules, ahead, unseen, h, H, nn)
-        for t in range(targets):  # the noise foreseen is that of a density of 1
+        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, unseen, h, H, nn)
+        for t in range(targets):  # the noise predicted is that of a density of 1
             for a in range(n):
                 for b in range(n):
                     unseen[t, a, b] += (density[e, t] - 1.0) * Q[0, a, b]

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import non_negative, ordered, positive, within
-from wavegym.core.system import Element, State
+from wavegym.core.errors import check_non_negative, check_ordered, check_positive, check_within
+from wavegym.core.system import ObservationField, State
 from wavegym.systems import visibility_windows as windows
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.rf_eo.state import MOST
-from wavegym.systems.rf_eo.state import Public as Belief
+from wavegym.systems.rf_eo.state import Belief as RfEoBelief
 from wavegym.systems.rf_eo.system import NN, RfEo
 from wavegym.systems.visibility_windows import given_windows, window_draws
 from wavegym.targets import MotionModel
@@ -41,16 +41,16 @@ class World(NamedTuple):
     found: Array  # (H, target) uniform: the camera finds a target in view where below ``detection``
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     """What no scheduler sees."""
 
-    truth: Array  # (env, target, 4)
+    targets: Array  # (env, target, 4)
     received: Array  # (env, target) int: measured quantities of the last step
     unseen: Array  # (env, target) int: steps since the camera found the target
     seen: Array  # (env, target) bool: whether it did in the last step
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief, and the camera."""
 
     step: Array  # (env,) int
@@ -62,21 +62,25 @@ class Public(NamedTuple):
     visible: Array  # (env, H, target) bool: whether the camera's line of sight to the target is free in each step
 
 
-def camera_elements(targets: int) -> tuple[Element, ...]:
+def camera_fields(targets: int) -> tuple[ObservationField, ...]:
     """Observation elements: time left, the camera, and of every target what it takes to look at it."""
     listed = [
-        Element("time_left", "1", 0.5, 0.5, "share of the episode's steps that are left"),
-        Element("settling", "1", 0.5, 1.0, "steps that the camera still has to settle once it has arrived"),
+        ObservationField("time_left", "1", 0.5, 0.5, "share of the episode's steps that are left"),
+        ObservationField("settling", "1", 0.5, 1.0, "steps that the camera still has to settle once it has arrived"),
     ]
     for t in range(1, targets + 1):
         where = f"target {t}, as predicted one step ahead"
         listed += [
-            Element(f"bearing_{t}", "rad", 0.0, 1.0, f"from where the camera points to {where}"),
-            Element(f"delay_{t}", "1", 4.0, 4.0, f"steps without sight before the camera sees {where}"),
-            Element(f"in_view_{t}", "1", 0.5, 0.5, f"1 if the camera sees {where}, without any delay, else 0"),
-            Element(f"visible_{t}", "1", 0.5, 0.5, f"1 if nothing blocks the line of sight to target {t}, else 0"),
-            Element(f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until that changes, at most {SOON}"),
-            Element(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
+            ObservationField(f"bearing_{t}", "rad", 0.0, 1.0, f"from where the camera points to {where}"),
+            ObservationField(f"delay_{t}", "1", 4.0, 4.0, f"steps without sight before the camera sees {where}"),
+            ObservationField(f"in_view_{t}", "1", 0.5, 0.5, f"1 if the camera sees {where}, without any delay, else 0"),
+            ObservationField(
+                f"visible_{t}", "1", 0.5, 0.5, f"1 if nothing blocks the line of sight to target {t}, else 0"
+            ),
+            ObservationField(
+                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until that changes, at most {SOON}"
+            ),
+            ObservationField(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
         ]
     return tuple(listed)
 
@@ -90,12 +94,12 @@ def starts(system: CameraSlew, world: World) -> Array:
     return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
 
 
-def coming(public: Public) -> tuple[Array, Array]:
+def coming(belief: Belief) -> tuple[Array, Array]:
     """Whether each target is in sight in the step to come, and steps until that changes, at most SOON: (env, target).
 
     Beyond the episode's end nothing is in sight.
     """
-    ahead = windows.coming(public.visible, public.step, SOON + 1)
+    ahead = windows.coming(belief.visible, belief.step, SOON + 1)
     other = ahead != ahead[:, :1]
     other[:, SOON] = True
     return ahead[:, 0], other.argmax(axis=1)
@@ -113,13 +117,13 @@ def platforms(system: CameraSlew) -> RfEo:
     )  # fmt: skip
 
 
-def parents_belief(public: Public, undone: Array) -> Belief:
-    """The belief that the parent, which foresees with a noise density of 1, foresees as the targets' own have it.
+def parents_belief(belief: Belief, undone: Array) -> RfEoBelief:
+    """The belief that the parent, which predicts with a noise density of 1, predicts as the targets' own have it.
 
     ``undone`` (4, 4): F^-1 Q F'^-1.
     """
-    extra = (public.q - 1.0)[:, :, None, None] * undone
-    return Belief(public.step, public.mean, public.covariance + extra)
+    extra = (belief.q - 1.0)[:, :, None, None] * undone
+    return RfEoBelief(belief.step, belief.mean, belief.covariance + extra)
 
 
 def powers(motion: MotionModel, steps: int) -> tuple[Array, Array]:
@@ -134,37 +138,37 @@ def powers(motion: MotionModel, steps: int) -> tuple[Array, Array]:
 
 def check_camera(system: CameraSlew) -> None:
     """InputError for a region or a camera that make no scenario; the parent checks the rest."""
-    within("targets", system.targets, 1, MOST)
-    within("horizon", system.horizon, 1, LONGEST)
+    check_within("targets", system.targets, 1, MOST)
+    check_within("horizon", system.horizon, 1, LONGEST)
     for name, unit in (("half_field", "rad"), ("slew", "rad/s"), ("prf", "Hz"), ("bandwidth", "Hz")):
-        positive(name, getattr(system, name), unit)
-    within("half_field", system.half_field, 0.0, 0.5 * math.pi, "rad")
-    within("slew", system.slew, 0.0, FASTEST, "rad/s")
-    within("settle", system.settle, 0, 1000, "steps")
-    within("detection", system.detection, 0.0, 1.0)
-    non_negative("speed", system.speed)
-    ordered("sector", *system.sector)
-    ordered("ranges", *system.ranges)
+        check_positive(name, getattr(system, name), unit)
+    check_within("half_field", system.half_field, 0.0, 0.5 * math.pi, "rad")
+    check_within("slew", system.slew, 0.0, FASTEST, "rad/s")
+    check_within("settle", system.settle, 0, 1000, "steps")
+    check_within("detection", system.detection, 0.0, 1.0)
+    check_non_negative("speed", system.speed)
+    check_ordered("sector", *system.sector)
+    check_ordered("ranges", *system.ranges)
     for azimuth in system.sector:
-        within("azimuth in sector", azimuth, -math.pi, math.pi, "rad")
-    positive("least of ranges", system.ranges[0], "m")
-    ordered("q", *system.q)
-    positive("low of q", system.q[0], "m^2/s^3")
+        check_within("azimuth in sector", azimuth, -math.pi, math.pi, "rad")
+    check_positive("least of ranges", system.ranges[0], "m")
+    check_ordered("q", *system.q)
+    check_positive("low of q", system.q[0], "m^2/s^3")
     window_draws(system.horizon, system.shown, system.hidden)
     given_windows(system.windows, system.targets, system.horizon)
 
 
 def key_figures(state: State) -> dict[str, Array]:
     """What ``CameraSlew.metrics`` says of a state."""
-    hidden, public = state
-    position, nees = np.empty(hidden.unseen.shape), np.empty(hidden.unseen.shape)
-    measure(public.mean, public.covariance, hidden.truth, position, nees, NN)
+    truth, belief = state
+    position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
+    measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
     return {
         "position_error": position,
         "nees": nees,
-        "received": hidden.received.copy(),
-        "found": hidden.seen.copy(),
-        "lost": hidden.unseen > LOST_AFTER,
-        "pointing": public.pointing.copy(),
-        "settling": public.settling.copy(),
+        "received": truth.received.copy(),
+        "found": truth.seen.copy(),
+        "lost": truth.unseen > LOST_AFTER,
+        "pointing": belief.pointing.copy(),
+        "settling": belief.settling.copy(),
     }

@@ -13,12 +13,12 @@ from pydantic.dataclasses import dataclass
 from wavegym.core.action_labels import Menu
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew import state as parts
 from wavegym.systems.camera_slew.kernels import Mount
-from wavegym.systems.camera_slew.state import Hidden, Public, World
+from wavegym.systems.camera_slew.state import Belief, Truth, World
 from wavegym.systems.rf_eo.kernels import Rules
 from wavegym.systems.rf_eo.state import Pair, Quad
 from wavegym.systems.rf_eo.system import NN, RfEo
@@ -103,7 +103,7 @@ class CameraSlew(System):
         self.loop  # noqa: B018  (what makes no platforms is reported here)
 
     @property
-    def chances(self) -> tuple[int, ...]:
+    def outcome_shape(self) -> tuple[int, ...]:
         """One draw a target: whether the camera finds it."""
         return (self.targets,)
 
@@ -164,87 +164,87 @@ class CameraSlew(System):
         density, window = rng.random(T), rng.random((T, window_draws(H, self.shown, self.hidden)))
         return World(place, velocity, start, process, error, density, window, rng.random((H, T)))
 
-    def begin(self, world: World) -> State:
+    def initial(self, world: World) -> State:
         """Targets where the tape has them in the region, and the first estimates."""
         count, T = world.start.shape[:2]
-        truth = parts.starts(self, world)
-        mean = truth + np.sqrt(self.prior_variance) * world.start
+        true_states = parts.starts(self, world)
+        mean = true_states + np.sqrt(self.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         nothing = np.zeros((count, T), np.int64)
         step = np.zeros(count, np.int64)
         q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
-        hidden = Hidden(truth, nothing, nothing.copy(), np.zeros((count, T), np.bool_))
+        truth = Truth(true_states, nothing, nothing.copy(), np.zeros((count, T), np.bool_))
         visible = visibility(self, world.window, T)
-        return State(hidden, Public(step, mean, covariance, np.zeros(count), step.copy(), q, visible))
+        return State(truth, Belief(step, mean, covariance, np.zeros(count), step.copy(), q, visible))
 
-    def advance(self, state: State, action: Array, world: World) -> State:
+    def transition(self, state: State, action: Array, world: World) -> State:
         """One step: move, turn the camera, measure what is in view, track."""
-        hidden, public = state
-        mean, covariance = public.mean, public.covariance
-        count, T = hidden.unseen.shape
+        truth, belief = state
+        mean, covariance = belief.mean, belief.covariance
+        count, T = truth.unseen.shape
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         after, left, seen = np.empty(count), np.empty(count, np.int64), np.empty((count, T), np.bool_)
         received, unseen = np.empty((count, T), np.int64), np.empty((count, T), np.int64)
         F, Q, places, rules = self._scene
-        kernels.advance(
-            *public, hidden.truth, hidden.unseen, world.process, world.error, world.found, action, F, Q,
+        kernels.transition(
+            *belief, truth.targets, truth.unseen, world.process, world.error, world.found, action, F, Q,
             self.motion.noise_factor, places, rules, self._mount, *self._view,
             x, P, after, left, moved, received, unseen, seen, NN
         )  # fmt: skip
-        fresh = public._replace(step=public.step + 1, mean=x, covariance=P, pointing=after, settling=left)
-        return State(Hidden(moved, received, unseen, seen), fresh)
+        fresh = belief._replace(step=belief.step + 1, mean=x, covariance=P, pointing=after, settling=left)
+        return State(Truth(moved, received, unseen, seen), fresh)
 
-    def imagine(self, public: Public, actions: Array, outcome: Array | None = None) -> Public:
+    def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief one step ahead: predicted means, and covariances after what is in view where it is predicted.
 
         Args:
-            public: the belief.
+            belief: the belief.
             actions: (env,) or (env or 1, candidate).
             outcome: None for the mean of the covariance over detections, or uniform draws (env[, candidate], target): a
                 target in the image is found where its draw is below ``detection``.
         """
         several = actions.ndim == 2
         actions = actions if several else actions[:, None]
-        count, T = public.mean.shape[:2]
+        count, T = belief.mean.shape[:2]
         shape = (count, actions.shape[1])
         draws = np.empty((1, 1, T)) if outcome is None else outcome.reshape(count, -1, T)
         x, P = np.empty((*shape, T, 4)), np.empty((*shape, T, 4, 4))
         after, left = np.empty(shape), np.empty(shape, np.int64)
         F, Q, places, rules = self._scene
-        kernels.imagine(
-            *public, actions, draws, outcome is not None, F, Q, places, rules, self._mount, *self._view,
+        kernels.predict(
+            *belief, actions, draws, outcome is not None, F, Q, places, rules, self._mount, *self._view,
             x, P, after, left, NN
         )  # fmt: skip
         if not several:
-            return Public(public.step + 1, x[:, 0], P[:, 0], after[:, 0], left[:, 0], public.q, public.visible)
+            return Belief(belief.step + 1, x[:, 0], P[:, 0], after[:, 0], left[:, 0], belief.q, belief.visible)
         step, q, visible = (
-            np.broadcast_to(a[:, None], (*shape, *a.shape[1:])) for a in (public.step + 1, public.q, public.visible)
+            np.broadcast_to(a[:, None], (*shape, *a.shape[1:])) for a in (belief.step + 1, belief.q, belief.visible)
         )
-        return Public(step, x, P, after, left, q, visible)
+        return Belief(step, x, P, after, left, q, visible)
 
-    def _turns(self, public: Public) -> tuple[Array, Array]:
+    def _turns(self, belief: Belief) -> tuple[Array, Array]:
         """``delay``, and the azimuth of each target one step ahead, from where the camera points (rad)."""
-        delay, off = np.empty(public.mean.shape[:2], np.int64), np.empty(public.mean.shape[:2])
+        delay, off = np.empty(belief.mean.shape[:2], np.int64), np.empty(belief.mean.shape[:2])
         F, _, places, _ = self._scene
         kernels.delay(
-            public.step, public.mean, public.pointing, public.settling, public.visible, F, places, self._mount,
+            belief.step, belief.mean, belief.pointing, belief.settling, belief.visible, F, places, self._mount,
             delay, off, NN
         )  # fmt: skip
         return delay, off
 
-    def delay(self, public: Public) -> Array:
+    def delay(self, belief: Belief) -> Array:
         """Steps without sight before the camera sees each target, turning to it from now on, (env, candidate) int.
 
         Until it has turned and settled, and until the target comes out of cover.
         """
-        return self._turns(public)[0]
+        return self._turns(belief)[0]
 
     @property
-    def aims(self) -> Array:
+    def target_of_action(self) -> Array:
         """The target that each candidate turns the camera to, (candidate, 1)."""
         return self.candidates()[:, None]
 
-    def gain(self, public: Public, wait: Array | int, ahead: int) -> Array:
+    def gain(self, belief: Belief, wait: Array | int, ahead: int) -> Array:
         """By how much a look at each target after ``wait`` steps lowers the summed cost of the ``ahead`` from it on.
 
         Of all targets that will be in the image then, each with the probability of being found. What the radars measure
@@ -252,41 +252,41 @@ class CameraSlew(System):
         more than it is. What they measure after it is left out of account.
 
         Args:
-            public: the belief.
+            belief: the belief.
             wait: steps before the look, (env, candidate) or a number.
             ahead: steps, the look's own included; fewer at the episode's end.
 
         Returns:
             (env, candidate), 0 where the look would come after the end.
         """
-        out = np.empty(public.mean.shape[:2])
+        out = np.empty(belief.mean.shape[:2])
         waits = np.ascontiguousarray(np.broadcast_to(np.asarray(wait, np.int64), out.shape))
         _, _, places, rules = self._scene
         kernels.gain(
-            public.step, public.mean, public.covariance, public.q, public.visible, waits, *self._powers,
+            belief.step, belief.mean, belief.covariance, belief.q, belief.visible, waits, *self._powers,
             self.weights_ahead(ahead), places, rules, self._mount, *self._view, out, NN
         )  # fmt: skip
         return out
 
-    def cost(self, public: Public) -> Array:
+    def cost(self, belief: Belief) -> Array:
         """trace(W P) summed over the targets."""
-        return trace_cost(public.covariance, self._weights)
+        return trace_cost(belief.covariance, self._weights)
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: the parent's, time left, the camera, and of every target what it takes to look at it."""
-        return (*self.loop.elements, *parts.camera_elements(self.targets))
+        return (*self.loop.observation_fields, *parts.camera_fields(self.targets))
 
-    def observe(self, public: Public) -> Array:
-        """See ``elements``."""
-        delay, off = self._turns(public)
-        now, changes = parts.coming(public)
-        own = np.stack([off, delay, delay == 0, now, changes, np.log10(public.q)], axis=-1).reshape(len(delay), -1)
-        parents = self.loop.observe(parts.parents_belief(public, self._undone))
-        left = 1.0 - public.step / self.horizon
-        return np.concatenate([parents, left[:, None], public.settling[:, None], own], axis=1)
+    def observe(self, belief: Belief) -> Array:
+        """See ``observation_fields``."""
+        delay, off = self._turns(belief)
+        now, changes = parts.coming(belief)
+        own = np.stack([off, delay, delay == 0, now, changes, np.log10(belief.q)], axis=-1).reshape(len(delay), -1)
+        parents = self.loop.observe(parts.parents_belief(belief, self._undone))
+        left = 1.0 - belief.step / self.horizon
+        return np.concatenate([parents, left[:, None], belief.settling[:, None], own], axis=1)
 
-    def metrics(self, state: State) -> dict[str, Array]:
+    def state_info(self, state: State) -> dict[str, Array]:
         """Of each target ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
         step), ``found`` (the camera found it in this step) and ``lost``: not found for more than thirty steps; and
         ``pointing`` (rad) and ``settling`` (steps) of the camera.

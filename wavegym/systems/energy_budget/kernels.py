@@ -58,7 +58,7 @@ def gain(step, mean, covariance, wait, sight, left, M, pulse, choices, targets, 
 
 @kernel
 def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
-    """What the last sensor's pulse takes off trace(M P), summed over the targets: z, S, G as it foresees them."""
+    """What the last sensor's pulse takes off trace(M P), summed over the targets: z, S, G as it predicts them."""
     total = 0.0
     for t in range(len(present)):
         if present[t] and seen[c, i, t] > 0.0:

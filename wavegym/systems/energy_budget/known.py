@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.system import Element
+from wavegym.core.system import ObservationField
 from wavegym.systems.energy_budget.state import World
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.systems.visibility_windows import alternating_windows, given_windows, window_draws
@@ -19,7 +19,7 @@ FAR = 40  # steps: a change of the occlusion further ahead is shown as this
 CHANGES = 3  # of the occlusion that are shown
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief, the account and the occlusions of the whole episode."""
 
     step: Array  # (env,) int
@@ -85,42 +85,44 @@ class EnergyBudgetKnown(EnergyBudget):
         return alternating_windows(world.occlusion, self.horizon, self.shown, self.hidden)
 
     def _public(self, base: Any, energy: Array, air: Array) -> Any:
-        return Public(base.step, base.mean, base.covariance, None, energy, air)
+        return Belief(base.step, base.mean, base.covariance, None, energy, air)
 
-    def _lived(self, public: Any, world: World) -> tuple[Array, Array]:
-        return public.visible[np.arange(len(public.step)), public.step], public.visible.copy()
+    def _lived(self, belief: Any, world: World) -> tuple[Array, Array]:
+        return belief.visible[np.arange(len(belief.step)), belief.step], belief.visible.copy()
 
-    def _clear(self, public: Any) -> Array:
-        slot = np.minimum(public.step, self.horizon - 1)
-        return public.visible[np.arange(len(slot)), slot].astype(np.float64)
+    def _clear(self, belief: Any) -> Array:
+        slot = np.minimum(belief.step, self.horizon - 1)
+        return belief.visible[np.arange(len(slot)), slot].astype(np.float64)
 
-    def _sight(self, public: Any, wait: Array) -> Array:
-        slot = np.minimum(public.step[:, None] + wait, self.horizon - 1)
-        return np.take_along_axis(public.visible, slot, axis=1).astype(np.float64)
+    def _sight(self, belief: Any, wait: Array) -> Array:
+        slot = np.minimum(belief.step[:, None] + wait, self.horizon - 1)
+        return np.take_along_axis(belief.visible, slot, axis=1).astype(np.float64)
 
     @property
-    def chances(self) -> tuple[int, ...]:  # type: ignore[override]
+    def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]
         """A draw for every sensor and target, sensor by sensor: whether it is detected."""
         return (len(self.sensors) * len(self.starts),)
 
-    def _foreseen(self, public: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
-        return self._clear(public), public.visible, None if outcome is None else self._by_sensor(outcome)
+    def _foreseen(self, belief: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
+        return self._clear(belief), belief.visible, None if outcome is None else self._by_sensor(outcome)
 
-    def _air_elements(self) -> tuple[Element, ...]:
+    def _air_elements(self) -> tuple[ObservationField, ...]:
         return (
-            Element("occluded", "1", 0.5, 0.5, "whether the next slot is occluded"),
+            ObservationField("occluded", "1", 0.5, 0.5, "whether the next slot is occluded"),
             *(
-                Element(f"change_{k}", "steps", 10.0 * k, 10.0, f"steps until that has changed {k} x, at most {FAR}")
+                ObservationField(
+                    f"change_{k}", "steps", 10.0 * k, 10.0, f"steps until that has changed {k} x, at most {FAR}"
+                )
                 for k in range(1, CHANGES + 1)
             ),
-            Element("visible_ahead", "1", 0.5, 0.3, "share of the slots still to come that are clear"),
+            ObservationField("visible_ahead", "1", 0.5, 0.3, "share of the slots still to come that are clear"),
         )
 
-    def _air(self, public: Any) -> tuple[Array, ...]:
-        slots, step = np.arange(self.horizon), public.step[:, None]
-        is_change = np.diff(public.visible, axis=1, prepend=public.visible[:, :1]) & (slots > step)
+    def _air(self, belief: Any) -> tuple[Array, ...]:
+        slots, step = np.arange(self.horizon), belief.step[:, None]
+        is_change = np.diff(belief.visible, axis=1, prepend=belief.visible[:, :1]) & (slots > step)
         nth = np.cumsum(is_change, axis=1) * is_change
         at = [nth == k for k in range(1, CHANGES + 1)]
-        changes = [np.where(k.any(axis=1), np.minimum(k.argmax(axis=1) - public.step, FAR), FAR) for k in at]
-        ahead = (public.visible & (slots >= step)).sum(axis=1) / np.maximum(self.horizon - public.step, 1)
-        return 1.0 - self._clear(public), *changes, ahead
+        changes = [np.where(k.any(axis=1), np.minimum(k.argmax(axis=1) - belief.step, FAR), FAR) for k in at]
+        ahead = (belief.visible & (slots >= step)).sum(axis=1) / np.maximum(self.horizon - belief.step, 1)
+        return 1.0 - self._clear(belief), *changes, ahead

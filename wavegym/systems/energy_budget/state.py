@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, within
-from wavegym.core.system import Element
+from wavegym.core.errors import InputError, check_non_negative, check_within
+from wavegym.core.system import ObservationField
 
 if TYPE_CHECKING:
     from wavegym.systems.energy_budget.system import EnergyBudget
@@ -30,10 +30,10 @@ class World(NamedTuple):
     occlusion: Array  # (H,) uniform: the slot is clear where below the chance of that
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     """AgileClutter's, and what the last step did."""
 
-    truth: Array  # (env, target, 4)
+    targets: Array  # (env, target, 4)
     path: Array  # (env, target, lifetime + 1, 4)
     first: Array  # (env, target, 4)
     outside: Array  # (env, target) int
@@ -43,7 +43,7 @@ class Hidden(NamedTuple):
     replaced: Array  # (env,) bool: the action could not be afforded
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief, the account and the jammer."""
 
     step: Array  # (env,) int
@@ -54,7 +54,7 @@ class Public(NamedTuple):
     occluded: Array  # (env,) probability that the last slot was occluded; 0 or 1 where it has been lived through
 
 
-def account_elements(pace: float, most: int) -> tuple[Element, ...]:
+def account_elements(pace: float, most: int) -> tuple[ObservationField, ...]:
     """Observation elements of the account.
 
     Args:
@@ -63,8 +63,8 @@ def account_elements(pace: float, most: int) -> tuple[Element, ...]:
     """
     rate = f"energy left for each step left, in longest pulses; at most {most}"
     return (
-        Element("energy_left", "1", 0.5, 0.3, "share of the account that is left"),
-        Element("energy_rate", "1", pace, pace, rate),
+        ObservationField("energy_left", "1", 0.5, 0.3, "share of the account that is left"),
+        ObservationField("energy_rate", "1", pace, pace, rate),
     )
 
 
@@ -76,7 +76,7 @@ def check_pulses(system: EnergyBudget) -> None:
     if any(system.births):
         raise InputError(f"births is {system.births}, expected 0 for every target")
     for half in system.spread:
-        non_negative("spread", half)
+        check_non_negative("spread", half)
 
 
 def check_budget(system: EnergyBudget) -> None:
@@ -86,7 +86,7 @@ def check_budget(system: EnergyBudget) -> None:
     if 0.0 <= budget * system.horizon * ROUND < cheapest:
         wanted = f"at least {least:.3g} (nearest), so that an episode's account pays the cheapest pulse once"
         raise InputError(f"budget is {budget!r} a step, expected {wanted}")
-    within("budget", budget, least / ROUND, len(system.sensors), "a step")
+    check_within("budget", budget, least / ROUND, len(system.sensors), "a step")
 
 
 def spells(mean_clear: float, mean_occluded: float, horizon: int) -> tuple[float, Array]:

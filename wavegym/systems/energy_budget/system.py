@@ -11,8 +11,8 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import within
-from wavegym.core.system import Element, State
+from wavegym.core.errors import check_within
+from wavegym.core.system import ObservationField, State
 from wavegym.systems.agile_clutter import state as several_targets
 from wavegym.systems.agile_clutter.search import NN
 from wavegym.systems.agile_clutter.state import Pulse
@@ -20,7 +20,7 @@ from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget import state as parts
 from wavegym.systems.energy_budget.account import PulseMenu
-from wavegym.systems.energy_budget.state import Hidden, Public, World
+from wavegym.systems.energy_budget.state import Belief, Truth, World
 from wavegym.trackers.information_reduction import reduction_table
 
 
@@ -96,7 +96,7 @@ class EnergyBudget(AgileClutter):
     def _check_occlusions(self) -> None:
         """InputError for occlusions that cannot be."""
         for name in ("mean_clear", "mean_occluded"):
-            within(name, getattr(self, name), 1, 1e6, "steps")
+            check_within(name, getattr(self, name), 1, 1e6, "steps")
 
     @cached_property
     def menu(self) -> PulseMenu:  # type: ignore[override]
@@ -114,9 +114,9 @@ class EnergyBudget(AgileClutter):
         """Energy that each candidate takes, (candidate,)."""
         return self.menu.takes / self.menu.quanta
 
-    def mask(self, public: Any) -> Array:
+    def mask(self, belief: Any) -> Array:
         """The actions that the account can pay, (env, actions); silence always."""
-        return self.menu.account.affordable(public.energy)
+        return self.menu.account.affordable(belief.energy)
 
     def draw_world(self, rng: np.random.Generator) -> Any:
         """All draws of one episode."""
@@ -127,13 +127,13 @@ class EnergyBudget(AgileClutter):
         """Uniform draws of one world's occlusions."""
         return self.horizon
 
-    def begin(self, world: Any) -> State:
+    def initial(self, world: Any) -> State:
         """The true paths from drawn starts, the first estimates, a full account and clear air."""
-        base, public = super().begin(world)
-        count = len(public.step)
+        base, belief = super().initial(world)
+        count = len(belief.step)
         none = np.zeros(count, np.bool_)
-        hidden = Hidden(**base._asdict(), spent=np.zeros(count), occluded=none, replaced=none.copy())
-        return State(hidden, self._public(public, np.full(count, self.total), self._at_first(world)))
+        truth = Truth(**base._asdict(), spent=np.zeros(count), occluded=none, replaced=none.copy())
+        return State(truth, self._public(belief, np.full(count, self.total), self._at_first(world)))
 
     def first_places(self, world: Any) -> Array:
         """Drawn around ``starts``."""
@@ -144,34 +144,34 @@ class EnergyBudget(AgileClutter):
         return np.zeros(len(world.occlusion))
 
     def _public(self, base: Any, energy: Array, air: Array) -> Any:
-        """The public state of AgileClutter's, the energy left and what is known of the occlusions."""
-        return Public(base.step, base.mean, base.covariance, None, energy, air)
+        """The belief of AgileClutter's, the energy left and what is known of the occlusions."""
+        return Belief(base.step, base.mean, base.covariance, None, energy, air)
 
-    def advance(self, state: State, action: Array, world: Any) -> State:
+    def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: pay, transmit what was paid for, detect unless the slot is occluded, update."""
-        used, left = self.menu.account.pay(state.public.energy, action)
-        is_clear, air = self._lived(state.public, world)
+        used, left = self.menu.account.pay(state.belief.energy, action)
+        is_clear, air = self._lived(state.belief, world)
         pulse = self._transmitted(used[:, None], is_clear[:, None].astype(np.float64))
-        hidden, base = self._advance(state, pulse, world)
+        truth, base = self._advance(state, pulse, world)
         own = {"spent": self.spending[used], "occluded": ~is_clear, "replaced": used != action}
-        return State(Hidden(**hidden._asdict(), **own), self._public(base, left, air))
+        return State(Truth(**truth._asdict(), **own), self._public(base, left, air))
 
-    def _lived(self, public: Any, world: World) -> tuple[Array, Array]:
+    def _lived(self, belief: Any, world: World) -> tuple[Array, Array]:
         """Whether the slot ahead is clear, (env,) bool, and what is public of the occlusions after it."""
-        draw = world.occlusion[np.arange(len(public.step)), public.step]
-        is_clear = draw < self._clear(public)
+        draw = world.occlusion[np.arange(len(belief.step)), belief.step]
+        is_clear = draw < self._clear(belief)
         return is_clear, (~is_clear).astype(np.float64)
 
-    def _clear(self, public: Any) -> Array:
+    def _clear(self, belief: Any) -> Array:
         """Chance that the slot ahead is clear, (env,)."""
         after_clear, after_occluded = self._onset
-        sight: Array = after_clear + (after_occluded - after_clear) * public.occluded
+        sight: Array = after_clear + (after_occluded - after_clear) * belief.occluded
         return sight
 
-    def _sight(self, public: Any, wait: Array) -> Array:
+    def _sight(self, belief: Any, wait: Array) -> Array:
         """Chance that the slot after ``wait`` (env, candidate) more steps is clear."""
         usual, memory = self._spells
-        return 1.0 - (usual + (public.occluded[:, None] - usual) * memory[np.minimum(wait, len(memory) - 1)])
+        return 1.0 - (usual + (belief.occluded[:, None] - usual) * memory[np.minimum(wait, len(memory) - 1)])
 
     @cached_property
     def _spells(self) -> tuple[float, Array]:
@@ -182,10 +182,10 @@ class EnergyBudget(AgileClutter):
         """Chance that a slot after a clear one is clear, and after an occluded one."""
         return 1.0 - 1.0 / self.mean_clear, 1.0 / self.mean_occluded
 
-    def pulse(self, public: Any, actions: Array) -> Pulse:
+    def pulse(self, belief: Any, actions: Array) -> Pulse:
         """What actions (env, candidate) transmit, as far as the account pays, in slots that may be clear."""
-        used, _ = self.menu.account.pay(public.energy[:, None], actions)
-        return self._transmitted(used, self._clear(public)[:, None])
+        used, _ = self.menu.account.pay(belief.energy[:, None], actions)
+        return self._transmitted(used, self._clear(belief)[:, None])
 
     def _transmitted(self, used: Array, sight: Array) -> Pulse:
         """What actions (...) transmit in slots clear with chance ``sight`` (...), or shapes that broadcast."""
@@ -200,11 +200,11 @@ class EnergyBudget(AgileClutter):
         return self.menu.unit_covariances[options], self.menu.strength[options], looked
 
     @property
-    def chances(self) -> tuple[int, ...]:  # type: ignore[override]
+    def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]
         """A draw for every sensor and target, sensor by sensor: whether it is detected. The last: clear air."""
         return (len(self.sensors) * len(self.starts) + 1,)
 
-    def imagine(self, public: Any, actions: Array, outcome: Array | None = None) -> Any:
+    def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one step and the energy left, which is certain.
 
         Expected: as AgileClutter, each detection weighed with the chance that the slot is clear. ``outcome``: uniform
@@ -212,23 +212,23 @@ class EnergyBudget(AgileClutter):
         clear; a draw below its probability makes it happen.
         """
         if actions.ndim == 1:
-            return self._imagined(public, actions, outcome)
-        shape = len(public.step), actions.shape[1]
+            return self._imagined(belief, actions, outcome)
+        shape = len(belief.step), actions.shape[1]
         rows = np.broadcast_to(actions, shape).reshape(-1)
         if outcome is not None:
-            outcome = np.broadcast_to(outcome, shape + self.chances).reshape(-1, *self.chances)
-        ahead = self._imagined(trees.repeated(public, shape[1]), rows, outcome)
+            outcome = np.broadcast_to(outcome, shape + self.outcome_shape).reshape(-1, *self.outcome_shape)
+        ahead = self._imagined(trees.repeated(belief, shape[1]), rows, outcome)
         return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), ahead)
 
-    def _imagined(self, public: Any, actions: Array, outcome: Array | None) -> Any:
-        """``imagine`` of one action (env,) each."""
-        used, left = self.menu.account.pay(public.energy, actions)
-        sight, air, draws = self._foreseen(public, outcome)
-        return self._public(self._imagine(public, self._transmitted(used, sight), draws), left, air)
+    def _imagined(self, belief: Any, actions: Array, outcome: Array | None) -> Any:
+        """``predict`` of one action (env,) each."""
+        used, left = self.menu.account.pay(belief.energy, actions)
+        sight, air, draws = self._foreseen(belief, outcome)
+        return self._public(self._imagine(belief, self._transmitted(used, sight), draws), left, air)
 
-    def _foreseen(self, public: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
+    def _foreseen(self, belief: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
         """Chance of a clear slot (env,), what is public of it after, draws (env, sensor, target)."""
-        sight = self._clear(public)
+        sight = self._clear(belief)
         if outcome is None:
             return sight, 1.0 - sight, None
         clear = (outcome[:, -1] < sight).astype(np.float64)
@@ -238,27 +238,27 @@ class EnergyBudget(AgileClutter):
         """Draws (..., sensor, target) of draws in a row."""
         return draws.reshape(*draws.shape[:-1], len(self.sensors), len(self.starts))
 
-    def delay(self, public: Any) -> Array:
+    def delay(self, belief: Any) -> Array:
         """Steps before a candidate's pulses do their work, (env, candidate): none."""
-        return np.zeros((len(public.step), len(self.menu.takes)), np.int64)
+        return np.zeros((len(belief.step), len(self.menu.takes)), np.int64)
 
-    def gain(self, public: Any, wait: Array | int, ahead: int) -> Array:
+    def gain(self, belief: Any, wait: Array | int, ahead: int) -> Array:
         """What a candidate's pulses take off the summed cost of ``ahead`` steps from the look on, (env, candidate).
 
         Expected, against no pulse at all: trace(M (P without - P with)), M of ``horizon_weights``. Steps beyond the
         episode's end count nothing.
 
         Args:
-            public: the public state.
+            belief: the belief.
             wait: steps before the pulses, in which nothing is measured; one number, or (env, candidate).
             ahead: steps.
         """
-        later = np.array(np.broadcast_to(wait, (len(public.step), len(self.menu.takes))), np.int64)
-        left = self.horizon - public.step[:, None] - later
-        sight = np.where(left > 0, self._sight(public, later), 0.0)
+        later = np.array(np.broadcast_to(wait, (len(belief.step), len(self.menu.takes))), np.int64)
+        left = self.horizon - belief.step[:, None] - later
+        sight = np.where(left > 0, self._sight(belief, later), 0.0)
         out = np.empty(later.shape)
         kernels.gain(
-            *public[:3], later, sight, left, self.weights_ahead(ahead), self._everything, self.menu.actions.indices,
+            *belief[:3], later, sight, left, self.weights_ahead(ahead), self._everything, self.menu.actions.indices,
             self._targets, *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out
@@ -267,33 +267,33 @@ class EnergyBudget(AgileClutter):
         """One option wherever a radar transmits: at both, at one alone, at none."""
         return self.menu.constants
 
-    def best_action(self, public: Any) -> Array:
+    def best_action(self, belief: Any) -> Array:
         """Not offered: sensor by sensor cannot see the account. Raises NotImplementedError."""
         raise NotImplementedError
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: AgileClutter's, with the SNR of the longest pulse, the account and the occlusions."""
-        base = [e._replace(centre=parts.WEAK) if e.name.startswith("snr") else e for e in super().elements]
+        base = [e._replace(centre=parts.WEAK) if e.name.startswith("snr") else e for e in super().observation_fields]
         return (*base, *parts.account_elements(self.total / self.horizon, len(self.sensors)), *self._air_elements())
 
-    def _air_elements(self) -> tuple[Element, ...]:
-        return (Element("occluded", "1", 0.5, 0.5, "whether the last slot was occluded"),)
+    def _air_elements(self) -> tuple[ObservationField, ...]:
+        return (ObservationField("occluded", "1", 0.5, 0.5, "whether the last slot was occluded"),)
 
-    def observe(self, public: Any) -> Array:
-        """See ``elements``."""
-        out, air = super().observe(public), self._air(public)
+    def observe(self, belief: Any) -> Array:
+        """See ``observation_fields``."""
+        out, air = super().observe(belief), self._air(belief)
         own = out[:, out.shape[1] - 2 - len(air) :]
-        own[:, 0] = public.energy / self.total
-        own[:, 1] = np.minimum(public.energy / np.maximum(self.horizon - public.step, 1), len(self.sensors))
+        own[:, 0] = belief.energy / self.total
+        own[:, 1] = np.minimum(belief.energy / np.maximum(self.horizon - belief.step, 1), len(self.sensors))
         own[:, 2:] = np.stack(air, axis=1)
         return out
 
-    def _air(self, public: Any) -> tuple[Array, ...]:
+    def _air(self, belief: Any) -> tuple[Array, ...]:
         """What is shown of the occlusions, each (env,)."""
-        return (public.occluded,)
+        return (belief.occluded,)
 
-    def metrics(self, state: State) -> dict[str, Array]:
+    def state_info(self, state: State) -> dict[str, Array]:
         """AgileClutter's; ``energy`` left, and of the step: energy ``spent``, ``occluded``, whether ``replaced``."""
-        own = {name: getattr(state.hidden, name).copy() for name in ("spent", "occluded", "replaced")}
-        return {**super().metrics(state), "energy": state.public.energy.copy(), **own}
+        own = {name: getattr(state.truth, name).copy() for name in ("spent", "occluded", "replaced")}
+        return {**super().state_info(state), "energy": state.belief.energy.copy(), **own}

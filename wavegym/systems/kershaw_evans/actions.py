@@ -13,7 +13,7 @@ from wavegym.waveforms import Library, chirp_rate_for_sweep, gaussian_chirp_libr
 
 
 @dataclass(frozen=True)
-class GaussianMenu:
+class GaussianActions:
     """Every duration with every sweep, at the chirp rate g = pi |sweep| / (2 k).
 
     Args:

@@ -21,7 +21,7 @@ from wavegym.trackers.kernels import (
 
 
 @kernel
-def advance(mean, P, step, path, normal, C, F, Q, M, r0, nearest, nn, mm, x, P_out, truth):
+def transition(mean, P, step, path, normal, C, F, Q, M, r0, nearest, nn, mm, x, P_out, truth):
     """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n) and truth (e, n)."""
     count, n = mean.shape[0], len(nn)
     y = np.empty((count, 2))
@@ -45,7 +45,7 @@ def advance(mean, P, step, path, normal, C, F, Q, M, r0, nearest, nn, mm, x, P_o
 
 
 @kernel
-def imagine(mean, P, C, F, Q, M, r0, nearest, nn, mm):
+def predict(mean, P, C, F, Q, M, r0, nearest, nn, mm):
     """Predicted mean (e, c, n), updated covariance (e, c, n, n) for C (e or 1, c, 2, 2); SNR at the predicted range."""
     count, candidates, n = mean.shape[0], C.shape[1], len(nn)
     x, out = np.empty((count, candidates, n)), np.empty((count, candidates, n, n))
@@ -107,7 +107,7 @@ def lookahead(mean, P, C, step, horizon, depth, weights, F, Q, M, r0, nearest, n
     """First action of the best sequence of ``depth`` steps (fewer at the episode's end), and that sequence's cost.
 
     Depth first, so the memory is one covariance a level; a branch ends where its cost so far reaches the best total
-    (costs are not negative). C (c, 2, 2) is shared. The SNR follows the predicted mean, as in ``imagine``.
+    (costs are not negative). C (c, 2, 2) is shared. The SNR follows the predicted mean, as in ``predict``.
     """
     count, n = mean.shape[0], len(nn)
     best, first = np.full(count, np.inf), np.zeros(count, np.int64)

@@ -70,20 +70,20 @@ class LineOfSightScene:
     def _draw_line_of_sight(self, moment: Moment) -> None:
         """Radar, target and where it has been."""
         axes, now = self._sight, moment.states[-1]
-        path = KILO * np.concatenate([state.hidden.truth[:, 0] for state in moment.states])
+        path = KILO * np.concatenate([state.truth.targets[:, 0] for state in moment.states])
         axes.plot(path, np.zeros(len(path)), color=PREDICTED, linewidth=3, alpha=0.5, solid_capstyle="butt")
         axes.plot([0.0], [0.0], ">", color=TRUTH, markersize=8, clip_on=False)
         axes.plot(path[-1:], [0.0], **CROSS)
-        axes.plot(KILO * now.public.mean[:, 0], [0.0], "o", color=UPDATED, markersize=9, fillstyle="none")
+        axes.plot(KILO * now.belief.mean[:, 0], [0.0], "o", color=UPDATED, markersize=9, fillstyle="none")
         axes.set_xlim(0.0, 1.15 * max(path.max(), 1.0))
         eta = 10.0 * np.log10(self._snr(moment))
-        where = f"{path[-1]:.2f} km, {now.hidden.truth[0, 1]:+.0f} m/s, SNR η = {eta:.1f} dB"
+        where = f"{path[-1]:.2f} km, {now.truth.targets[0, 1]:+.0f} m/s, SNR η = {eta:.1f} dB"
         caption(axes, f"line of sight from the radar ▸ to the true × and estimated ○ target: {where}")
 
     def _draw_range_error(self, moment: Moment) -> None:
         axes = self._error
-        error = np.array([state.public.mean[0, 0] - state.hidden.truth[0, 0] for state in moment.states])
-        band = SIGMAS * np.sqrt([state.public.covariance[0, 0, 0] for state in moment.states])
+        error = np.array([state.belief.mean[0, 0] - state.truth.targets[0, 0] for state in moment.states])
+        band = SIGMAS * np.sqrt([state.belief.covariance[0, 0, 0] for state in moment.states])
         steps = np.arange(len(error))
         axes.fill_between(steps, -band, band, color=UPDATED, alpha=0.2, linewidth=0)
         axes.plot(steps, error, color=UPDATED, linewidth=1)
@@ -97,23 +97,23 @@ class LineOfSightScene:
     def _draw_ellipses(self, moment: Moment) -> None:
         """Predicted, measured with the chosen pulse alone, and updated; and the truth."""
         axes, system, now = self._ellipses, self.system, moment.states[-1]
-        updated = now.public.covariance[0, :MEASURED, :MEASURED]
+        updated = now.belief.covariance[0, :MEASURED, :MEASURED]
         predicted = updated
         if moment.actions:
-            P = predict_covariance(moment.states[-2].public.covariance, system.motion.F, system.motion.Q)
+            P = predict_covariance(moment.states[-2].belief.covariance, system.motion.F, system.motion.Q)
             predicted = P[0, :MEASURED, :MEASURED]
             R = system.unit_covariance(moment.actions[-1])[0] / self._snr(moment)
             axes.plot(*ellipse(predicted), "--", color=PREDICTED, linewidth=1.2)
             axes.plot(*ellipse(R), color=PULSE, linewidth=1.2)
         fill(axes, ellipse(updated), color=UPDATED, alpha=0.35)
-        truth = (now.hidden.truth - now.public.mean)[0, :MEASURED]
+        truth = (now.truth.targets - now.belief.mean)[0, :MEASURED]
         axes.plot(truth[:1], truth[1:], **CROSS)
         reach = 1.35 * np.maximum(SIGMAS * np.sqrt(np.diag(predicted)), np.abs(truth))
         axes.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
 
     def _snr(self, moment: Moment) -> float:
         """eta at the true range: what the pulse was received with."""
-        r = moment.states[-1].hidden.truth[0, 0]
+        r = moment.states[-1].truth.targets[0, 0]
         return float(range_law_snr(r, self.system.reference_range, self.system.nearest_range))
 
 

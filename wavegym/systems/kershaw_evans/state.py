@@ -9,7 +9,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.system import Element
+from wavegym.core.system import ObservationField
 from wavegym.targets import MotionModel, ScriptedPath, Segment, Windows, random_path, range_paths, read_tracks, windows
 
 if TYPE_CHECKING:
@@ -25,14 +25,14 @@ class World(NamedTuple):
     )
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     """What no scheduler sees."""
 
-    truth: Array  # (env, n)
+    targets: Array  # (env, n)
     path: Array  # (env, H + 1, n) the truth at every step; no choice changes it
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief."""
 
     step: Array  # (env,) int
@@ -62,15 +62,17 @@ def path_source(system: KershawEvans) -> PathSource:
     return ScriptedRange(bounds[0], bounds[1] - bounds[0], segments, system.dt * np.arange(system.horizon + 1))
 
 
-def covariance_elements(names: tuple[str, ...]) -> tuple[Element, ...]:
+def covariance_fields(names: tuple[str, ...]) -> tuple[ObservationField, ...]:
     """Observation elements of a covariance of (r, rdot[, rddot]): log deviations, then correlations row by row."""
     scales = (("log10(m)", 1.0), ("log10(m/s)", 1.0), ("log10(m/s^2)", 0.5))
     deviations = (
-        Element(f"log10_sigma_{name}", unit, centre, 0.5, f"standard deviation of {name}")
+        ObservationField(f"log10_sigma_{name}", unit, centre, 0.5, f"standard deviation of {name}")
         for name, (unit, centre) in zip(names, scales, strict=False)
     )
     correlations = (
-        Element(f"correlation_{names[i]}_{names[j]}", "1", 0.0, 0.3, f"correlation of {names[i]} and {names[j]}")
+        ObservationField(
+            f"correlation_{names[i]}_{names[j]}", "1", 0.0, 0.3, f"correlation of {names[i]} and {names[j]}"
+        )
         for i in range(len(names))
         for j in range(i)
     )

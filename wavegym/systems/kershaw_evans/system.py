@@ -16,14 +16,14 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
-from wavegym.core.errors import InputError, non_negative, ordered, positive, within
+from wavegym.core.errors import InputError, check_non_negative, check_ordered, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.recursion import Recursion
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
-from wavegym.systems.kershaw_evans.actions import GaussianMenu
-from wavegym.systems.kershaw_evans.state import Hidden, PathSource, Public, World, covariance_elements, path_source
+from wavegym.systems.kershaw_evans.actions import GaussianActions
+from wavegym.systems.kershaw_evans.state import Belief, PathSource, Truth, World, covariance_fields, path_source
 from wavegym.targets import MotionModel, constant_acceleration, constant_velocity
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.waveforms import Library
@@ -101,21 +101,21 @@ class KershawEvans(System):
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
         for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "farthest_range"):
-            positive(name, getattr(self, name))
-        non_negative("q", self.q)
-        within("horizon", self.horizon, 1, 100_000, "steps")
-        positive("lower bound of start_range", self.start_range[0], "m")
+            check_positive(name, getattr(self, name))
+        check_non_negative("q", self.q)
+        check_within("horizon", self.horizon, 1, 100_000, "steps")
+        check_positive("lower bound of start_range", self.start_range[0], "m")
         n = 3 if self.model == "ca" else 2
         for name in ("weights", "prior_variance"):
             values = getattr(self, name)
             if len(values) != n:
                 raise InputError(f"{name} is {values}, expected {n} numbers for model={self.model!r}")
             for value in values:
-                non_negative(name, value)
-        positive("sum of weights", sum(self.weights))
-        positive("least prior_variance", min(self.prior_variance))
+                check_non_negative(name, value)
+        check_positive("sum of weights", sum(self.weights))
+        check_positive("least prior_variance", min(self.prior_variance))
         for name in ("start_range", "start_speed", "start_acceleration"):
-            ordered(name, *getattr(self, name))
+            check_ordered(name, *getattr(self, name))
         self.library, self.actions, self._paths  # noqa: B018  (an invalid pulse or recording is reported here)
 
     @cached_property
@@ -124,9 +124,9 @@ class KershawEvans(System):
         return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, self.q)
 
     @cached_property
-    def menu(self) -> GaussianMenu:
+    def menu(self) -> GaussianActions:
         """What may be transmitted."""
-        return GaussianMenu(self.durations, self.sweeps, self.carrier_hz, continuous=self.action == "box")
+        return GaussianActions(self.durations, self.sweeps, self.carrier_hz, continuous=self.action == "box")
 
     @property
     def library(self) -> Library:
@@ -184,7 +184,7 @@ class KershawEvans(System):
         n = len(self.weights)
         return World(rng.random((2, n)), rng.standard_normal((self.horizon + 1, n + MEASURED)))
 
-    def begin(self, world: World) -> State:
+    def initial(self, world: World) -> State:
         """The true path, and the first estimate drawn around its start."""
         n = len(self.weights)
         path = self._paths(world.uniform[:, 0], world.normal[:, 1:, :n].copy())
@@ -195,77 +195,77 @@ class KershawEvans(System):
             covariance = variance[:, :, None] * np.eye(n)
         mean = path[:, 0] + (np.linalg.cholesky(covariance) * world.normal[:, :1, :n]).sum(axis=2)
         step = np.zeros(len(path), dtype=np.int64)
-        return State(Hidden(path[:, 0].copy(), path), Public(step, mean, covariance))
+        return State(Truth(path[:, 0].copy(), path), Belief(step, mean, covariance))
 
-    def advance(self, state: State, action: Array, world: World) -> State:
+    def transition(self, state: State, action: Array, world: World) -> State:
         """One pulse: predict, measure at the true range, update."""
         (_, path), (step, mean, covariance) = state
         C = self.unit_covariance(action)
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
-        kernels.advance(mean, covariance, step, path, world.normal, C, *self._radar, x, P, truth)
-        return State(Hidden(truth, path), Public(step + 1, x, P))
+        kernels.transition(mean, covariance, step, path, world.normal, C, *self._radar, x, P, truth)
+        return State(Truth(truth, path), Belief(step + 1, x, P))
 
-    def imagine(self, public: Public, actions: Array, outcome: None = None) -> Public:
+    def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range."""
         several = actions.ndim == (2 if self.action == "library" else 3)
         C = self.unit_covariance(actions if several else actions[:, None])
-        x, P = kernels.imagine(public.mean, public.covariance, C, *self._radar)
-        step = np.broadcast_to(public.step[:, None] + 1, x.shape[:2])
-        return Public(step, x, P) if several else Public(step[:, 0], x[:, 0], P[:, 0])
+        x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar)
+        step = np.broadcast_to(belief.step[:, None] + 1, x.shape[:2])
+        return Belief(step, x, P) if several else Belief(step[:, 0], x[:, 0], P[:, 0])
 
-    def predicted(self, public: Public) -> tuple[Array, Array]:
+    def predicted(self, belief: Belief) -> tuple[Array, Array]:
         """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
         F, Q, _ = self._model
-        mean, P = predict(public.mean, public.covariance, F[0], Q[0])
+        mean, P = predict(belief.mean, belief.covariance, F[0], Q[0])
         return P, range_law_snr(mean[:, 0], self.reference_range, self.nearest_range)
 
-    def innovation_covariance(self, public: Public, actions: Array) -> Array:
+    def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
         """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
-        P, eta = self.predicted(public)
+        P, eta = self.predicted(belief)
         return P[:, None, :MEASURED, :MEASURED] + self.unit_covariance(actions) / eta[:, None, None, None]
 
-    def best_sequence(self, public: Public, depth: int) -> tuple[Array, Array]:
+    def best_sequence(self, belief: Belief, depth: int) -> tuple[Array, Array]:
         """Fused search over all sequences of ``depth`` candidates: first candidate (env,) and total cost (env,)."""
         C = self.unit_covariance(self.candidates())
         return kernels.lookahead(
-            public.mean, public.covariance, C, public.step, self.horizon, depth, self._weights, *self._radar
+            belief.mean, belief.covariance, C, belief.step, self.horizon, depth, self._weights, *self._radar
         )
 
     def deterministic_recursion(self, world: World) -> Recursion:
         """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone."""
-        state = self.begin(world)
-        eta = range_law_snr(state.hidden.path[:, 1:, 0], self.reference_range, self.nearest_range)
+        state = self.initial(world)
+        eta = range_law_snr(state.truth.path[:, 1:, 0], self.reference_range, self.nearest_range)
         (F, Q, M), C = self._model, self.unit_covariance(self.candidates())
-        return Recursion(state.public.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
+        return Recursion(state.belief.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
 
-    def cost(self, public: Public) -> Array:
+    def cost(self, belief: Belief) -> Array:
         """trace(Lambda P)."""
-        return trace_cost(public.covariance[..., None, :, :], self._weights)
+        return trace_cost(belief.covariance[..., None, :, :], self._weights)
 
     @cached_property
     def _weights(self) -> Array:
         return np.array(self.weights)
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: SNR, range-rate, log deviations, correlations, time left."""
         return (
-            Element("snr", "dB", 10.0, 6.0, "eta at the estimated range"),
-            Element("rdot", "m/s", 0.0, 150.0, "estimated range-rate, receding positive"),
-            *covariance_elements(self.motion.names),
-            Element("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),
+            ObservationField("snr", "dB", 10.0, 6.0, "eta at the estimated range"),
+            ObservationField("rdot", "m/s", 0.0, 150.0, "estimated range-rate, receding positive"),
+            *covariance_fields(self.motion.names),
+            ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),
         )
 
-    def observe(self, public: Public) -> Array:
-        """See ``elements``."""
-        out = np.empty((len(public.step), len(self.elements)))
-        kernels.observe(public.mean, public.covariance, public.step, self.horizon, *self._law, out)
+    def observe(self, belief: Belief) -> Array:
+        """See ``observation_fields``."""
+        out = np.empty((len(belief.step), len(self.observation_fields)))
+        kernels.observe(belief.mean, belief.covariance, belief.step, self.horizon, *self._law, out)
         return out
 
-    def metrics(self, state: State) -> dict[str, Array]:
+    def state_info(self, state: State) -> dict[str, Array]:
         """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2)."""
-        out = np.empty((3, len(state.public.step)))
-        kernels.measure(state.public.mean, state.public.covariance, state.hidden.truth, out)
+        out = np.empty((3, len(state.belief.step)))
+        kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
         return {"position_error": out[0], "velocity_error": out[1], "nees": out[2]}
 
 

@@ -9,9 +9,9 @@ from itertools import product
 
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, whole
+from wavegym.core.errors import InputError, check_int
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.units import quantity
 from wavegym.sensors import View, platform_view
@@ -95,7 +95,7 @@ class PlatformMenu:
 
     def _check_points(self) -> None:
         for name, count in zip(self.one.names, self.points, strict=True):
-            whole(f"points of {name}", count, 1)
+            check_int(f"points of {name}", count, 1)
         count = math.prod(self.points)
         if count > MANY:
             raise InputError(f"points is {self.points}, which makes {count} settings, expected at most {MANY}")
@@ -114,11 +114,11 @@ class PlatformMenu:
         return JointLibrary(self.library, self.platforms)
 
     @property
-    def actions(self) -> PerSensor | JointLibrary | ParameterBox:
+    def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """What an action means."""
         if self.form == "box":
             return self.box
-        return self.joint if self.form == "joint" else PerSensor(self.library, self.platforms)
+        return self.joint if self.form == "joint" else PerSensorLibrary(self.library, self.platforms)
 
     @cached_property
     def _library_settings(self) -> Array:
@@ -193,5 +193,5 @@ class PlatformMenu:
         """
         count = len(self.library)
         if count**self.platforms <= FEW or self.form == "joint":
-            return self.number(PerSensor(self.library, self.platforms).combinations())
+            return self.number(PerSensorLibrary(self.library, self.platforms).combinations())
         return self.number(np.repeat(np.arange(count)[:, None], self.platforms, axis=1))

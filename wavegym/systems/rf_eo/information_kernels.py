@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.prediction_kernels import foresee
+from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.systems.rf_eo.search_kernels import SWEEPS, tabulate
 
 STARTS = 12  # platforms' own best, forwards from nothing, backwards, and own best for other weights of the targets
@@ -130,7 +130,7 @@ def most_information(mean, P, axes, sizes, threshold, F, Q, places, fence, rules
     radar, camera = np.empty((platforms, targets, points)), np.empty((platforms, targets, points))
     weights, others, totals = np.empty(targets), np.empty(targets), np.empty(targets)
     for e in range(count):
-        foresee(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
+        predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
         tabulate(V, h, H, axes, fence, rules, R, spread)
         for j in range(platforms):
             for t in range(targets):

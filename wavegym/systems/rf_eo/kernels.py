@@ -84,7 +84,7 @@ def foreseen_variance(value, spread, variance, low, high, q, fence, rules):
 
 @inlined
 def information_one(i, P, h, H, variance, low, high, fence, rules):
-    """tr(P C' R~^-1 C) of target i as foreseen: the information that the settings bring, weighted with P[i]."""
+    """tr(P C' R~^-1 C) of target i as predicted: the information that the settings bring, weighted with P[i]."""
     total = 0.0
     for j in range(variance.shape[0]):
         if h[3 * j] >= rules.nearest:
@@ -214,7 +214,7 @@ def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
 
 
 @kernel
-def advance(
+def transition(
     step, mean, P, truth, unseen, process, error, settings, F, Q, L, places, fence, rules, x, P_out, truth_out,
     received, unseen_out, share, nn
 ):  # fmt: skip

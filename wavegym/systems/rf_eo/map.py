@@ -27,9 +27,9 @@ DART = np.array([[0.0, 1.0], [0.65, -0.9], [0.0, -0.5], [-0.65, -0.9], [0.0, 1.0
 def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
     """Targets with their trails, platforms and what they see; x and y to the same scale, in km."""
     now = moment.states[-1]
-    truth = KILO * np.array([state.hidden.truth[0, :, PLANE] for state in moment.states])  # (step, target, 2)
-    mean = KILO * np.array([state.public.mean[0, :, PLANE] for state in moment.states])
-    spread = now.public.covariance[0, :, PLANE, PLANE]
+    truth = KILO * np.array([state.truth.targets[0, :, PLANE] for state in moment.states])  # (step, target, 2)
+    mean = KILO * np.array([state.belief.mean[0, :, PLANE] for state in moment.states])
+    spread = now.belief.covariance[0, :, PLANE, PLANE]
     outlines = [mean[-1, t, :, None] + KILO * ellipse(spread[t]) for t in range(len(spread))]
     places = KILO * np.array(system.platforms)
     to_scale(axes, np.concatenate([places.T, truth.reshape(-1, 2).T, *outlines], axis=1))

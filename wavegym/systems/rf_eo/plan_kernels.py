@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.prediction_kernels import foresee
+from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.systems.rf_eo.search_kernels import SWEEPS, absorb_platform, best_of_two, tabulate
 from wavegym.trackers.kernels import predict_covariance_one
 
@@ -61,7 +61,7 @@ def improve(U, H, R, chosen, sizes, weights, F, Q, T, v, nn):
 
 @kernel
 def plan(mean, P, step, horizon, axes, sizes, weights, F, Q, places, fence, rules, chosen, cost, nn):
-    """A plan from the one-step scheduler's own, improved: ``chosen`` (e, s, p, 2) and its foreseen cost (e,).
+    """A plan from the one-step scheduler's own, improved: ``chosen`` (e, s, p, 2) and its predicted cost (e,).
 
     Fewer steps at the episode's end. Penalties see the predicted spread of the one-step plan.
     """
@@ -75,7 +75,7 @@ def plan(mean, P, step, horizon, axes, sizes, weights, F, Q, places, fence, rule
         levels = max(1, min(depth, horizon - step[e]))
         x[0], U[0] = mean[e], P[e]
         for k in range(levels):
-            foresee(x[k], U[k], F, Q, places, rules, x[k + 1], U[k + 1], h, H[k], nn)
+            predict_ahead(x[k], U[k], F, Q, places, rules, x[k + 1], U[k + 1], h, H[k], nn)
             tabulate(U[k + 1], h, H[k], axes, fence, rules, R[k], spread)
             best_of_two(U[k + 1], H[k], R[k], sizes, weights, chosen[e, k], other, W, rest, v, nn)
             for j in range(platforms):

@@ -15,7 +15,7 @@ from wavegym.trackers.rank_one_kernels import shrink_one
 
 
 @kernel
-def foresee(mean, P, F, Q, places, rules, x, V, h, H, nn):
+def predict_ahead(mean, P, F, Q, places, rules, x, V, h, H, nn):
     """Predict all targets: mean x (t, n), covariance V (t, n, n), measurements h (t, a), Jacobians H (t, a, n)."""
     T = np.empty((len(nn), len(nn)))
     for t in range(mean.shape[0]):
@@ -25,14 +25,14 @@ def foresee(mean, P, F, Q, places, rules, x, V, h, H, nn):
 
 
 @kernel
-def imagine(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
+def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
     """Predicted means x (e, c, t, n), updated covariances P_out (e, c, t, n, n), settings (e or 1, c, p, 3)."""
     (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
     h, H, spread = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), 0.0
     for e in range(count):
-        foresee(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
+        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
         for c in range(candidates):
             view_all(c, own, rules, variance, low, high)
@@ -58,7 +58,7 @@ def information(mean, P, settings, F, Q, places, fence, rules, out, nn):
     ahead, V = np.empty((targets, n)), np.empty((targets, n, n))
     h, H = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n))
     for e in range(count):
-        foresee(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
+        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
         for c in range(candidates):
             view_all(c, own, rules, variance, low, high)

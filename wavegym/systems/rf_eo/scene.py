@@ -99,9 +99,9 @@ class PlatformScene:
 
     def _draw_errors(self, moment: Moment) -> None:
         """Distance from the estimate to the truth, and its root mean square as the belief has it."""
-        errors = [state.public.mean[0] - state.hidden.truth[0] for state in moment.states]
+        errors = [state.belief.mean[0] - state.truth.targets[0] for state in moment.states]
         distance = np.maximum(np.hypot(*np.array(errors)[..., PLANE].T), LEAST)  # (target, step)
-        variances = np.array([np.diagonal(state.public.covariance[0], axis1=1, axis2=2) for state in moment.states])
+        variances = np.array([np.diagonal(state.belief.covariance[0], axis1=1, axis2=2) for state in moment.states])
         sigma = np.sqrt(variances[..., PLANE].sum(axis=-1)).T
         for t, (error, spread) in enumerate(zip(distance, sigma, strict=True)):
             self._errors.plot(error, color=colour(t), linewidth=0.8, alpha=0.6)
@@ -130,10 +130,10 @@ class Sight(NamedTuple):
 def in_view(system: RfEo, moment: Moment) -> Sight:
     """Where each target truly was before each platform in the last step, and which quantities were in view."""
     places = system.places
-    value = platform_measurement(moment.states[-1].hidden.truth[0], places[:, None], system.as_printed)
+    value = platform_measurement(moment.states[-1].truth.targets[0], places[:, None], system.as_printed)
     _, low, high = system.menu.view(system.menu.settings(moment.actions[-1])[0])
     low[:, 2], high[:, 2] = np.maximum(low[:, 2], -np.pi), np.minimum(high[:, 2], np.pi)  # the full circle
-    ahead = moment.states[-2].public.mean[0] @ system.motion.F.T
+    ahead = moment.states[-2].belief.mean[0] @ system.motion.F.T
     predicted = platform_measurement(ahead, places[:, None], system.as_printed)
     blind = np.minimum(value[..., :1], predicted[..., :1]) < system.nearest_range
     seen = (value >= low[:, None]) & (value <= high[:, None]) & ~blind
@@ -190,9 +190,9 @@ def received_caption(system: RfEo, moment: Moment) -> str:
     """How much of each target was measured in this step, and since when nothing was."""
     if not moment.actions:
         return ""
-    hidden, most = moment.states[-1].hidden, 3 * len(system.platforms)
+    truth, most = moment.states[-1].truth, 3 * len(system.platforms)
     counts = []
-    for t, (received, unseen) in enumerate(zip(hidden.received[0].tolist(), hidden.unseen[0].tolist(), strict=True)):
+    for t, (received, unseen) in enumerate(zip(truth.received[0].tolist(), truth.unseen[0].tolist(), strict=True)):
         known = f"{received} of {most}" if received else f"nothing for {unseen} step{'s' * (unseen > 1)}"
         counts.append(f"target {t + 1}: {known}")
     return "quantities measured:  " + "  ·  ".join(counts)

@@ -12,7 +12,7 @@ import numpy as np
 
 from wavegym.core.kernels import kernel
 from wavegym.systems.rf_eo.kernels import foreseen_variance, gain_of, spread_of
-from wavegym.systems.rf_eo.prediction_kernels import foresee
+from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.trackers.rank_one_kernels import shrink_one
 
 SWEEPS = 10  # over all platforms, after which a search that still improves is left
@@ -20,7 +20,7 @@ SWEEPS = 10  # over all platforms, after which a search that still improves is l
 
 @kernel
 def tabulate(V, h, H, axes, fence, rules, R, spread):
-    """R (t, a, g): foreseen variance of every quantity at every point of its axis; spread (t, a) of its prediction.
+    """R (t, a, g): predicted variance of every quantity at every point of its axis; spread (t, a) of its prediction.
 
     axes (3, g, 3): variance, low and high of the points, PRF and pixel angle side by side.
     """
@@ -123,6 +123,6 @@ def best_settings(mean, P, axes, sizes, weights, F, Q, places, fence, rules, cho
     h, H, spread = np.empty((targets, rows)), np.empty((targets, rows, n)), np.empty((targets, rows))
     R, v, other = np.empty((targets, rows, axes.shape[1])), np.empty(n), np.empty((platforms, 2), np.int64)
     for e in range(count):
-        foresee(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
+        predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
         tabulate(V, h, H, axes, fence, rules, R, spread)
         best_of_two(V, H, R, sizes, weights, chosen[e], other, W, rest, v, nn)

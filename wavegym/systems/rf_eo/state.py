@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, ordered, positive, within
-from wavegym.core.system import Element
+from wavegym.core.errors import InputError, check_non_negative, check_ordered, check_positive, check_within
+from wavegym.core.system import ObservationField
 from wavegym.waveforms import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
@@ -34,16 +34,16 @@ class World(NamedTuple):
     error: Array  # (H, platform, target, 3) measurement errors
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     """What no scheduler sees."""
 
-    truth: Array  # (env, target, 4)
+    targets: Array  # (env, target, 4)
     received: Array  # (env, target) int: measured quantities of the last step
     unseen: Array  # (env, target) int: steps since the last measurement
-    share: Array  # (env,) of the last settings: least weighted information of any target, as foreseen
+    share: Array  # (env,) of the last settings: least weighted information of any target, as predicted
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The belief."""
 
     step: Array  # (env,) int
@@ -51,7 +51,7 @@ class Public(NamedTuple):
     covariance: Array  # (env, target, 4, 4)
 
 
-def platform_elements(targets: int, platforms: int) -> tuple[Element, ...]:
+def platform_elements(targets: int, platforms: int) -> tuple[ObservationField, ...]:
     """Observation elements: of every target its spread, and what each platform will meet of it one step ahead.
 
     In the order in which ``rf_eo_kernels.observe`` fills them.
@@ -60,18 +60,20 @@ def platform_elements(targets: int, platforms: int) -> tuple[Element, ...]:
     for t in range(1, targets + 1):
         of = f"uncertainty of target {t}, one step ahead"
         listed += [
-            Element(f"log10_sigma_position_{t}", "log10(m)", 0.5, 1.0, f"RMS position {of}"),
-            Element(f"log10_sigma_velocity_{t}", "log10(m/s)", -0.3, 0.5, f"RMS velocity {of}"),
+            ObservationField(f"log10_sigma_position_{t}", "log10(m)", 0.5, 1.0, f"RMS position {of}"),
+            ObservationField(f"log10_sigma_velocity_{t}", "log10(m/s)", -0.3, 0.5, f"RMS velocity {of}"),
         ]
         for j in range(1, platforms + 1):
             where = f"of target {t} from platform {j}, as predicted one step ahead"
             for (name, unit, centre, scale), (short, _, middle, width) in zip(QUANTITIES, SPREADS, strict=True):
                 words = name.replace("_", "-")
                 listed += [
-                    Element(
+                    ObservationField(
                         f"log10_{name}_{t}_{j}", f"log10({unit})", centre, scale, f"magnitude of the {words} {where}"
                     ),
-                    Element(f"log10_sigma_{short}_{t}_{j}", f"log10({unit})", middle, width, f"its spread {where}"),
+                    ObservationField(
+                        f"log10_sigma_{short}_{t}_{j}", f"log10({unit})", middle, width, f"its spread {where}"
+                    ),
                 ]
     return tuple(listed)
 
@@ -80,45 +82,49 @@ def check_scenario(system: RfEo) -> None:
     """InputError for numbers, targets, platforms or settings that make no scenario."""
     _check_numbers(system)
     for name, rows in (("platforms", system.platforms), ("starts", system.starts)):
-        within(f"number of {name}", len(rows), 1, MOST)
+        check_within(f"number of {name}", len(rows), 1, MOST)
         if not np.isfinite(np.array(rows)).all():
             raise InputError(f"{name} is {rows}, expected finite numbers")
         for value in np.ravel(rows):
-            within(f"number in {name}", float(value), -FARTHEST, FARTHEST, "m or m/s")
+            check_within(f"number in {name}", float(value), -FARTHEST, FARTHEST, "m or m/s")
     if system.looks and len(system.looks) != len(system.platforms):
         raise InputError(f"looks is {system.looks}, expected {len(system.platforms)} angles, one for each platform")
     for look in system.looks:
-        within("look direction", look, -math.pi, math.pi, "rad")
+        check_within("look direction", look, -math.pi, math.pi, "rad")
     _check_optics(system)
 
 
 def _check_numbers(system: RfEo) -> None:
     """InputError for single numbers out of range."""
     for name in ("dt", "carrier_hz", "nearest_range"):
-        positive(name, getattr(system, name))
+        check_positive(name, getattr(system, name))
     for name in ("q", "margin", "threshold"):
-        non_negative(name, getattr(system, name))
+        check_non_negative(name, getattr(system, name))
     for name, most in (("dt", 1e6), ("carrier_hz", 1e15), ("q", 1e12), ("nearest_range", 1e9)):
-        within(name, getattr(system, name), 0, most)
+        check_within(name, getattr(system, name), 0, most)
     for name in ("horizon", "iterations", "fft_length", "pixels"):
-        within(name, getattr(system, name), 1, 1_000_000)
-    for name, check in (("prior_variance", positive), ("weights", non_negative), ("height", non_negative)):
+        check_within(name, getattr(system, name), 1, 1_000_000)
+    for name, check in (
+        ("prior_variance", check_positive),
+        ("weights", check_non_negative),
+        ("height", check_non_negative),
+    ):
         for value in getattr(system, name):
             check(name, value)
-    positive("sum of weights", sum(system.weights))
+    check_positive("sum of weights", sum(system.weights))
     for value in system.sharpness or ():
-        positive("sharpness", value)
+        check_positive("sharpness", value)
 
 
 def _check_optics(system: RfEo) -> None:
     """InputError for settings that no platform can have."""
     for name in ("prf", "bandwidth", "pixel_angle"):
         low, high = getattr(system, name)
-        ordered(name, low, high)
-        positive(f"low of {name}", low)
+        check_ordered(name, low, high)
+        check_positive(f"low of {name}", low)
         if low == high:
             raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
-        within(f"high of {name}", high, 0, GREATEST_HZ)
+        check_within(f"high of {name}", high, 0, GREATEST_HZ)
     widest = 2.0 * math.pi / system.pixels
     if system.pixel_angle[1] > widest * (1.0 + 1e-9):
         wanted = f"at most 2 pi / pixels, the full circle (nearest: {widest:.6g})"

@@ -10,21 +10,21 @@ import numpy as np
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.action_sets import JointLibrary, PerSensor
+from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems.rf_eo import kernels
-from wavegym.systems.rf_eo import prediction_kernels as foresight
+from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.actions import PlatformMenu
 from wavegym.systems.rf_eo.information_kernels import most_information
 from wavegym.systems.rf_eo.kernels import Rules
 from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.search_kernels import best_settings
-from wavegym.systems.rf_eo.state import Hidden, Pair, Public, Quad, Triple, World, check_scenario, platform_elements
+from wavegym.systems.rf_eo.state import Belief, Pair, Quad, Triple, Truth, World, check_scenario, platform_elements
 from wavegym.targets import MotionModel, constant_velocity
 from wavegym.waveforms import SPEED_OF_LIGHT
 
@@ -44,7 +44,7 @@ class RfEo(System):
         r <= c / (2 PRF), |rdot| <= lambda PRF / 4, |azimuth| <= Npix alpha / 2. So a high PRF sees fast targets, a low
         one distant targets, and a wide image is a coarse one. An extended Kalman filter in information form (eqs. 8 to
         11) updates each target with what was in view, iterated where the prior is so wide that the linearised
-        measurement would mislead. Schedulers foresee the covariance with a variance that grows at the edge of the
+        measurement would mislead. Schedulers predict the covariance with a variance that grows at the edge of the
         field of view (eqs. 12 and 13).
 
     Rewards
@@ -66,8 +66,8 @@ class RfEo(System):
         "deadzone" or "log-barrier". sharpness: nu relative to the edge, for range, range-rate and azimuth; by default
         100, of the log-barrier 1e8. height: gamma of each (m^2, m^2/s^2, rad^2). out_of_view: "missing", or "inflated":
         drawn with the variance and penalty at the truth, the paper's. iterations: at most so many per update; 1 is the
-        plain extended filter, the paper's. margin: standard deviations of a predicted quantity by which foresight wants
-        it inside the field of view. threshold: t, the least weighted information of any target that the paper's
+        plain extended filter, the paper's. margin: how far a prediction keeps a quantity inside the field of view, in
+        standard deviations. threshold: t, the least weighted information of any target that the paper's
         scheduler asks for. weights: diagonal of W. nearest_range: a platform nearer to a target than this gets nothing
         of it. as_printed: the paper's misprinted equations. action: "box" (log PRF, B and alpha of every platform),
         "library" (an index per platform) or "joint" (one index for all platforms).
@@ -128,7 +128,7 @@ class RfEo(System):
         return PlatformMenu(ranges, self.points, len(self.platforms), self.action, *optics)
 
     @property
-    def actions(self) -> PerSensor | JointLibrary | ParameterBox:
+    def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """What an action means."""
         return self.menu.actions
 
@@ -168,45 +168,45 @@ class RfEo(System):
         draws = (rng.standard_normal(shape) for shape in ((S, 4), (H, S, 4), (H, P, S, 3)))
         return World(*draws)
 
-    def begin(self, world: World) -> State:
+    def initial(self, world: World) -> State:
         """Targets at their starts, and the first estimates."""
         count, S = world.start.shape[:2]
-        truth = np.tile(np.array(self.starts), (count, 1, 1))
+        true_states = np.tile(np.array(self.starts), (count, 1, 1))
         if self.first_estimate == "drawn":
-            mean = truth + np.sqrt(self.prior_variance) * world.start
+            mean = true_states + np.sqrt(self.prior_variance) * world.start
         else:
-            mean = truth * np.array([0.5, 0.0, 0.5, 0.0])
+            mean = true_states * np.array([0.5, 0.0, 0.5, 0.0])
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
         nothing = np.zeros((count, S), np.int64)
-        hidden = Hidden(truth, nothing, nothing.copy(), np.zeros(count))
-        return State(hidden, Public(np.zeros(count, np.int64), mean, covariance))
+        truth = Truth(true_states, nothing, nothing.copy(), np.zeros(count))
+        return State(truth, Belief(np.zeros(count, np.int64), mean, covariance))
 
-    def advance(self, state: State, action: Array, world: World) -> State:
+    def transition(self, state: State, action: Array, world: World) -> State:
         """One step: move, set the platforms, measure what is in view, track."""
-        (truth, _, unseen, _), (step, mean, covariance) = state
+        (true_states, _, unseen, _), (step, mean, covariance) = state
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         received, without, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
         F, Q, *scene = self._scene
-        kernels.advance(
-            step, mean, covariance, truth, unseen, world.process, world.error, self.menu.settings(action), F, Q,
+        kernels.transition(
+            step, mean, covariance, true_states, unseen, world.process, world.error, self.menu.settings(action), F, Q,
             self.motion.noise_factor, *scene, x, P, moved, received, without, share, NN
         )  # fmt: skip
-        return State(Hidden(moved, received, without, share), Public(step + 1, x, P))
+        return State(Truth(moved, received, without, share), Belief(step + 1, x, P))
 
-    def imagine(self, public: Public, actions: Array, outcome: None = None) -> Public:
+    def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances."""
         several, settings = self._settings(actions)
-        shape = (len(public.step), settings.shape[1], len(self.starts))
+        shape = (len(belief.step), settings.shape[1], len(self.starts))
         x, P = np.empty((*shape, 4)), np.empty((*shape, 4, 4))
-        foresight.imagine(public.mean, public.covariance, settings, *self._scene, x, P, NN)
-        step = np.broadcast_to(public.step[:, None] + 1, shape[:2])
-        return Public(step, x, P) if several else Public(step[:, 0], x[:, 0], P[:, 0])
+        prediction.predict(belief.mean, belief.covariance, settings, *self._scene, x, P, NN)
+        step = np.broadcast_to(belief.step[:, None] + 1, shape[:2])
+        return Belief(step, x, P) if several else Belief(step[:, 0], x[:, 0], P[:, 0])
 
-    def information(self, public: Public, actions: Array) -> Array:
+    def information(self, belief: Belief, actions: Array) -> Array:
         """The paper's gain tr(P C' R~^-1 C) of every target one step ahead, (env[, candidate], target)."""
         several, settings = self._settings(actions)
-        gain = np.empty((len(public.step), settings.shape[1], len(self.starts)))
-        foresight.information(public.mean, public.covariance, settings, *self._scene, gain, NN)
+        gain = np.empty((len(belief.step), settings.shape[1], len(self.starts)))
+        prediction.information(belief.mean, belief.covariance, settings, *self._scene, gain, NN)
         return gain if several else gain[:, 0]
 
     def _settings(self, actions: Array) -> tuple[bool, Array]:
@@ -214,62 +214,62 @@ class RfEo(System):
         several = actions.ndim == (2 if self.action == "joint" else 3)
         return several, self.menu.settings(actions if several else actions[:, None])
 
-    def best_action(self, public: Public) -> Array:
+    def best_action(self, belief: Belief) -> Array:
         """The one-step scheduler's choice, platform after platform until none changes; in a box on a finer grid."""
-        chosen = np.empty((len(public.step), len(self.platforms), 2), np.int64)
+        chosen = np.empty((len(belief.step), len(self.platforms), 2), np.int64)
         best_settings(
-            public.mean, public.covariance, self.menu.axes, self.menu.sizes, self._weights, *self._scene, chosen, NN
+            belief.mean, belief.covariance, self.menu.axes, self.menu.sizes, self._weights, *self._scene, chosen, NN
         )
         return self.menu.choose(chosen[..., 0], chosen[..., 1])
 
-    def most_information(self, public: Public, threshold: float | None = None) -> tuple[Array, Array]:
+    def most_information(self, belief: Belief, threshold: float | None = None) -> tuple[Array, Array]:
         """The paper's choice on the same grid: the greatest information of which every target has the threshold t.
 
         Args:
-            public: the belief.
+            belief: the belief.
             threshold: t; None for the system's own.
 
         Returns:
             Actions (env, ...), and whether t was reached, (env,) bool; where not, the worst-off target gets most.
         """
-        feasible = np.empty(len(public.step), np.bool_)
+        feasible = np.empty(len(belief.step), np.bool_)
         chosen = np.empty((len(feasible), len(self.platforms), 2), np.int64)
         least = self.threshold if threshold is None else threshold
         if not least >= 0.0:
             raise InputError(f"threshold is {least}, expected a number >= 0")
         most_information(
-            public.mean, public.covariance, self.menu.axes, self.menu.sizes, least, *self._scene, chosen, feasible, NN
+            belief.mean, belief.covariance, self.menu.axes, self.menu.sizes, least, *self._scene, chosen, feasible, NN
         )
         return self.menu.choose(chosen[..., 0], chosen[..., 1]), feasible
 
-    def plan(self, public: Public, depth: int) -> tuple[Array, Array]:
+    def plan(self, belief: Belief, depth: int) -> tuple[Array, Array]:
         """A good sequence of ``depth`` choices: the one-step scheduler's, improved one point of the grid at a time.
 
         Returns:
-            The first actions (env, ...), and the foreseen cost of the whole sequence (env,).
+            The first actions (env, ...), and the predicted cost of the whole sequence (env,).
         """
-        cost = np.empty(len(public.step))
+        cost = np.empty(len(belief.step))
         chosen = np.empty((len(cost), depth, len(self.platforms), 2), np.int64)
         plan(
-            public.mean, public.covariance, public.step, self.horizon, self.menu.axes, self.menu.sizes, self._weights,
+            belief.mean, belief.covariance, belief.step, self.horizon, self.menu.axes, self.menu.sizes, self._weights,
             *self._scene, chosen, cost, NN
         )  # fmt: skip
         return self.menu.choose(chosen[:, 0, :, 0], chosen[:, 0, :, 1]), cost
 
-    def cost(self, public: Public) -> Array:
+    def cost(self, belief: Belief) -> Array:
         """trace(W P) summed over the targets."""
-        return trace_cost(public.covariance, self._weights)
+        return trace_cost(belief.covariance, self._weights)
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: of every target how well it is known, and what each platform will meet of it."""
         return platform_elements(len(self.starts), len(self.platforms))
 
-    def observe(self, public: Public) -> Array:
-        """See ``elements``."""
-        out = np.empty((len(public.step), len(self.elements)))
+    def observe(self, belief: Belief) -> Array:
+        """See ``observation_fields``."""
+        out = np.empty((len(belief.step), len(self.observation_fields)))
         F, Q, places, _, rules = self._scene
-        kernels.observe(public.mean, public.covariance, F, Q, places, rules, out, NN)
+        kernels.observe(belief.mean, belief.covariance, F, Q, places, rules, out, NN)
         logs: Array = np.log(out, out=out)  # in one go for all: several times faster than one by one
         logs *= self._decades
         return logs
@@ -277,22 +277,22 @@ class RfEo(System):
     @cached_property
     def _decades(self) -> Array:
         """From natural logarithms to the elements: a spread is the root of its variance."""
-        return np.array([0.5 if "sigma" in e.name else 1.0 for e in self.elements]) / np.log(10.0)
+        return np.array([0.5 if "sigma" in e.name else 1.0 for e in self.observation_fields]) / np.log(10.0)
 
-    def metrics(self, state: State) -> dict[str, Array]:
+    def state_info(self, state: State) -> dict[str, Array]:
         """Of each target ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
         step) and ``lost``: nothing received for more than ten steps. Of the settings that were chosen
-        ``information``, the least weighted information of any target as foreseen, and whether it is
+        ``information``, the least weighted information of any target as predicted, and whether it is
         ``below_threshold``; before the first choice 0 and False.
         """
-        hidden, public = state
-        position, nees = np.empty(hidden.unseen.shape), np.empty(hidden.unseen.shape)
-        kernels.measure(public.mean, public.covariance, hidden.truth, position, nees, NN)
+        truth, belief = state
+        position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
+        kernels.measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
             "nees": nees,
-            "received": hidden.received.copy(),
-            "lost": hidden.unseen > LOST_AFTER,
-            "information": hidden.share.copy(),
-            "below_threshold": (hidden.share < self.threshold) & (public.step > 0),
+            "received": truth.received.copy(),
+            "lost": truth.unseen > LOST_AFTER,
+            "information": truth.share.copy(),
+            "below_threshold": (truth.share < self.threshold) & (belief.step > 0),
         }

@@ -169,7 +169,7 @@ def receive(e, k, t, w, truth, uniform, error, accuracy, radar, x, P, work, nn):
 
 
 @kernel
-def advance(
+def transition(
     step, mean, P, pointed, dead, q, visible, truth, target, waveform, process, uniform, error, L, accuracy, radar,
     x, P_out, pointed_out, dead_out, truth_out, detections, silent, nn
 ):  # fmt: skip

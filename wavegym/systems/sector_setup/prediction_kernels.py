@@ -71,7 +71,7 @@ def expect(i, P, w, accuracy, work, o, P_out, nn):
 
 
 @kernel
-def imagine(
+def predict(
     step, mean, P, pointed, dead, q, visible, target, waveform, draws, accuracy, radar, x_out, P_out, pointed_out,
     dead_out, nn
 ):  # fmt: skip

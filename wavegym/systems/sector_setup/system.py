@@ -13,16 +13,16 @@ from pydantic.dataclasses import dataclass
 from wavegym.core.action_labels import Menu
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
-from wavegym.core.system import Element, State, System
+from wavegym.core.system import ObservationField, State, System
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.sector_setup import kernels
-from wavegym.systems.sector_setup import prediction_kernels as foresight
+from wavegym.systems.sector_setup import prediction_kernels as prediction
 from wavegym.systems.sector_setup.state import (
     SOON,
-    Hidden,
+    Belief,
     Pair,
-    Public,
     Quad,
+    Truth,
     World,
     check_sector_setup,
     sector_elements,
@@ -110,7 +110,7 @@ class SectorSetup(System):
         return Menu(tuple(f"target {t}, {wave}" for t in range(1, self.targets + 1) for wave in waves))
 
     @property
-    def chances(self) -> tuple[int, ...]:
+    def outcome_shape(self) -> tuple[int, ...]:
         """One draw a receiver: a single target is illuminated."""
         return (len(self.receivers),)
 
@@ -139,16 +139,16 @@ class SectorSetup(System):
             rng.standard_normal((H, receivers, T, 2)),
         )
 
-    def begin(self, world: World) -> State:
+    def initial(self, world: World) -> State:
         """Targets somewhere in the region, the first estimates around them, and the windows of visibility."""
         count, T = world.density.shape
-        truth = self._starts(world)
-        mean = truth + np.sqrt(self.prior_variance) * world.start
+        true_states = self._starts(world)
+        mean = true_states + np.sqrt(self.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
         zero = np.zeros(count, np.int64)
-        public = Public(zero, mean, covariance, np.full(count, -1), zero.copy(), q, self._in_sight(world, truth))
-        return State(Hidden(truth, zero.copy(), np.zeros(count, np.bool_)), public)
+        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), q, self._in_sight(world, true_states))
+        return State(Truth(true_states, zero.copy(), np.zeros(count, np.bool_)), belief)
 
     def _starts(self, world: World) -> Array:
         """States of the targets at first, (env, target, 4): anywhere in the region, with any heading."""
@@ -156,28 +156,28 @@ class SectorSetup(System):
         x, y, speed, heading = np.moveaxis(low + (high - low) * world.place, -1, 0)
         return np.stack([x, speed * np.sin(heading), y, speed * np.cos(heading)], axis=-1)
 
-    def _in_sight(self, world: World, truth: Array) -> Array:
+    def _in_sight(self, world: World, true_states: Array) -> Array:
         """When targets that start at ``truth`` can be seen, bool (env, H, target)."""
-        return visibility(self, world.window, truth.shape[1])
+        return visibility(self, world.window, true_states.shape[1])
 
     def _split(self, actions: Array) -> tuple[Array, Array]:
         """Target and waveform of each action."""
         return np.divmod(np.asarray(actions, np.int64), len(self.waveforms))
 
-    def advance(self, state: State, action: Array, world: World) -> State:
+    def transition(self, state: State, action: Array, world: World) -> State:
         """One step: move, set up or look, track."""
-        public = state.public
-        x, P, truth = np.empty(public.mean.shape), np.empty(public.covariance.shape), np.empty(public.mean.shape)
+        belief = state.belief
+        x, P, true_states = np.empty(belief.mean.shape), np.empty(belief.covariance.shape), np.empty(belief.mean.shape)
         pointed, dead, detections = np.empty((3, len(x)), np.int64)
         silent = np.empty(len(x), np.bool_)
-        kernels.advance(
-            *public, state.hidden.truth, *self._split(action), world.process, world.detection, world.error,
-            self.motion.noise_factor, *self._radar, x, P, pointed, dead, truth, detections, silent, NN
+        kernels.transition(
+            *belief, state.truth.targets, *self._split(action), world.process, world.detection, world.error,
+            self.motion.noise_factor, *self._radar, x, P, pointed, dead, true_states, detections, silent, NN
         )  # fmt: skip
-        fresh = public._replace(step=public.step + 1, mean=x, covariance=P, pointed=pointed, dead=dead)
-        return State(Hidden(truth, detections, silent), fresh)
+        fresh = belief._replace(step=belief.step + 1, mean=x, covariance=P, pointed=pointed, dead=dead)
+        return State(Truth(true_states, detections, silent), fresh)
 
-    def imagine(self, public: Public, actions: Array, outcome: Array | None = None) -> Public:
+    def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief one step ahead: predicted means, and covariances after a look with the predicted SNR.
 
         Expected: the mean over every combination of receivers that may detect the target. ``outcome``: uniform draws,
@@ -185,19 +185,19 @@ class SectorSetup(System):
         """
         several = np.ndim(actions) == 2
         chosen = actions if several else np.asarray(actions)[:, None]
-        lead = (len(public.step), chosen.shape[1])
+        lead = (len(belief.step), chosen.shape[1])
         draws = np.empty((lead[0], 1, 0)) if outcome is None else np.asarray(outcome, np.float64)
-        x, P = (np.empty((*lead, *a.shape[1:])) for a in (public.mean, public.covariance))
+        x, P = (np.empty((*lead, *a.shape[1:])) for a in (belief.mean, belief.covariance))
         pointed, dead = np.empty((2, *lead), np.int64)
-        foresight.imagine(
-            *public, *self._split(chosen), draws if draws.ndim == 3 else draws[:, None], *self._radar,
+        prediction.predict(
+            *belief, *self._split(chosen), draws if draws.ndim == 3 else draws[:, None], *self._radar,
             x, P, pointed, dead, NN
         )  # fmt: skip
-        step = public.step + 1
+        step = belief.step + 1
         if not several:
-            return Public(step, x[:, 0], P[:, 0], pointed[:, 0], dead[:, 0], public.q, public.visible)
-        step, q, visible = (np.repeat(a[:, None], lead[1], axis=1) for a in (step, public.q, public.visible))
-        return Public(step, x, P, pointed, dead, q, visible)
+            return Belief(step, x[:, 0], P[:, 0], pointed[:, 0], dead[:, 0], belief.q, belief.visible)
+        step, q, visible = (np.repeat(a[:, None], lead[1], axis=1) for a in (step, belief.q, belief.visible))
+        return Belief(step, x, P, pointed, dead, q, visible)
 
     @cached_property
     def _aims(self) -> tuple[Array, Array]:
@@ -205,47 +205,47 @@ class SectorSetup(System):
         return self._split(self.candidates())
 
     @property
-    def aims(self) -> Array:
+    def target_of_action(self) -> Array:
         """The illuminated target of each candidate, (candidate, 1)."""
         return self._aims[0][:, None]
 
-    def delay(self, public: Public) -> Array:
+    def delay(self, belief: Belief) -> Array:
         """Steps without sensing before each candidate's pulse is sent, (env, candidate)."""
         target = self._aims[0]
-        return np.where(target == public.pointed[:, None], public.dead[:, None], self.dead_steps)
+        return np.where(target == belief.pointed[:, None], belief.dead[:, None], self.dead_steps)
 
-    def gain(self, public: Public, wait: Array | int, ahead: int) -> Array:
+    def gain(self, belief: Belief, wait: Array | int, ahead: int) -> Array:
         """By how much each candidate's pulse lowers the summed cost of the ``ahead`` steps from the look on.
 
         Args:
-            public: the belief.
+            belief: the belief.
             wait: steps before the look in which nothing is measured, int or (env or 1, candidate or 1).
             ahead: steps counted, the look's own included; those beyond the horizon count nothing.
 
         Returns:
             Expected over detections, (env, candidate); 0 where the target is hidden then or the episode over.
         """
-        out = np.empty((len(public.step), len(self.actions)))
+        out = np.empty((len(belief.step), len(self.actions)))
         later = np.atleast_2d(np.asarray(wait, np.int64))
-        step, mean, covariance, _, _, q, visible = public
+        step, mean, covariance, _, _, q, visible = belief
         target, waveform = self._aims
         M, rows = self.weights_ahead(ahead), (0,) * (2 * len(self.receivers))
-        foresight.gain(step, mean, covariance, q, visible, target, waveform, later, M, *self._radar, out, NN, rows)
+        prediction.gain(step, mean, covariance, q, visible, target, waveform, later, M, *self._radar, out, NN, rows)
         return out
 
-    def cost(self, public: Public) -> Array:
+    def cost(self, belief: Belief) -> Array:
         """trace(Lambda P) summed over the targets."""
-        return trace_cost(public.covariance, self._weights)
+        return trace_cost(belief.covariance, self._weights)
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: time left, the set-up, and of every target when it can be seen and what a look meets."""
         return sector_elements(self.targets, len(self.receivers), self.dead_steps)
 
-    def observe(self, public: Public) -> Array:
-        """See ``elements``."""
-        out = np.empty((len(public.step), len(self.elements)))
-        foresight.observe(*public, self._radar[1], SOON, out, NN)
+    def observe(self, belief: Belief) -> Array:
+        """See ``observation_fields``."""
+        out = np.empty((len(belief.step), len(self.observation_fields)))
+        prediction.observe(*belief, self._radar[1], SOON, out, NN)
         logs = np.log10(out, out=out, where=self._logarithms > 0.0)
         return np.multiply(logs, self._logarithms, out=out, where=self._logarithms > 0.0)
 
@@ -253,19 +253,21 @@ class SectorSetup(System):
     def _logarithms(self) -> Array:
         """What the logarithm of an element is multiplied by; 0 where none is taken. A spread's is of its variance."""
         factors = {"log10_sigma": 0.5, "log10_q": 1.0, "snr": 10.0}
-        return np.array([next((f for n, f in factors.items() if e.name.startswith(n)), 0.0) for e in self.elements])
+        return np.array(
+            [next((f for n, f in factors.items() if e.name.startswith(n)), 0.0) for e in self.observation_fields]
+        )
 
-    def metrics(self, state: State) -> dict[str, Array]:
+    def state_info(self, state: State) -> dict[str, Array]:
         """Of each target ``position_error`` (m), ``nees`` (expected: 4) and ``lost``: its estimate is so far off that
         the sector lit for it would miss it. Of the step: ``detections``, and whether it was ``dead``.
         """
-        hidden, public = state
-        position, nees = np.empty(public.mean.shape[:2]), np.empty(public.mean.shape[:2])
-        measure(public.mean, public.covariance, hidden.truth, position, nees, NN)
+        truth, belief = state
+        position, nees = np.empty(belief.mean.shape[:2]), np.empty(belief.mean.shape[:2])
+        measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
             "nees": nees,
             "lost": position > self.lost_beyond,
-            "detections": hidden.detections.copy(),
-            "dead": hidden.silent.copy(),
+            "detections": truth.detections.copy(),
+            "dead": truth.silent.copy(),
         }

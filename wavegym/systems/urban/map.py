@@ -49,11 +49,11 @@ def draw_street_map(axes: Axes, system: Urban, moment: Moment) -> None:
         axes.plot(*trail[-1:].T, **cross(t))
         style: dict[str, Any] = {"color": colour(t), "fontsize": 10, "fontweight": "bold"}
         axes.annotate(str(t + 1), trail[-1], (7, 5), textcoords="offset points", annotation_clip=True, **style)
-    confirmed = [Tracks(*state.public[1:]).combined()[0][state.public.status == CONFIRMED] for state in moment.states]
+    confirmed = [Tracks(*state.belief[1:]).combined()[0][state.belief.status == CONFIRMED] for state in moment.states]
     axes.plot(*np.concatenate(confirmed)[:, PLANE].T, **TRAIL)
-    x, P = Tracks(*now.public[1:]).combined()
+    x, P = Tracks(*now.belief[1:]).combined()
     for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
-        for slot in np.flatnonzero(now.public.status[0] == status):
+        for slot in np.flatnonzero(now.belief.status[0] == status):
             axes.plot(*(x[0, slot, PLANE, None] + ellipse(P[0, slot, PLANE, PLANE])), **style)
     axes.plot(*antennas[:senders].T, **TRANSMITTER)
     for i, place in enumerate(antennas[senders:]):

@@ -98,7 +98,7 @@ class StreetScene:
 
     def _draw_errors(self, moment: Moment) -> None:
         """Distance from each target to the confirmed track that holds it."""
-        figures = [self.system.metrics(state) for state in moment.states]
+        figures = [self.system.state_info(state) for state in moment.states]
         held = np.concatenate([each["held"] for each in figures])
         error = np.concatenate([each["position_error"] for each in figures])
         for t, column in enumerate(np.where(held, error, np.nan).T):
@@ -108,10 +108,10 @@ class StreetScene:
 
     def _draw_slots(self, moment: Moment) -> None:
         """A bar for each track: as long as it is sure to exist, in the colours of what it may be doing."""
-        public = moment.states[-1].public
-        for slot in np.flatnonzero(public.status[0] != EMPTY):
-            ends = public.existence[0, slot] * np.cumsum([0.0, *public.mu[0, slot]])
-            faint = 1.0 if public.status[0, slot] == CONFIRMED else FAINT
+        belief = moment.states[-1].belief
+        for slot in np.flatnonzero(belief.status[0] != EMPTY):
+            ends = belief.existence[0, slot] * np.cumsum([0.0, *belief.mu[0, slot]])
+            faint = 1.0 if belief.status[0, slot] == CONFIRMED else FAINT
             for a, b, shade in zip(ends[:-1], ends[1:], SHADES, strict=False):
                 self._slots.barh(slot + 1, b - a, left=a, height=0.7, color=shade, alpha=faint)
 
@@ -122,18 +122,18 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
     All of the first transmitter. Range-rates beyond ``system.ambiguity`` are measured folded, and drawn so.
     """
     scene, step, now = system.scene, len(moment.actions), moment.states[-1]
-    measured = now.hidden.z[0, receiver, : now.hidden.number[0, receiver]]
+    measured = now.truth.z[0, receiver, : now.truth.number[0, receiver]]
     axes.plot(*measured.T, **MEASURED)
     antennas = system.transmitters[0], system.receivers[receiver]
-    direct = multistatic_range_and_rate(now.hidden.truth[0, :, :4], *antennas)[:, 0]
+    direct = multistatic_range_and_rate(now.truth.targets[0, :, :4], *antennas)[:, 0]
     for t in np.flatnonzero(scene.present[step]).tolist():
         ways = folded(scene.z[receiver, step, t, : scene.ways[receiver, step, t]], system.ambiguity)
         straight = np.isclose(ways[:, 0], direct[t])
         axes.plot(*ways[~straight].T, color=colour(t), **BY_WALLS)
         axes.plot(*ways[straight].T, **cross(t))
-    x, _ = Tracks(*now.public[1:]).combined()
+    x, _ = Tracks(*now.belief[1:]).combined()
     for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
-        tracks = x[now.public.status == status][:, :4]
+        tracks = x[now.belief.status == status][:, :4]
         expected = multistatic_range_and_rate(tracks, *antennas)
         axes.plot(*folded(expected, system.ambiguity).T, color=style["color"], **EXPECTED)
 
@@ -148,8 +148,8 @@ def scan_caption(system: Urban, moment: Moment) -> str:
     if not moment.actions:
         return ""
     now = moment.states[-1]
-    figures = {name: value[0] for name, value in system.metrics(now).items()}
-    present, direct = now.hidden.present[0], system.scene.direct[len(moment.actions)]
+    figures = {name: value[0] for name, value in system.state_info(now).items()}
+    present, direct = now.truth.present[0], system.scene.direct[len(moment.actions)]
     words = [f"{figures['measurements']} measurements"]
     held = np.where(figures["held"], "held", "not held")
     known = np.where(direct, held, np.char.add(held, ", hidden"))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.system import Element, State
+from wavegym.core.system import ObservationField, State
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.sensors.urban_map import City
 from wavegym.targets import ScriptedPath
@@ -29,17 +29,17 @@ class World(NamedTuple):
     key: Array  # () uint64
 
 
-class Hidden(NamedTuple):
+class Truth(NamedTuple):
     """What no scheduler sees."""
 
-    truth: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
+    targets: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
     present: Array  # (env, target)
     z: Array  # (env, pair, most, 2): the last scan
     number: Array  # (env, pair): how many measurements it has
     refused: Array  # (env,): tracks that found no slot of their own in it
 
 
-class Public(NamedTuple):
+class Belief(NamedTuple):
     """The tracks (``wavegym.trackers.Tracks``) at a step."""
 
     step: Array  # (env,)
@@ -87,19 +87,19 @@ def make_scene(
         InputError: a path that leads through a wall.
     """
     driven = [_driven(path, arrival, times) for arrival in np.asarray(arrivals, np.float64)]
-    truth = np.stack([states for states, _ in driven], axis=1)
+    true_states = np.stack([states for states, _ in driven], axis=1)
     present = np.stack([there for _, there in driven], axis=1)
     for states, there in driven:
         if there.sum() > 1:
             city.check_drivable("the targets' path", states[there, :2])
-    if city.indoors(truth[present][:, :2]).any():
+    if city.indoors(true_states[present][:, :2]).any():
         raise InputError(f"the targets' path begins in a building at {tuple(path.start)} m, expected one in a street")
-    doors = [pair.open(truth[..., :2]) & present[..., None] for pair in pairs]
+    doors = [pair.open(true_states[..., :2]) & present[..., None] for pair in pairs]
     most = max(1, *(int(each.sum(axis=-1).max(initial=0)) for each in doors))
-    tables = [_table(pair, truth, door, most) for pair, door in zip(pairs, doors, strict=True)]
+    tables = [_table(pair, true_states, door, most) for pair, door in zip(pairs, doors, strict=True)]
     z, reflected, ways, way = (np.stack(each) for each in zip(*tables, strict=True))
     direct = np.logical_and.reduce([door[..., 0] for door in doors[:2]])
-    return Scene(truth, present, ways, way, z, reflected, direct)
+    return Scene(true_states, present, ways, way, z, reflected, direct)
 
 
 def _driven(path: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Array]:
@@ -107,59 +107,60 @@ def _driven(path: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Ar
     return np.concatenate([here.positions, here.velocities, here.accelerations], axis=1), times >= arrival
 
 
-def _table(pair: Multistatic, truth: Array, door: Array, most: int) -> tuple[Array, Array, Array, Array]:
+def _table(pair: Multistatic, true_states: Array, door: Array, most: int) -> tuple[Array, Array, Array, Array]:
     """Range and rate, and power left, of the open ways, which come first; how many, and which they are."""
     order = np.argsort(~door, axis=-1, kind="stable")[..., :most]
-    z = np.take_along_axis(pair.measure(truth[..., :4]), order[..., None], axis=-2)
+    z = np.take_along_axis(pair.measure(true_states[..., :4]), order[..., None], axis=-2)
     return z, pair.reflected[order], door.sum(axis=-1), order
 
 
-def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[Element, ...]:
+def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[ObservationField, ...]:
     """Observation elements, slot by slot."""
-    listed = [Element("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
+    listed = [ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
     for s in range(1, slots + 1):
         of = f"of the track in slot {s}; 0 in an empty one"
         listed += [
-            Element(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
-            Element(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),
-            Element(f"x_{s}", "m", 0.0, reach / 3, f"x, counted from the first transmitter, {of}"),
-            Element(f"y_{s}", "m", 0.0, reach / 3, f"y, counted from the first transmitter, {of}"),
-            Element(f"xdot_{s}", "m/s", 0.0, 10.0, f"velocity along x {of}"),
-            Element(f"ydot_{s}", "m/s", 0.0, 10.0, f"velocity along y {of}"),
-            Element(f"sigma_position_{s}", "m", 2.0, 3.0, f"RMS position uncertainty {of}"),
-            Element(f"sigma_velocity_{s}", "m/s", 1.0, 2.0, f"RMS velocity uncertainty {of}"),
+            ObservationField(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
+            ObservationField(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),
+            ObservationField(f"x_{s}", "m", 0.0, reach / 3, f"x, counted from the first transmitter, {of}"),
+            ObservationField(f"y_{s}", "m", 0.0, reach / 3, f"y, counted from the first transmitter, {of}"),
+            ObservationField(f"xdot_{s}", "m/s", 0.0, 10.0, f"velocity along x {of}"),
+            ObservationField(f"ydot_{s}", "m/s", 0.0, 10.0, f"velocity along y {of}"),
+            ObservationField(f"sigma_position_{s}", "m", 2.0, 3.0, f"RMS position uncertainty {of}"),
+            ObservationField(f"sigma_velocity_{s}", "m/s", 1.0, 2.0, f"RMS velocity uncertainty {of}"),
         ]
         listed += [
-            Element(f"mu_{name.replace(' ', '_')}_{s}", "1", 0.5, 0.5, f"probability of {name} {of}") for name in models
+            ObservationField(f"mu_{name.replace(' ', '_')}_{s}", "1", 0.5, 0.5, f"probability of {name} {of}")
+            for name in models
         ]
     return tuple(listed)
 
 
 def key_figures(state: State, direct: Array) -> dict[str, Array]:
     """What ``Urban.metrics`` says of a state; direct (scan, target): whether both first pairs see it straight."""
-    hidden, public = state
-    x, P = Tracks(*public[1:]).combined()
-    sure = public.status == CONFIRMED
-    off = hidden.truth[:, :, None, :4] - x[:, None, :, :4]  # (env, target, slot, 4)
+    truth, belief = state
+    x, P = Tracks(*belief[1:]).combined()
+    sure = belief.status == CONFIRMED
+    off = truth.targets[:, :, None, :4] - x[:, None, :, :4]  # (env, target, slot, 4)
     distance = np.where(sure[:, None], np.hypot(off[..., 0], off[..., 1]), np.inf)
     near = distance.argmin(axis=2)
     least = distance.min(axis=2)
-    held = hidden.present & (least <= HELD_WITHIN)
+    held = truth.present & (least <= HELD_WITHIN)
     e, g = np.nonzero(held)
     nees = np.zeros(held.shape)
     own, spread = off[e, g, near[e, g]], P[e, near[e, g], :4, :4]
     nees[e, g] = (own * np.linalg.solve(spread, own[..., None])[..., 0]).sum(axis=-1)
-    nobody = (np.where(hidden.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
+    nobody = (np.where(truth.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
     return {
-        "position_error": np.where(hidden.present, np.minimum(least, HELD_WITHIN), 0.0),
+        "position_error": np.where(truth.present, np.minimum(least, HELD_WITHIN), 0.0),
         "nees": nees,
         "present": held,
         "held": held,
-        "lost": direct[public.step] & ~held,
+        "lost": direct[belief.step] & ~held,
         "confirmed": sure.sum(axis=1),
         "false": nobody.sum(axis=1),
-        "tentative": ((public.status != EMPTY) & ~sure).sum(axis=1),
-        "refused": hidden.refused,
-        "gospa": gospa(hidden.truth[..., :2], x[..., :2], hidden.present, sure, HELD_WITHIN).distance,
-        "measurements": hidden.number.sum(axis=1),
+        "tentative": ((belief.status != EMPTY) & ~sure).sum(axis=1),
+        "refused": truth.refused,
+        "gospa": gospa(truth.targets[..., :2], x[..., :2], truth.present, sure, HELD_WITHIN).distance,
+        "measurements": truth.number.sum(axis=1),
     }

@@ -12,17 +12,17 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core.action_sets import JointLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, non_negative, positive, whole
-from wavegym.core.system import Element, State, System
+from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive
+from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import City, Point
 from wavegym.systems.urban import kernels
 from wavegym.systems.urban.receivers import StreetReceivers
 from wavegym.systems.urban.state import (
-    Hidden,
-    Public,
+    Belief,
     Scene,
+    Truth,
     World,
     key_figures,
     make_scene,
@@ -116,15 +116,15 @@ class Urban(System):
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
         for name in ("horizon", "slots"):
-            whole(name, getattr(self, name), 1)
+            check_int(name, getattr(self, name), 1)
         for name in ("dt", "bandwidth", "carrier", "reference_snr"):
-            positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         if not self.arrivals:
             raise InputError("arrivals is (), expected the time in s at which each target starts")
         for weight in self.weights:
-            non_negative("weight", weight)
-        positive("sum of weights", sum(self.weights))
-        positive("clutter_density", self.clutter_density)
+            check_non_negative("weight", weight)
+        check_positive("sum of weights", sum(self.weights))
+        check_positive("clutter_density", self.clutter_density)
         if not 1 <= self.charged <= self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
         if self.fidelity == "signal" and self.false_alarm is not None:
@@ -142,7 +142,7 @@ class Urban(System):
         """Trains of each duration, sweeping up and down."""
         trains = []
         for k in self.durations:
-            rate = math.pi * self.bandwidth / (EFFECTIVE * positive("duration", k, "s"))
+            rate = math.pi * self.bandwidth / (EFFECTIVE * check_positive("duration", k, "s"))
             for direction in ("up", "down"):
                 chirp = GaussianChirp(duration=k, chirp_rate=rate, direction=direction)
                 trains.append(PulseTrain(chirp, count=self.pulses, interval=self.interval))
@@ -211,7 +211,7 @@ class Urban(System):
         """Measurements of a pair in a scan that there is room for."""
         return room_for(self.clutter_density * self.reach * 2.0 * self.ambiguity)
 
-    def named_loops(self) -> dict[str, tuple[str, dict[str, Any]]]:
+    def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
         """The paper's baseline: waveforms in turn, and one nearly constant velocity."""
         return {"open-loop": ("round-robin", {"tracker": "ncv"})}
 
@@ -219,40 +219,40 @@ class Urban(System):
         """The key of all draws of one episode."""
         return World(np.asarray(rng.integers(2**64, dtype=np.uint64)))
 
-    def begin(self, world: World) -> State:
+    def initial(self, world: World) -> State:
         """No tracks, no scan."""
         count = len(world.key)
-        truth, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
+        true_states, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
         nothing = np.zeros((count, len(self.pairs), self._most, 2)), np.zeros((count, len(self.pairs)), np.int64)
-        hidden = Hidden(truth, present, *nothing, np.zeros(count, np.int64))
-        return State(hidden, Public(np.zeros(count, np.int64), *self.following.empty(count)))
+        truth = Truth(true_states, present, *nothing, np.zeros(count, np.int64))
+        return State(truth, Belief(np.zeros(count, np.int64), *self.following.empty(count)))
 
-    def advance(self, state: State, action: Array, world: World) -> State:
+    def transition(self, state: State, action: Array, world: World) -> State:
         """One scan: the street is measured with the chosen train, and the tracks take it."""
-        scan = state.public.step + 1
+        scan = state.belief.step + 1
         sent = self._sent(action)
         R, snr = (values[sent] for values in self._waves)
-        z, count = np.zeros(state.hidden.z.shape), np.zeros(state.hidden.number.shape, np.int64)
+        z, count = np.zeros(state.truth.z.shape), np.zeros(state.truth.number.shape, np.int64)
         if self.fidelity == "signal":
             self.signals.measure(world.key, scan, sent, z, count)
         else:
             kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
-        tracks, refused = self.following.scan(Tracks(*state.public[1:]), z, count, R, snr)
-        hidden = Hidden(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
-        return State(hidden, Public(scan, *tracks))
+        tracks, refused = self.following.scan(Tracks(*state.belief[1:]), z, count, R, snr)
+        truth = Truth(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
+        return State(truth, Belief(scan, *tracks))
 
-    def imagine(self, public: Public, actions: Array, outcome: Any = None) -> Public:
+    def predict(self, belief: Belief, actions: Array, outcome: Any = None) -> Belief:
         """Predicted tracks with covariances as a scan may be expected to leave them; no draws decide anything."""
         chosen = np.asarray(actions)
-        lead = np.broadcast_shapes(chosen.shape, (len(public.step), *(1,) * (chosen.ndim - 1)))
+        lead = np.broadcast_shapes(chosen.shape, (len(belief.step), *(1,) * (chosen.ndim - 1)))
         index = np.broadcast_to(chosen, lead).reshape(-1)
-        each = index.size // len(public.step)
+        each = index.size // len(belief.step)
         tracks = self.following.expect(
-            Tracks(*(np.repeat(leaf, each, axis=0) for leaf in public[1:])),
+            Tracks(*(np.repeat(leaf, each, axis=0) for leaf in belief[1:])),
             *(v[self._sent(index)] for v in self._waves),
         )
-        step = np.repeat(public.step + 1, each).reshape(lead)
-        return Public(step, *(leaf.reshape(*lead, *leaf.shape[1:]) for leaf in tracks))
+        step = np.repeat(belief.step + 1, each).reshape(lead)
+        return Belief(step, *(leaf.reshape(*lead, *leaf.shape[1:]) for leaf in tracks))
 
     @cached_property
     def _weights(self) -> Array:
@@ -264,29 +264,29 @@ class Urban(System):
         tracker, (position, velocity, acceleration) = self.following, self.weights
         return position * tracker.vaguest**2 + 2.0 * velocity * tracker.usual_speed**2 + 2.0 * acceleration
 
-    def cost(self, public: Public) -> Array:
+    def cost(self, belief: Belief) -> Array:
         """See Rewards."""
-        _, P = Tracks(*public[1:]).combined()
+        _, P = Tracks(*belief[1:]).combined()
         trace = np.minimum((np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1), self.absent)
-        each = self.absent - public.existence * (self.absent - trace)
+        each = self.absent - belief.existence * (self.absent - trace)
         return np.sort(each, axis=-1)[..., : self.charged].sum(axis=-1)
 
     @cached_property
-    def elements(self) -> tuple[Element, ...]:
+    def observation_fields(self) -> tuple[ObservationField, ...]:
         """The time left, and each slot."""
         return urban_elements(self.slots, MODELS[: len(self.following.motion)], self.reach)
 
-    def observe(self, public: Public) -> Array:
-        """See ``elements``."""
-        out = np.zeros((len(public.step), len(self.elements)))
-        kernels.observe(*public, self._centre, self.horizon, out)
+    def observe(self, belief: Belief) -> Array:
+        """See ``observation_fields``."""
+        out = np.zeros((len(belief.step), len(self.observation_fields)))
+        kernels.observe(*belief, self._centre, self.horizon, out)
         return out
 
     @cached_property
     def _centre(self) -> Array:
         return np.array(self.transmitters[0])
 
-    def metrics(self, state: State) -> dict[str, Array]:
+    def state_info(self, state: State) -> dict[str, Array]:
         """Of each target ``held``: whether a confirmed track is within 20 m; ``position_error`` of the nearest (20 m
         where none is, 0 while the target is not there) and its ``nees`` (expected: 4), with ``present`` for those that
         are held, of which evaluations take means; ``lost``: both straight ways are open, and it is not held. Of the

@@ -20,7 +20,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, open_unit, positive, whole, within
+from wavegym.core.errors import InputError, check_int, check_positive, check_probability, check_within
 from wavegym.core.parameters import in_one_line
 from wavegym.sensors.checks import every, shaped
 from wavegym.sensors.multipath import Antenna
@@ -124,14 +124,14 @@ class StreetTracker:
         if len(self.receivers) < 2:
             raise InputError(f"receivers is {self.receivers}, expected at least two: one cannot tell directions")
         require_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
-        whole("slots", self.slots, 1)
-        whole("confirm_after", self.confirm_after, 1)
+        check_int("slots", self.slots, 1)
+        check_int("confirm_after", self.confirm_after, 1)
         for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
-            positive(name, getattr(self, name))
+            check_positive(name, getattr(self, name))
         for name in ("gate_probability", "false_alarm"):
-            open_unit(name, getattr(self, name))
+            check_probability(name, getattr(self, name))
         for name in ("survival", "birth", "confirm"):
-            within(name, getattr(self, name), 0.0, 1.0)
+            check_within(name, getattr(self, name), 0.0, 1.0)
         _ = self.street
 
     @cached_property
@@ -215,7 +215,7 @@ class StreetTracker:
             raise InputError(
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
-        every(positive, "snr", ratio)
+        every(check_positive, "snr", ratio)
         # by hand: eigenvalues take as long as the scan
         variance, other = covariance[..., 0, 0], covariance[..., 1, 1]
         if not ((variance > 0.0) & (variance * other > covariance[..., 0, 1] * covariance[..., 1, 0])).all():
