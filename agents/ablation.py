@@ -16,7 +16,7 @@ import numpy as np
 
 from agents.experiment import Experiment, load_experiments, run_folder, train_missing
 from agents.leaderboard import PAGE, ROOT, WORLDS, Account, read_accounts, shown
-from wavegym.cli.command import Parser, guarded
+from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, check_choice
 from wavegym.evaluation import blocks, compare
 from wavegym.evaluation.comparison import BASELINE

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 
-from wavegym.cli.command import Parser, guarded
+from wavegym.core.command_line import Parser, guarded
 
 ENV = "wavegym/KershawEvansPosition-v0"
 SCHEDULERS = "best-fixed,myopic,lookahead:2,lookahead:3,random"

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from agents.leaderboard import PAGE, ROOT, Account, environment_of
-from wavegym.cli.command import Parser, guarded, settings
 from wavegym.cli.evaluate import LEARNERS, SAVED
+from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
 from wavegym.evaluation import blocks, compare, full_id, make_task
 from wavegym.evaluation.files import write_whole

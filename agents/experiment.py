@@ -22,7 +22,7 @@ from joblib import Parallel, delayed
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from wavegym.cli.command import Parser, guarded, settings
+from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
 from wavegym.evaluation import blocks, compare, write_report
 

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agents.timing import ALONE, decisions_us
-from wavegym.cli.command import Parser, guarded
 from wavegym.cli.evaluate import LEARNERS, SAVED, stem
 from wavegym.core.arrays import Array
+from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE

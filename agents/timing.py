@@ -13,8 +13,8 @@ from wavegym.core.arrays import Array
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.trees import first
-from wavegym.envs.observer import Observer
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.observations.observer import Observer
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import PLANNER

@@ -41,7 +41,9 @@ BATCH = 256
 SYSTEM = RfEo()
 WIDE = np.array([0.0, 0.0, 1.0] * 2)  # PRF 10 kHz, bandwidth 4.5 MHz, all around: every target is in view all the time
 F, Q, L = SYSTEM.motion.F, SYSTEM.motion.Q, SYSTEM.motion.noise_factor
-VARIANCE = SYSTEM.menu.view(SYSTEM.menu.settings(WIDE)).variance.reshape(-1)  # of both platforms' three quantities
+VARIANCE = SYSTEM.action_set.view(SYSTEM.action_set.settings(WIDE)).variance.reshape(
+    -1
+)  # of both platforms' three quantities
 R = np.diag(VARIANCE)
 P0 = np.diag(SYSTEM.prior_variance)
 CELL = 1.0 / math.sqrt(12.0)
@@ -177,7 +179,7 @@ def decode(action: Array) -> tuple[Array, Array]:
     for shares in (0.5 * (action + 1.0)).reshape(-1, 3).tolist():
         prf, bandwidth, pixel = (
             low * math.exp(share * math.log(high / low))
-            for share, (low, high) in zip(shares, SYSTEM.menu.ranges, strict=True)
+            for share, (low, high) in zip(shares, SYSTEM.action_set.ranges, strict=True)
         )
         r, rate = 0.5 * SPEED_OF_LIGHT / bandwidth, 0.5 * SYSTEM.wavelength * prf / SYSTEM.fft_length
         deviation += (r * CELL, rate * CELL, pixel * CELL)

@@ -39,7 +39,7 @@ def cost_of(system: AgileClutter, x: np.ndarray, P: np.ndarray, sensor: np.ndarr
 
 def filterpy_decision(system: AgileClutter, belief: object) -> int:
     """Sensor after sensor, candidate after candidate, target after target."""
-    motion, C = system.motion, system.menu.option_covariances
+    motion, C = system.motion, system.action_set.sensor_covariances
     x, P = predict(belief.mean[0], belief.covariance[0], motion.F, motion.Q)
     for sensor in np.array(system.sensors):
         after = [[cost_of(system, x[t], P[t], sensor, c) for t in range(len(x))] for c in C]
@@ -50,7 +50,7 @@ def filterpy_decision(system: AgileClutter, belief: object) -> int:
 def decision() -> Ratio:
     """One decision: 256 chirps at each of two sensors for two targets."""
     system = AgileClutter(births=(0, 0), horizon=25, **DENSE)
-    assert len(system.menu.options) == BATCH
+    assert len(system.action_set.sensor_library) == BATCH
     belief = system.initial(draw_worlds(system, world_seeds(0, "test", 1))).belief
 
     def ours() -> int:

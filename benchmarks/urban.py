@@ -16,6 +16,9 @@ from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks, imm_ukf_scan
 from wavegym.trackers.urban.tracker import TRANSITION
+from wavegym.waveforms import (
+    measurement_covariances,
+)
 
 BATCH, LONG_UP = 256, 0
 SYSTEM = Urban()
@@ -62,7 +65,7 @@ class Scan:
             state = SYSTEM.transition(state, np.full(count, LONG_UP), self.worlds)
         after = SYSTEM.transition(state, np.full(count, LONG_UP), self.worlds)
         self.state, self.truth, self.tracks = state, after.truth, Tracks(*state.belief[1:])
-        self.waves = SYSTEM.library.measurement_covariances(SYSTEM.carrier)[LONG_UP], 200.0
+        self.waves = measurement_covariances(SYSTEM.library, SYSTEM.carrier)[LONG_UP], 200.0
 
     def track(self) -> None:
         """Gates, LMIPDA, VS-IMM and the life of tracks, alone."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from wavegym.core import trees
-from wavegym.core.action_labels import Menu
+from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField, State, System
 
@@ -69,8 +69,8 @@ class DelaySystem(System):
         return (1,)
 
     @property
-    def actions(self) -> Menu:
-        return Menu(CANDIDATES)
+    def actions(self) -> Library:
+        return Library(CANDIDATES)
 
     @property
     def spending(self) -> Array:

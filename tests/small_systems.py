@@ -8,14 +8,11 @@ from typing import NamedTuple, get_args, get_type_hints
 import gymnasium as gym
 import numpy as np
 
+from wavegym.core.action_sets import Library
 from wavegym.core.system import ObservationField, State, System
 
 BRIEF = {"wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)}}
 """Settings for whole episodes of ids whose steps take milliseconds: fewer pulses, and a target on its way already."""
-
-
-class Menu(NamedTuple):
-    labels: tuple[str, ...]
 
 
 class Fuel(NamedTuple):
@@ -38,7 +35,7 @@ class Burner(System):
 
     @property
     def actions(self):
-        return Menu(("low", "middle", "high"))
+        return Library(("low", "middle", "high"))
 
     @property
     def observation_fields(self):

@@ -99,7 +99,7 @@ def test_ours_does_the_same_step(peer):
 def test_peers_decode_and_observe_what_the_environment_does():
     system = RfEo()
     deviation, edge = bench.decode(bench.WIDE)
-    view = system.menu.view(system.menu.settings(bench.WIDE))
+    view = system.action_set.view(system.action_set.settings(bench.WIDE))
     np.testing.assert_allclose(deviation, np.sqrt(view.variance).ravel(), rtol=1e-12)
     np.testing.assert_allclose(edge, np.minimum(view.high, [np.inf, np.inf, np.pi]).ravel(), rtol=1e-12)
     world = draw_worlds(system, world_seeds(0, "test", 1))

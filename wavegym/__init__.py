@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import Any
 
 from wavegym.core.errors import InputError
+from wavegym.core.version import VERSION
 from wavegym.registration import list_envs, register, register_suite
 
-__version__ = "0.1.0"
+__version__ = VERSION
 __all__ = ["InputError", "describe", "list_envs", "register"]
 
 register_suite()

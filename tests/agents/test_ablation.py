@@ -13,7 +13,7 @@ from runs_for_tests import ID
 from agents import ablation
 from agents import experiment as experiment
 from agents.leaderboard import Account
-from wavegym.cli.command import settings
+from wavegym.core.command_line import settings
 from wavegym.core.errors import InputError
 from wavegym.learning.settings import load_settings
 from wavegym.registration import SYSTEMS

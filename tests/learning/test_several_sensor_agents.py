@@ -13,7 +13,7 @@ from two_sensors import TwoSensors
 
 import train as command
 import wavegym
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation import compare
@@ -21,7 +21,6 @@ from wavegym.learning.settings import load_settings
 from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.train import train
 from wavegym.policies.runs import load_policy, signature
-from wavegym.waveforms import Library
 
 ID = "tests/TwoSensors-v0"
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavegym.core.action_sets import Library
 from wavegym.core.system import State, System
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
@@ -33,10 +34,6 @@ class Start(NamedTuple):
     level: np.ndarray
 
 
-class Menu(NamedTuple):
-    labels: tuple[str, ...] = ("a", "b", "c")
-
-
 @dataclass(frozen=True)
 class Ladder(System):
     """A level is multiplied and raised; above 40 the episode ends; one of the actions is always forbidden."""
@@ -46,7 +43,7 @@ class Ladder(System):
 
     @property
     def actions(self):
-        return Menu()
+        return Library(("a", "b", "c"))
 
     def draw_world(self, rng):
         return Start(np.array(rng.uniform(1, 30)))

@@ -101,7 +101,7 @@ def test_a_binding_threshold_widens_the_image_and_one_beyond_reach_is_said_once(
     assert (share[rows, free] < reach.min()).any()
     assert (share[rows, bound] >= reach.min()).all()
     assert (total[rows, bound] <= total[rows, free]).all()
-    assert (system.menu.settings(bound)[..., 2] >= system.menu.settings(free)[..., 2]).all()
+    assert (system.action_set.settings(bound)[..., 2] >= system.action_set.settings(free)[..., 2]).all()
     threshold = float(np.median(reach))
     policy, above = MyopicInformation(), dataclasses.replace(system, threshold=threshold)
     short = reach < threshold

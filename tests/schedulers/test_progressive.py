@@ -43,10 +43,10 @@ def predicted(system, belief, action):
 
 def fine_grid(system, points):
     """Every law and direction with ``points`` durations and sweeps: C (candidate, 2, 2)."""
-    menu = system.menu
-    axes = [np.geomspace(min(values), max(values), points) for values in (menu.durations, menu.sweeps)]
-    law, duration, sweep, sign = np.array(list(product(range(len(menu.laws)), *axes, (1.0, -1.0)))).T
-    return menu.chirp_covariance(law.astype(int), duration, sign * sweep)
+    action_set = system.action_set
+    axes = [np.geomspace(min(values), max(values), points) for values in (action_set.durations, action_set.sweeps)]
+    law, duration, sweep, sign = np.array(list(product(range(len(action_set.laws)), *axes, (1.0, -1.0)))).T
+    return action_set.chirp_covariance(law.astype(int), duration, sign * sweep)
 
 
 def test_it_finds_what_a_fine_grid_finds(beliefs):
@@ -102,7 +102,7 @@ def test_it_has_a_name():
 
 @pytest.mark.parametrize("system", [LIBRARY, AgileClutter(action="joint"), KershawEvans(), KershawEvans(action="box")])
 def test_other_systems_and_forms_are_refused(system):
-    with pytest.raises(InputError, match=r"policy 'myopic:progressive' is not for .*expected a menu of chirps"):
+    with pytest.raises(InputError, match=r"policy 'myopic:progressive' is not for .*expected chirps"):
         Progressive().begin(system, 1, np.random.default_rng(0))
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scheduler_systems import Ladder, Level, Menu, small
+from scheduler_systems import Ladder, Level, small
 
 from wavegym.core import trees
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.system import State, System
@@ -208,7 +208,9 @@ def test_with_masks_the_search_is_no_worse_than_a_constant_and_transmits_what_is
     system = Ladder()
     worlds = trees.stack([system.draw_world(np.random.default_rng(i)) for i in range(30)])
     found = best_cycle(system, worlds)
-    cycles = [list(c) for period in (1, 2, 3) for c in product(range(len(Menu().labels)), repeat=period)]
+    cycles = [
+        list(c) for period in (1, 2, 3) for c in product(range(len(Library(("a", "b", "c")).labels)), repeat=period)
+    ]
     assert cost_of(system, found, worlds) <= rollout(system, Fixed(best_fixed(system, worlds)), worlds).mean_cost.mean()
     few = trees.tree_map(lambda leaf: leaf[: searching.WORLDS], worlds)
     tuned = best_cycle(system, few)

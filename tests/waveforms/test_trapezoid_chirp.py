@@ -17,6 +17,7 @@ from wavegym.waveforms import (
     ambiguity,
     chirp_law,
     chirp_measurement_covariance,
+    measurement_covariances,
     numeric_fisher_information,
     plot_ambiguity,
     trapezoid_chirp_library,
@@ -236,7 +237,7 @@ def test_a_library_varies_the_direction_fastest_and_the_kind_slowest():
     )
     assert library.labels[8] == "HFM0.3 up 10 us 1 MHz"
     assert len(library) == 16
-    assert library.measurement_covariances(CARRIER).shape == (16, 2, 2)
+    assert measurement_covariances(library, CARRIER).shape == (16, 2, 2)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from wavegym.cli.command import Parser, guarded, settings
+from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError
 
 POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wavegym.cli.command import Parser, guarded, settings
+from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import check_choice
 
 

@@ -1,28 +1,61 @@
-"""One waveform for each of several sensors: chosen sensor by sensor, or as a joint action of a small library."""
+"""What may be transmitted: a library (an index), one for several sensors, or a box of parameters."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import check_int
+from wavegym.core.errors import InputError, check_int
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.units import quantity
 
 SEPARATOR = " | "  # between the labels of what the sensors transmit at a time
 
 
-class Menu(Protocol):
-    """What one sensor may transmit: a waveform library is one."""
+@dataclass(frozen=True)
+class Library:
+    """A finite set of actions in a fixed order: action ``a`` transmits ``library[a]``.
 
-    @property
+    Args:
+        entries: at least one: waveforms, or anything else with a ``label``, or plain names.
+
+    Raises:
+        InputError: if there is none, one has no label, or two share one.
+    """
+
+    entries: tuple[Any, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "entries", tuple(self.entries))
+        if not self.entries:
+            raise InputError("library is empty, expected at least one entry")
+        for entry in self.entries:
+            if not isinstance(entry, str) and not hasattr(entry, "label"):
+                raise InputError(f"library holds {entry!r}, expected waveforms or names only")
+        label, times = Counter(self.labels).most_common(1)[0]
+        if times > 1:
+            raise InputError(f"library holds {label!r} {times} times, expected distinct labels")
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.entries)
+
+    def __getitem__(self, action: int) -> Any:
+        return self.entries[action]
+
+    @cached_property
     def labels(self) -> tuple[str, ...]:
-        """A short name for each choice."""
-
-    def __len__(self) -> int: ...
+        """A short name for each action, in order."""
+        return tuple(entry if isinstance(entry, str) else entry.label for entry in self.entries)
 
 
 @dataclass(frozen=True)
@@ -37,7 +70,7 @@ class _AtEverySensor:
         InputError: if sensors is not an integer >= 1.
     """
 
-    library: Menu
+    library: Library
     sensors: int
 
     def __post_init__(self) -> None:
@@ -89,3 +122,35 @@ class JointLibrary(_AtEverySensor):
     def indices(self) -> Array:
         """``combinations()``, made once: (joint action, sensor)."""
         return self.combinations()
+
+
+FiniteSet = Library | JointLibrary | PerSensorLibrary
+ActionSet = FiniteSet | ParameterBox
+
+
+def sensor_count(actions: FiniteSet) -> int:
+    """How many sensors choose at a time."""
+    return actions.sensors if isinstance(actions, (PerSensorLibrary, JointLibrary)) else 1
+
+
+def waveform_labels(actions: FiniteSet) -> tuple[str, ...]:
+    """The labels of what one sensor may transmit."""
+    return actions.library.labels if isinstance(actions, JointLibrary) else actions.labels
+
+
+def by_sensor(actions: FiniteSet, chosen: Array) -> Array:
+    """Which of ``waveform_labels`` each sensor transmitted, (time, sensor), for actions (time,) or (time, sensor)."""
+    if isinstance(actions, JointLibrary):
+        return actions.indices[chosen]
+    return chosen.reshape(len(chosen), -1)
+
+
+def action_label(actions: ActionSet, action: Array) -> str:
+    """A short name of ``action``, (1,) or (1, ...)."""
+    if isinstance(actions, ParameterBox):
+        values = zip(actions.parameters, actions.decode(action)[0], strict=True)
+        return ", ".join(
+            f"{p.name} {value:.3g}" if p.unit == "1" else f"{p.name} {quantity(float(value), p.unit)}"
+            for p, value in values
+        )
+    return SEPARATOR.join(actions.labels[i] for i in np.ravel(action))

@@ -17,11 +17,11 @@ Every array carries the environments on axis 0. Three kinds of data, each a Name
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from wavegym.core.action_sets import PerSensorLibrary
+from wavegym.core.action_sets import ActionSet, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
 from wavegym.core.horizon_weights import horizon_weights
@@ -43,14 +43,6 @@ class ObservationField(NamedTuple):
     centre: float
     scale: float
     meaning: str
-
-
-class Choices(Protocol):
-    """A finite set of named actions; a waveform library is one, and a joint library."""
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """A short name for each action."""
 
 
 class System:
@@ -85,7 +77,7 @@ class System:
         return None
 
     @property
-    def actions(self) -> Choices | PerSensorLibrary | ParameterBox:
+    def actions(self) -> ActionSet:
         """The action set."""
         raise NotImplementedError
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from wavegym.envs.rewards import Cost, LogCost, Relative, Reward, Transition, TrueError
 from wavegym.envs.single import WaveformEnv
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.testing.check import check_vector_env
 
 __all__ = [
     "Cost",
@@ -16,5 +15,4 @@ __all__ = [
     "TrueError",
     "WaveformEnv",
     "WaveformVectorEnv",
-    "check_vector_env",
 ]

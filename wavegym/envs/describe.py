@@ -20,8 +20,8 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.envs.build import SETTINGS
 from wavegym.envs.docstrings import SECTIONS, meanings, mention, section, summary
-from wavegym.envs.observations import LIMIT
 from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.observations.scaling import LIMIT
 from wavegym.registration import list_envs
 
 INFO = {

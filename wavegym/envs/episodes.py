@@ -14,8 +14,8 @@ from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import State, System
-from wavegym.envs.observer import Observer
 from wavegym.envs.rewards import Reward, Transition
+from wavegym.observations.observer import Observer
 
 Facts = dict[str, Array]
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.cli.command import Parser, guarded
+from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.evaluation import statistics

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from wavegym.cli.command import guarded
+from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks
 from wavegym.evaluation.files import write_whole

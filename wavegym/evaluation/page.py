@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_labels import waveform_labels
+from wavegym.core.action_sets import waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.comparison import BASELINE, Comparison

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.action_labels import by_sensor, sensor_count, waveform_labels
+from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Policy
@@ -84,7 +84,7 @@ class _Account:
         self.costs: list[Array] = []
         self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
         self.square, self.nees, self.lost = _Sum(), _Sum(), np.zeros(count)
-        self.sensors, options = _menu_size(task.system)
+        self.sensors, options = _set_size(task.system)
         self.options = np.full(count, options)
         self.choices: list[Array] = []
 
@@ -132,7 +132,7 @@ def _ratio(total: Array, count: Array) -> Array:
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
 
-def _menu_size(system: System) -> tuple[int, int]:
+def _set_size(system: System) -> tuple[int, int]:
     """Sensors, and waveforms to choose from at each; none for a box."""
     actions = system.actions
     return (0, 0) if isinstance(actions, ParameterBox) else (sensor_count(actions), len(waveform_labels(actions)))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_labels import waveform_labels
+from wavegym.core.action_sets import waveform_labels
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.files import write_whole

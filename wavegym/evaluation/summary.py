@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-import wavegym
-from wavegym.core.action_labels import waveform_labels
+from wavegym.core.action_sets import waveform_labels
 from wavegym.core.arrays import Array
+from wavegym.core.version import VERSION
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
 from wavegym.evaluation.statistics import Estimate
@@ -91,7 +91,7 @@ def _choices(comparison: Comparison, name: str) -> dict[str, Any]:
     counts = np.sum([member.chosen.sum(axis=0) for member in comparison.played[name]], axis=0)  # (sensor, waveform)
     if len(counts) < 2:
         return {}
-    labels = waveform_labels(comparison.task.system.actions)  # type: ignore[arg-type]  # a box has no counts
+    labels = waveform_labels(comparison.task.system.actions)  # a box has no counts
     orders, steps = np.argsort(-counts, axis=1, kind="stable"), counts[0].sum()
     shares = [
         {labels[i]: float(row[i] / steps) for i in order if row[i]} for row, order in zip(counts, orders, strict=True)
@@ -110,7 +110,7 @@ def _named(value: str, ci: str, estimate: Estimate) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Of Python, this package and those that the numbers rest on."""
-    found = {"python": platform.python_version(), "wavegym": wavegym.__version__}
+    found = {"python": platform.python_version(), "wavegym": VERSION}
     for package in PACKAGES:
         try:
             found[package] = version(package)

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import wavegym.schedulers
-from wavegym.cli.command import Parser, guarded
 from wavegym.core import trees
+from wavegym.core.command_line import Parser, guarded
 from wavegym.core.system import System
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.task import make_task

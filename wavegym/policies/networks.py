@@ -13,7 +13,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.envs.forecasts import Forecasts
+from wavegym.observations.forecasts import Forecasts
 
 
 class Network(NamedTuple):

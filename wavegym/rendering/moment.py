@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from wavegym.core.action_labels import action_label
+from wavegym.core.action_sets import action_label
 from wavegym.core.arrays import Array
 from wavegym.core.system import State, System
 

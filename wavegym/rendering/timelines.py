@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavegym.core.action_labels import by_sensor, sensor_count, waveform_labels
+from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.rendering.moment import Moment

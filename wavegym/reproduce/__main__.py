@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from wavegym.cli.command import Parser, guarded
+from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, choice
 
 RUNS = {"agile_clutter": 200, "rf_eo": 20, "urban": 50}

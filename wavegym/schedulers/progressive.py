@@ -21,7 +21,7 @@ class SensorBySensor(Protocol):
         """The form of the action set; the search needs ``"box"``."""
 
     @property
-    def menu(self) -> ChirpActions:
+    def action_set(self) -> ChirpActions:
         """What may be transmitted."""
 
     def ahead(self, belief: Any) -> Any:
@@ -53,33 +53,31 @@ class Progressive:
         self.points, self.levels = check_int("points", points, 3), check_int("levels", levels, 1)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError for a system without a menu of chirps, or in another action form."""
+        """See ``Policy``. Raises an InputError for a system without chirps, or with another form of actions."""
         if not (isinstance(system, SensorBySensor) and system.action == "box"):
             what = f"{type(system).__name__} with action={getattr(system, 'action', None)!r}"
-            raise InputError(
-                f"policy 'myopic:progressive' is not for {what}, expected a menu of chirps and action='box'"
-            )
+            raise InputError(f"policy 'myopic:progressive' is not for {what}, expected chirps and action='box'")
         self._system: SensorBySensor = system
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
         system = self._system
         ahead, chosen = system.ahead(belief), []
-        for i in range(system.menu.sensors):
+        for i in range(system.action_set.sensors):
             chirp, C = self._search(ahead, i)
             chosen.append(chirp)
-            if i + 1 < system.menu.sensors:
+            if i + 1 < system.action_set.sensors:
                 ahead = system.after_sensor(ahead, i, C)
         law, duration, sweep = (np.stack(parts, axis=1) for parts in zip(*chosen, strict=True))
-        return system.menu.encode_chirps(law, duration, sweep)
+        return system.action_set.encode_chirps(law, duration, sweep)
 
     def _search(self, ahead: Any, sensor: int) -> tuple[tuple[Array, Array, Array], Array]:
         """The best chirp for one sensor, (env,) each of law, duration and signed sweep, and its C (env, 2, 2)."""
-        menu, count = self._system.menu, len(ahead.mean)
-        law = np.repeat(np.arange(len(menu.laws)), 2)  # (group,)
-        sign = np.tile([1.0, -1.0], len(menu.laws))
-        low = np.log([min(menu.durations), min(menu.sweeps)])
-        width = np.log([max(menu.durations), max(menu.sweeps)]) - low
+        action_set, count = self._system.action_set, len(ahead.mean)
+        law = np.repeat(np.arange(len(action_set.laws)), 2)  # (group,)
+        sign = np.tile([1.0, -1.0], len(action_set.laws))
+        low = np.log([min(action_set.durations), min(action_set.sweeps)])
+        width = np.log([max(action_set.durations), max(action_set.sweeps)]) - low
         centre = np.full((count, len(law), 2), 0.5)  # of each group's grid, in shares of the width
         axis = np.linspace(-0.5, 0.5, self.points)
         offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)  # (point, 2)
@@ -90,7 +88,7 @@ class Progressive:
             chirp = np.exp(low + width * share)
             sweeps = chirp[..., 1] * sign[:, None]
             laws = np.broadcast_to(law[:, None], sweeps.shape)
-            C = menu.chirp_covariance(laws, chirp[..., 0], sweeps)
+            C = action_set.chirp_covariance(laws, chirp[..., 0], sweeps)
             cost = self._system.sensor_costs(ahead, sensor, C.reshape(count, -1, 2, 2)).reshape(sweeps.shape)
             best = cost.argmin(axis=2)
             centre = np.take_along_axis(share, best[:, :, None, None], axis=2)[:, :, 0]

@@ -6,7 +6,8 @@ Gaussian up-chirp of duration parameter 100 us and chirp rate 1e8 rad/s^2 at X b
 
 >>> import numpy as np
 >>> from wavegym.waveforms import GaussianChirp, PulseTrain, ambiguity, gaussian_chirp_library
->>> from wavegym.waveforms import chirp_law, chirp_measurement_covariance, trapezoid_chirp_library
+>>> from wavegym.waveforms import chirp_law, chirp_measurement_covariance, measurement_covariances
+>>> from wavegym.waveforms import trapezoid_chirp_library
 >>> chirp = GaussianChirp(duration=100e-6, chirp_rate=1e8, direction="up")
 >>> chirp.label
 'up 100 us 6.366 kHz'
@@ -30,12 +31,12 @@ Sixteen pulses at 1 ms measure velocity far better at the same energy (m/s, one 
 >>> print(np.sqrt(train.measurement_covariance(carrier_hz=10.4e9, snr=100)[1, 1]).round(3))
 0.05
 
-A library is a scheduler's menu. Sweeps are signed: positive up, negative down.
+A library is the set of waveforms that a scheduler chooses from. Sweeps are signed: positive up, negative down.
 
 >>> library = gaussian_chirp_library(durations=[10e-6, 100e-6], sweeps=[0, 1e6, -1e6])
 >>> library.labels[:3]
 ('unmodulated 10 us', 'up 10 us 1 MHz', 'down 10 us 1 MHz')
->>> library.measurement_covariances(carrier_hz=10.4e9).shape
+>>> measurement_covariances(library, 10.4e9).shape
 (6, 2, 2)
 
 Chirps under a trapezoid envelope sweep linearly or not (power, hyperbolic, exponential FM). A curved sweep ties range
@@ -57,8 +58,6 @@ All that a law contributes is four moments, so one call takes any mixture of law
 ``Waveform`` with a label, a support, an envelope and a phase; all of the above then works by quadrature.
 """
 
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut
 from wavegym.waveforms.chirp_laws import parse_law
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT, FisherFactors
@@ -69,7 +68,7 @@ from wavegym.waveforms.gaussian import (
     gaussian_measurement_covariance,
     sweep_for_chirp_rate,
 )
-from wavegym.waveforms.library import Library, gaussian_chirp_library, trapezoid_chirp_library
+from wavegym.waveforms.library import gaussian_chirp_library, measurement_covariances, trapezoid_chirp_library
 from wavegym.waveforms.numeric import numeric_fisher_information
 from wavegym.waveforms.picture import plot_ambiguity
 from wavegym.waveforms.pulse_train import PulseTrain
@@ -87,11 +86,6 @@ __all__ = [
     "ChirpLaw",
     "FisherFactors",
     "GaussianChirp",
-    "JointLibrary",
-    "Library",
-    "Parameter",
-    "ParameterBox",
-    "PerSensorLibrary",
     "PulseTrain",
     "TrapezoidChirp",
     "Waveform",
@@ -102,6 +96,7 @@ __all__ = [
     "gaussian_chirp_library",
     "gaussian_fisher_factors",
     "gaussian_measurement_covariance",
+    "measurement_covariances",
     "numeric_fisher_information",
     "parse_law",
     "plot_ambiguity",

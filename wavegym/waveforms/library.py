@@ -1,14 +1,13 @@
-"""A finite set of waveforms to choose from: the action space of a discrete scheduler."""
+"""Libraries of chirps, and how well each waveform of a library measures."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 
+from wavegym.core.action_sets import Library
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive
 from wavegym.waveforms.chirp_laws import parse_law
@@ -17,51 +16,16 @@ from wavegym.waveforms.trapezoid import TrapezoidChirp
 from wavegym.waveforms.waveform import Waveform
 
 
-@dataclass(frozen=True)
-class Library:
-    """Waveforms in a fixed order; action ``a`` transmits ``library[a]``.
-
-    Args:
-        waveforms: at least one, with distinct labels.
+def measurement_covariances(library: Library, carrier_hz: float) -> FloatArray:
+    """Covariances of (range in m, range-rate in m/s) at SNR 1, (waveform, 2, 2); divide by eta.
 
     Raises:
-        InputError: if there is none, one is not a Waveform, or two share a label.
+        InputError: if the library holds something else than waveforms, or carrier_hz is not a finite number > 0.
     """
-
-    waveforms: tuple[Waveform, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "waveforms", tuple(self.waveforms))
-        if not self.waveforms:
-            raise InputError("library is empty, expected at least one waveform")
-        for waveform in self.waveforms:
-            if not isinstance(waveform, Waveform):
-                raise InputError(f"library holds {waveform!r}, expected Waveforms only")
-        label, times = Counter(self.labels).most_common(1)[0]
-        if times > 1:
-            raise InputError(f"library holds {label!r} {times} times, expected distinct labels")
-
-    def __len__(self) -> int:
-        return len(self.waveforms)
-
-    def __iter__(self) -> Iterator[Waveform]:
-        return iter(self.waveforms)
-
-    def __getitem__(self, action: int) -> Waveform:
-        return self.waveforms[action]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The waveforms' labels, in order."""
-        return tuple(waveform.label for waveform in self.waveforms)
-
-    def measurement_covariances(self, carrier_hz: float) -> FloatArray:
-        """Covariances of (range in m, range-rate in m/s) at SNR 1, (waveform, 2, 2); divide by eta.
-
-        Raises:
-            InputError: if carrier_hz is not a finite number > 0.
-        """
-        return np.stack([waveform.measurement_covariance(carrier_hz, 1.0) for waveform in self.waveforms])
+    for entry in library:
+        if not isinstance(entry, Waveform):
+            raise InputError(f"library holds {entry!r}, expected waveforms only")
+    return np.stack([waveform.measurement_covariance(carrier_hz, 1.0) for waveform in library])
 
 
 def gaussian_chirp_library(durations: Iterable[float], sweeps: Iterable[float]) -> Library:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,6 @@ from wavegym.core.errors import InputError
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.legendre import Expansion, resolve
 
-if TYPE_CHECKING:
-    from wavegym.waveforms.waveform import Waveform
-
 ComplexArray = NDArray[np.complex128]
 
 _ENERGY_TOLERANCE = 1e-9
@@ -23,7 +20,24 @@ _JUMP = 1e-5  # of the peak: far above what a taper reaches within the inset, fa
 _CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements made at a time: some 30 MB
 
 
-def numeric_fisher_information(waveform: Waveform) -> FloatArray:
+class _Pulse(Protocol):
+    """What quadrature needs of a waveform; ``Waveform`` explains each."""
+
+    @property
+    def label(self) -> str: ...
+
+    @property
+    def support(self) -> tuple[float, float]: ...
+
+    @property
+    def pieces(self) -> tuple[tuple[float, float], ...]: ...
+
+    def envelope(self, t: FloatArray) -> FloatArray: ...
+
+    def phase(self, t: FloatArray) -> FloatArray: ...
+
+
+def numeric_fisher_information(waveform: _Pulse) -> FloatArray:
     """Fisher information of (delay in s, Doppler in Hz) at SNR 1 by quadrature, whatever closed form exists; (2, 2).
 
     Raises:
@@ -32,7 +46,7 @@ def numeric_fisher_information(waveform: Waveform) -> FloatArray:
     return numeric_fisher_factors(waveform).information()
 
 
-def numeric_fisher_factors(waveform: Waveform) -> FisherFactors:
+def numeric_fisher_factors(waveform: _Pulse) -> FisherFactors:
     """Factored Fisher information at SNR 1 by quadrature.
 
     The moments are centred, since the unknown amplitude and phase take away the means of t and w:
@@ -61,7 +75,7 @@ def numeric_fisher_factors(waveform: Waveform) -> FisherFactors:
     return FisherFactors(residual, slope, spread)
 
 
-def _check_no_jump(waveform: Waveform) -> None:
+def _check_no_jump(waveform: _Pulse) -> None:
     """The envelope is continuous from piece to piece, and zero where there is none."""
     low, high = np.array(waveform.pieces, dtype=np.float64).T
     inset = _INSET * (high - low)  # an envelope may count its very ends as inside or outside
@@ -78,7 +92,7 @@ def _check_no_jump(waveform: Waveform) -> None:
         )
 
 
-def sample(waveform: Waveform) -> Expansion:
+def sample(waveform: _Pulse) -> Expansion:
     """Envelope and phase (components 0 and 1) of a waveform, sampled finely enough to determine both.
 
     Raises:
@@ -94,7 +108,7 @@ def sample(waveform: Waveform) -> Expansion:
     )
 
 
-def correlate(waveform: Waveform, delay: float, dopplers: FloatArray) -> ComplexArray:
+def correlate(waveform: _Pulse, delay: float, dopplers: FloatArray) -> ComplexArray:
     """chi(delay, nu) = int s(t) s*(t - delay) exp(-j 2 pi nu t) dt by quadrature, (doppler,).
 
     The product of the two copies turns at their beat frequency, which for an FM pulse is far below its bandwidth; its
@@ -125,7 +139,7 @@ def correlate(waveform: Waveform, delay: float, dopplers: FloatArray) -> Complex
     return np.concatenate([np.zeros(0, dtype=np.complex128), *parts]) * np.exp(-1j * beat * origin)
 
 
-def _beat(waveform: Waveform, delay: float, t: FloatArray) -> FloatArray:
+def _beat(waveform: _Pulse, delay: float, t: FloatArray) -> FloatArray:
     return waveform.phase(t) - waveform.phase(t - delay)
 
 

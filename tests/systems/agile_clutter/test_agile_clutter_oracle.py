@@ -147,7 +147,7 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(action, tracker):
 
 def test_sensor_costs_are_the_cost_of_imagine_sensor_after_sensor():
     system = AgileClutter()
-    C = system.menu.option_covariances
+    C = system.action_set.sensor_covariances
     for belief in beliefs(system):
         ahead, choices = system.ahead(belief), [np.array([3, 9, 20]), np.array([17, 1, 8])]
         after = system.after_sensor(ahead, 0, C[choices[0]])

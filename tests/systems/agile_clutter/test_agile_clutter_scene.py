@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.drawings import ellipse
-from wavegym.rendering.maps import colour, draw_map, known_targets
+from wavegym.rendering.maps import colour
 from wavegym.sensors import inside_gate, range_and_rate
+from wavegym.systems.agile_clutter.map import draw_map, known_targets
 from wavegym.systems.agile_clutter.scene import TargetScene, scan_caption, transmitted
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp
@@ -118,7 +119,7 @@ def test_gates_have_the_moments_of_the_true_measurement_function():
     scene, moment = drawn(SYSTEM, 1)
     ahead, rng = SYSTEM.ahead(moment.states[0].belief), np.random.default_rng(0)
     states = rng.multivariate_normal(ahead.mean[0, 0], ahead.covariance[0, 0], size=200_000)
-    C = SYSTEM.menu.unit_covariance(moment.actions[-1])[0]
+    C = SYSTEM.action_set.unit_covariance(moment.actions[-1])[0]
     for i, axes in enumerate(scene._gates):
         z = range_and_rate(states, SYSTEM.sensors[i])
         N = C[i] * (z[:, 0].mean() / SYSTEM.reference_range) ** 4
@@ -136,12 +137,14 @@ def test_the_pulses_drawn_are_the_pulses_transmitted(form):
         action = env.action_space.sample()
         pulses = transmitted(system, action)
         C = [pulse.measurement_covariance(system.carrier_hz, 1.0) for pulse in pulses]
-        np.testing.assert_allclose(C, system.menu.unit_covariance(action)[0], rtol=1e-9)
+        np.testing.assert_allclose(C, system.action_set.unit_covariance(action)[0], rtol=1e-9)
 
 
 def test_one_law_in_a_box_needs_no_parameter():
     system = AgileClutter(action="box", laws=("pfm:2.5",), sensors=((0.0, -9e3),))
-    (pulse,) = transmitted(system, system.menu.encode_chirps(np.array([[0]]), np.array([[2e-5]]), np.array([[-3e6]])))
+    (pulse,) = transmitted(
+        system, system.action_set.encode_chirps(np.array([[0]]), np.array([[2e-5]]), np.array([[-3e6]]))
+    )
     assert isinstance(pulse, TrapezoidChirp)
     assert (pulse.kind, pulse.shape, pulse.direction) == ("pfm", 2.5, "down")
     np.testing.assert_allclose([pulse.duration, pulse.sweep], [2e-5, 3e6], rtol=1e-12)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.schedulers import Myopic
-from wavegym.systems.energy_budget.account import Account, PulseMenu
+from wavegym.systems.energy_budget.account import Account, PulseActions
 from wavegym.systems.energy_budget.known import FAR, EnergyBudgetKnown
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.testing.model_check import prediction_defect
@@ -25,20 +25,20 @@ IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=3, unique=True), st.integers(1, 2), st.data())
 def test_whatever_is_asked_the_account_pays_what_it_has(units, sensors, data):
     """The dearest affordable action within what was asked, by a loop over all; and what is left, exactly."""
-    menu = PulseMenu("lfm", tuple(2e-6 * u for u in units), 1e6, "up", 1e10, sensors)
-    account = Account(menu.takes, menu.actions.indices, menu.quanta)
-    unit = np.array([0, *sorted(units)]) * menu.quanta // max(units)
-    np.testing.assert_array_equal(menu.takes, unit[menu.actions.indices].sum(axis=1))
-    left = data.draw(st.integers(0, 3 * menu.quanta))
-    asked = data.draw(st.integers(0, len(menu.takes) - 1))
-    used, energy = account.pay(np.array([left / menu.quanta]), np.array([asked]))
-    options = menu.actions.indices
-    within = [a for a in range(len(options)) if (options[a] <= options[asked]).all() and menu.takes[a] <= left]
+    action_set = PulseActions("lfm", tuple(2e-6 * u for u in units), 1e6, "up", 1e10, sensors)
+    account = Account(action_set.takes, action_set.actions.indices, action_set.quanta)
+    unit = np.array([0, *sorted(units)]) * action_set.quanta // max(units)
+    np.testing.assert_array_equal(action_set.takes, unit[action_set.actions.indices].sum(axis=1))
+    left = data.draw(st.integers(0, 3 * action_set.quanta))
+    asked = data.draw(st.integers(0, len(action_set.takes) - 1))
+    used, energy = account.pay(np.array([left / action_set.quanta]), np.array([asked]))
+    options = action_set.actions.indices
+    within = [a for a in range(len(options)) if (options[a] <= options[asked]).all() and action_set.takes[a] <= left]
     assert used[0] in within
-    assert menu.takes[used[0]] == max(menu.takes[a] for a in within)
-    assert (used[0] == asked) == (menu.takes[asked] <= left)
-    assert energy[0] == (left - menu.takes[used[0]]) / menu.quanta >= 0.0
-    np.testing.assert_array_equal(account.affordable(np.array([left / menu.quanta]))[0], menu.takes <= left)
+    assert action_set.takes[used[0]] == max(action_set.takes[a] for a in within)
+    assert (used[0] == asked) == (action_set.takes[asked] <= left)
+    assert energy[0] == (left - action_set.takes[used[0]]) / action_set.quanta >= 0.0
+    np.testing.assert_array_equal(account.affordable(np.array([left / action_set.quanta]))[0], action_set.takes <= left)
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(7000, marks=pytest.mark.slow)])

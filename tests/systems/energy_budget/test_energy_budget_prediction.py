@@ -32,7 +32,7 @@ def test_prediction_carries_the_account_as_the_world_does(kind):
 def centred(system, state, worlds, sensor, action):
     """The tape changed so that ``sensor`` detects just what it predicts, the others nothing, and the slot is clear."""
     step, (x, P) = int(state.belief.step[0]), (state.belief.mean, state.belief.covariance)
-    C = system.menu.option_covariances[system.actions.indices[action, sensor]]
+    C = system.action_set.sensor_covariances[system.actions.indices[action, sensor]]
     error, detection = worlds.error.copy(), np.ones_like(worlds.detection)
     detection[:, :, sensor] = 0.0
     for e in range(len(x)):

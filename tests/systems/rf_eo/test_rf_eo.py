@@ -37,7 +37,7 @@ def play(system, worlds, choose, steps=None):
 
 def fixed(system, settings):
     """The same settings (platform, 3) at every step."""
-    return lambda belief: np.repeat(system.menu.encode(np.array(settings)[None]), len(belief.step), axis=0)
+    return lambda belief: np.repeat(system.action_set.encode(np.array(settings)[None]), len(belief.step), axis=0)
 
 
 def finite(tree):
@@ -84,7 +84,7 @@ def test_what_is_in_view_is_received(platforms, targets):
     seats = np.column_stack([system.platforms, looks])
     counts = np.zeros(3 * platforms + 1, int)
     for state, action in zip(states[1:], actions, strict=True):
-        view = system.menu.view(system.menu.settings(action)[:, None])
+        view = system.action_set.view(system.action_set.settings(action)[:, None])
         q = platform_measurement(state.truth.targets[:, :, None], seats)
         inside = ((view.low <= q) & (q <= view.high)).sum(axis=(-2, -1))
         np.testing.assert_array_equal(system.state_info(state)["received"], inside)

@@ -14,7 +14,7 @@ from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.sensors import platform_view
-from wavegym.systems.rf_eo.actions import FEW, FINE, MANY, PlatformMenu
+from wavegym.systems.rf_eo.actions import FEW, FINE, MANY, PlatformActions
 from wavegym.systems.rf_eo.system import RfEo
 
 RANGES = ((1e3, 1e5), (1e6, 2e7), (1e-5, 6e-3))
@@ -23,33 +23,33 @@ POINTS = (3, 2, 4)
 ALL = list(product(np.geomspace(1e3, 1e5, 3), np.geomspace(1e6, 2e7, 2), np.geomspace(1e-5, 6e-3, 4)))
 
 
-def menu(form, points=POINTS, platforms=2, as_printed=False):
-    return PlatformMenu(RANGES, points, platforms, form, 0.03, 128, 1000, as_printed)
+def make_set(form, points=POINTS, platforms=2, as_printed=False):
+    return PlatformActions(RANGES, points, platforms, form, 0.03, 128, 1000, as_printed)
 
 
-def picked(options, choices):
+def picked(action_set, choices):
     """The settings (..., platform, 3) of the library's ``choices``."""
-    return np.array(options.library.values)[choices]
+    return np.array(action_set.library.entries)[choices]
 
 
 def test_the_library_has_prf_bandwidth_pixel_angle_in_this_order():
-    np.testing.assert_allclose(menu("library").library.values, ALL, rtol=1e-14)
-    assert len(menu("library").actions) == 24
-    single = menu("library", points=(2, 1, 1)).library.values
+    np.testing.assert_allclose(make_set("library").library.entries, ALL, rtol=1e-14)
+    assert len(make_set("library").actions) == 24
+    single = make_set("library", points=(2, 1, 1)).library.entries
     assert single == ((1e3, 2e7, 6e-3), (1e5, 2e7, 6e-3))  # of a single point, the greatest
 
 
 def test_labels_tell_settings_apart():
-    labels = menu("library").actions.labels
+    labels = make_set("library").actions.labels
     assert len(set(labels)) == 24
     assert labels[0] == "1 kHz 1 MHz 10 urad"
 
 
 def test_forms_are_what_they_say():
-    assert isinstance(menu("library").actions, PerSensorLibrary)
-    assert isinstance(menu("joint").actions, JointLibrary)
-    assert len(menu("joint").actions) == 24**2
-    box = menu("box").actions
+    assert isinstance(make_set("library").actions, PerSensorLibrary)
+    assert isinstance(make_set("joint").actions, JointLibrary)
+    assert len(make_set("joint").actions) == 24**2
+    box = make_set("box").actions
     assert isinstance(box, ParameterBox)
     assert box.names == ("prf_1", "bandwidth_1", "pixel_angle_1", "prf_2", "bandwidth_2", "pixel_angle_2")
 
@@ -57,17 +57,17 @@ def test_forms_are_what_they_say():
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("platforms", [1, 2, 3])
 def test_numbers_of_the_library_name_the_same_settings_in_all_forms(form, platforms):
-    options = menu(form, platforms=platforms)
+    action_set = make_set(form, platforms=platforms)
     choices = np.random.default_rng(0).integers(24, size=(5, 7, platforms))
-    got = options.settings(options.number(choices))
+    got = action_set.settings(action_set.number(choices))
     assert got.shape == (5, 7, platforms, 3)
-    np.testing.assert_allclose(got, picked(options, choices), rtol=1e-13 if form == "box" else 0)
+    np.testing.assert_allclose(got, picked(action_set, choices), rtol=1e-13 if form == "box" else 0)
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6))
 def test_the_box_is_logarithmic_platform_by_platform(point):
-    options = menu("box")
-    got = options.settings(np.array([point]))[0]
+    action_set = make_set("box")
+    got = action_set.settings(np.array([point]))[0]
     low, high = np.array(RANGES).T
     want = low * (high / low) ** (0.5 * (np.reshape(point, (2, 3)) + 1))
     np.testing.assert_allclose(got, want, rtol=1e-12)
@@ -77,36 +77,36 @@ def test_the_box_is_logarithmic_platform_by_platform(point):
 
 @given(seed=st.integers(0, 999), platforms=st.integers(1, 3))
 def test_encode_and_decode_are_inverse(seed, platforms):
-    options, rng = menu("box", platforms=platforms), np.random.default_rng(seed)
+    action_set, rng = make_set("box", platforms=platforms), np.random.default_rng(seed)
     low, high = np.log(np.array(RANGES)).T
     settings = np.exp(rng.uniform(low, high, (4, platforms, 3)))
-    actions = options.encode(settings)
+    actions = action_set.encode(settings)
     assert actions.shape == (4, 3 * platforms)
-    np.testing.assert_allclose(options.settings(actions), settings, rtol=1e-12)
-    np.testing.assert_allclose(options.encode(options.settings(actions)), actions, atol=1e-12)
+    np.testing.assert_allclose(action_set.settings(actions), settings, rtol=1e-12)
+    np.testing.assert_allclose(action_set.encode(action_set.settings(actions)), actions, atol=1e-12)
 
 
 def test_what_is_outside_is_refused():
     with pytest.raises(InputError, match="value of prf_2 is 500, expected"):
-        menu("box").encode(np.array([[1e4, 1e7, 1e-3], [500.0, 1e7, 1e-3]]))
+        make_set("box").encode(np.array([[1e4, 1e7, 1e-3], [500.0, 1e7, 1e-3]]))
     with pytest.raises(InputError, match="action of pixel_angle_1 is nan"):
-        menu("box").settings(np.array([[0, 0, np.nan, 0, 0, 0]]))
+        make_set("box").settings(np.array([[0, 0, np.nan, 0, 0, 0]]))
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("points", [POINTS, (4, 1, 1)])
 def test_choose_takes_points_of_the_grid_at_the_greatest_bandwidth(form, points):
-    options, rng = menu(form, points), np.random.default_rng(1)
-    prfs, angles = options.grid
-    assert options.sizes == ((FINE, FINE) if form == "box" else (points[0], points[2]))
-    prf, angle = (rng.integers(size, size=(6, 2)) for size in options.sizes)
-    got = options.settings(options.choose(prf, angle))
+    action_set, rng = make_set(form, points), np.random.default_rng(1)
+    prfs, angles = action_set.grid
+    assert action_set.sizes == ((FINE, FINE) if form == "box" else (points[0], points[2]))
+    prf, angle = (rng.integers(size, size=(6, 2)) for size in action_set.sizes)
+    got = action_set.settings(action_set.choose(prf, angle))
     want = np.stack([prfs[prf], np.full((6, 2), 2e7), angles[angle]], axis=-1)
     np.testing.assert_allclose(got, want, rtol=1e-12)
 
 
 def test_the_grid_of_the_box_spans_its_bounds():
-    for values, (low, high) in zip(menu("box").grid, (RANGES[0], RANGES[2]), strict=True):
+    for values, (low, high) in zip(make_set("box").grid, (RANGES[0], RANGES[2]), strict=True):
         assert (values[0], values[-1]) == (low, high)
         ratio = values[1:] / values[:-1]
         np.testing.assert_allclose(ratio, ratio[0], rtol=1e-12)
@@ -115,29 +115,29 @@ def test_the_grid_of_the_box_spans_its_bounds():
 @pytest.mark.parametrize("as_printed", [False, True])
 def test_axes_are_what_grid_points_are_worth(as_printed):
     """Of unequal lengths, the shorter one repeats its last point."""
-    options = menu("library", as_printed=as_printed)
-    prfs, angles = options.grid
+    action_set = make_set("library", as_printed=as_printed)
+    prfs, angles = action_set.grid
     want = platform_view(np.append(prfs, prfs[-1]), 2e7, angles, 0.03, 128, 1000, as_printed)
-    assert options.axes.shape == (3, 4, 3)
-    np.testing.assert_array_equal(options.axes, np.stack(want))
+    assert action_set.axes.shape == (3, 4, 3)
+    np.testing.assert_array_equal(action_set.axes, np.stack(want))
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_candidates_are_all_combinations_or_the_same_everywhere(form):
     """24^2 are few enough; of 24^3 only the same setting at every platform, unless they are the actions."""
-    options = menu(form)
-    want = picked(options, np.array(list(product(range(24), repeat=2))))
-    np.testing.assert_allclose(options.settings(options.candidates), want, rtol=1e-13)
+    action_set = make_set(form)
+    want = picked(action_set, np.array(list(product(range(24), repeat=2))))
+    np.testing.assert_allclose(action_set.settings(action_set.candidates), want, rtol=1e-13)
     assert FEW < 24**3
-    options = menu(form, platforms=3)
+    action_set = make_set(form, platforms=3)
     every = np.array(list(product(range(24), repeat=3)))
-    want = picked(options, every if form == "joint" else np.repeat(np.arange(24)[:, None], 3, axis=1))
-    np.testing.assert_allclose(options.settings(options.candidates), want, rtol=1e-13)
+    want = picked(action_set, every if form == "joint" else np.repeat(np.arange(24)[:, None], 3, axis=1))
+    np.testing.assert_allclose(action_set.settings(action_set.candidates), want, rtol=1e-13)
 
 
 def test_the_proposed_setting_has_a_name_where_the_box_holds_it():
     system = RfEo()
-    got = system.menu.settings(system.named_constants()["proposed"])
+    got = system.action_set.settings(system.named_constants()["proposed"])
     np.testing.assert_allclose(got, [[60e3, 10e6, 1e-3], [40e3, 5e6, 1e-3]], rtol=1e-12)
     for other in ({"prf": (1e3, 50e3)}, {"bandwidth": (6e6, 20e6)}, {"action": "library"}, {"platforms": ((0, 0),)}):
         assert RfEo(**other).named_constants() == {}
@@ -145,10 +145,10 @@ def test_the_proposed_setting_has_a_name_where_the_box_holds_it():
 
 @pytest.mark.parametrize("as_printed", [False, True])
 def test_view_is_the_sensors(as_printed):
-    options = menu("box", as_printed=as_printed)
-    settings = picked(options, np.arange(24).reshape(4, 6))
+    action_set = make_set("box", as_printed=as_printed)
+    settings = picked(action_set, np.arange(24).reshape(4, 6))
     want = platform_view(*np.moveaxis(settings, -1, 0), 0.03, 128, 1000, as_printed)
-    for got, expected in zip(options.view(settings), want, strict=True):
+    for got, expected in zip(action_set.view(settings), want, strict=True):
         assert got.shape == (4, 6, 3)
         np.testing.assert_array_equal(got, expected)
 
@@ -166,7 +166,7 @@ def test_view_is_the_sensors(as_printed):
 )
 def test_points_are_checked(form, points, platforms, words):
     with pytest.raises(InputError, match=words) as caught:
-        menu(form, points, platforms).levels  # noqa: B018
+        make_set(form, points, platforms).levels  # noqa: B018
     assert "\n" not in str(caught.value)
 
 
@@ -180,7 +180,7 @@ def test_all_forms_play_the_same_episode(platforms):
     for _ in range(20):
         choices = rng.integers(16, size=(3, len(platforms)))
         for form, system in systems.items():
-            states[form] = system.transition(states[form], system.menu.number(choices), worlds)
+            states[form] = system.transition(states[form], system.action_set.number(choices), worlds)
         one, joint, box = (states[form] for form in FORMS)
         for a, b in zip((*one.truth, *one.belief), (*joint.truth, *joint.belief), strict=True):
             np.testing.assert_array_equal(a, b)

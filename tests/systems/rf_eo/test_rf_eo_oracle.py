@@ -100,8 +100,8 @@ def before(x):
 
 def chosen(system, settings):
     """An action (1, ...) of the box for settings (platform, 3), and exactly what it decodes to."""
-    action = system.menu.encode(np.asarray(settings)[None])
-    return action, system.menu.settings(action)[0]
+    action = system.action_set.encode(np.asarray(settings)[None])
+    return action, system.action_set.settings(action)[0]
 
 
 def tolerance(system, x, P, settings):
@@ -150,7 +150,7 @@ def test_advance_is_the_plain_step(settings):
     state = system.initial(worlds)
     for k in range(system.horizon):
         actions = rng.uniform(-1, 1, (2, 3 * len(system.platforms)))
-        chosen, (truth, *_), (_, mean, P) = system.menu.settings(actions), *state
+        chosen, (truth, *_), (_, mean, P) = system.action_set.settings(actions), *state
         state = system.transition(state, actions, worlds)
         for e in range(2):
             predicted = [plain.predict_ahead(system, *of, chosen[e]) for of in zip(mean[e], P[e], strict=True)]
@@ -193,7 +193,7 @@ def test_the_episode_begins_as_documented():
 
 def predicted(system, x, P, settings):
     """Weighted information (candidate, target) and covariances (candidate, target, 4, 4) of beliefs (target, ...)."""
-    belief, actions = public_of(system, x, P), system.menu.encode(np.asarray(settings))[None]
+    belief, actions = public_of(system, x, P), system.action_set.encode(np.asarray(settings))[None]
     return system.information(belief, actions)[0], system.predict(belief, actions).covariance[0]
 
 

@@ -50,7 +50,7 @@ def drawn(system, steps, seed=0, actions=None):
 def mapped(system, settings, seed=0):
     """Map after one step with settings (platform, 3), and the moment."""
     axes = Figure().subplots()
-    moment = moment_of(played(system, 1, seed, system.menu.encode(np.array([settings]))))
+    moment = moment_of(played(system, 1, seed, system.action_set.encode(np.array([settings]))))
     draw_platform_map(axes, system, moment)
     return axes, moment
 
@@ -156,7 +156,7 @@ def test_before_the_first_step_nothing_is_in_view():
 def test_filled_circles_are_what_was_received_and_stand_where_the_target_was(system, seed):
     scene, moment = drawn(system, 2, seed)
     truth, received = (moment.states[-1].truth.targets[0], moment.states[-1].truth.received[0])
-    settings = system.menu.settings(moment.actions[-1])[0]
+    settings = system.action_set.settings(moment.actions[-1])[0]
     share = measured(system, truth) / edges(system, settings)[:, None]
     filled = np.zeros(2, int)
     for j, axes in enumerate(scene._views):
@@ -187,7 +187,7 @@ def test_the_scale_is_proportional_inside_and_logarithmic_beyond():
 def test_a_view_panel_names_settings_and_edges_and_shades_the_field_of_view():
     settings = np.array([[[6e4, 1e7, 1e-3], [4e4, 5e6, 2e-3]]])
     env = played(SYSTEM, 1)
-    env.step(SYSTEM.menu.encode(settings))
+    env.step(SYSTEM.action_set.encode(settings))
     scene = make_scene(SYSTEM, Figure(figsize=(5.76, 6.4)).subfigures(1, 1))
     scene.draw(moment_of(env))
     titles = [axes.get_title() for axes in scene._views]
@@ -221,7 +221,7 @@ def test_nothing_is_in_view_of_a_platform_on_top_of_the_target():
 def test_what_is_out_of_view_is_hollow_although_drawn_inflated():
     system = RfEo(out_of_view="inflated", horizon=8)
     settings = np.array([[[6e4, 1e7, 1e-5]] * 2])
-    scene, moment = drawn(system, 1, actions=system.menu.encode(settings))
+    scene, moment = drawn(system, 1, actions=system.action_set.encode(settings))
     assert moment.states[-1].truth.received[0].tolist() == [6, 6]
     hollow = markers(scene._views[0], False)[colours.to_hex(colour(1))]
     assert 2 in [round(row) for _, row in hollow]  # 45 degrees off
@@ -254,7 +254,7 @@ def test_an_estimate_without_error_fits_on_the_logarithmic_axis():
 def test_the_settings_over_time_are_those_of_the_actions(form):
     system = RfEo(platforms=PLATFORMS[:3], action=form, points=(3, 1, 3), horizon=8)
     scene, moment = drawn(system, 4)
-    settings = np.array([system.menu.settings(action)[0] for action in moment.actions])  # (step, platform, 3)
+    settings = np.array([system.action_set.settings(action)[0] for action in moment.actions])  # (step, platform, 3)
     for axes, q, scale in zip(scene._settings, (0, 2), (1e-3, 1e3), strict=True):
         for j in range(3):
             line, last = of(f"C{j}", axes.lines)

@@ -17,6 +17,9 @@ from wavegym.systems.urban.state import MOST, Belief
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
 from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+from wavegym.waveforms import (
+    measurement_covariances,
+)
 
 SYSTEM = Urban()
 
@@ -37,7 +40,7 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     truth = system.transition(state, np.full(count, LONG_UP), worlds).truth
     exact = multistatic_range_and_rate(system.scene.truth[scan, 0, :4], system.transmitters[0], system.receivers[0])
     eta = 200.0 * (100.0 / exact[0]) ** 4
-    R = system.actions.measurement_covariances(4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
+    R = measurement_covariances(system.actions, 4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
     ways = system.scene.z[0, scan, 0, : system.scene.ways[0, scan, 0]]
     off = truth.z[:, 0, 0] - exact  # ways come first, the direct one before all others
     squared = (off * np.linalg.solve(R, off.T).T).sum(axis=1)

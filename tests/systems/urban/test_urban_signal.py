@@ -14,6 +14,9 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
+from wavegym.waveforms import (
+    measurement_covariances,
+)
 
 SYSTEM = UrbanSignal()
 LONG_UP = 0  # number of the longer pulse that sweeps up
@@ -44,7 +47,7 @@ def test_a_target_in_the_open_is_measured_as_well_as_the_measurement_level_says(
     for m, place in enumerate(plain.receivers):
         exact = multistatic_range_and_rate(plain.scene.truth[scan, 0, :4], plain.transmitters[0], place)
         eta = 200.0 * plain.durations[waveform // 2] / plain.durations[0] * (100.0 / exact[0]) ** 4
-        sigma = np.sqrt(np.diag(plain.actions.measurement_covariances(4e9)[waveform]) / eta)
+        sigma = np.sqrt(np.diag(measurement_covariances(plain.actions, 4e9)[waveform]) / eta)
         errors = (truth.z[:, m, 0] - exact) / sigma  # the strongest comes first
         assert (np.abs(errors.mean(axis=0)) < 4.0 / math.sqrt(count)).all()
         np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.2)

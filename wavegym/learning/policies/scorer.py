@@ -1,10 +1,10 @@
 """One network that scores every candidate alike, from what is predicted of it and from what all candidates share.
 
-Of each candidate h = tanh(A f + B c + e): f its forecasts (``wavegym.envs.forecasts``) and what is observed of the
-targets that it looks at (``System.aims``), c a summary of the whole observation of the system, e an offset of its own,
-learned, that says which candidate it is. In rounds the candidates learn of each other, h + tanh(M h + N m), m the means
-and greatest of all h (deep sets: Zaheer et al., 2017); a score is w'h. An MLP has to learn the same function once for
-each candidate; this learns it once for all.
+Of each candidate h = tanh(A f + B c + e): f its forecasts (``observations.forecasts``) and what is observed of the
+targets that it looks at (``System.target_of_action``), c a summary of the whole observation of the system, e an
+offset of its own, learned, that says which candidate it is. In rounds the candidates learn of each other, h + tanh(M
+h + N m), m the means and greatest of all h (deep sets: Zaheer et al., 2017); a score is w'h. An MLP has to learn the
+same function once for each candidate; this learns it once for all.
 """
 
 from __future__ import annotations

@@ -22,12 +22,12 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from wavegym.core.arrays import Array
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.envs.observer import Observer
 from wavegym.evaluation.worlds import draw_worlds, training_seeds, word
 from wavegym.learning.policies.export import export
 from wavegym.learning.policies.mixture import parts
 from wavegym.learning.policies.scorer import Dueling
 from wavegym.learning.settings import Settings
+from wavegym.observations.observer import Observer
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy

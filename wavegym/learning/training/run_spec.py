@@ -9,8 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import wavegym
 from wavegym.core.errors import InputError
+from wavegym.core.version import VERSION
 from wavegym.learning.settings import Settings
 from wavegym.policies.records import difference, read_record
 from wavegym.policies.runs import CONTENTS, SPEC
@@ -41,7 +41,7 @@ class RunSpec:
     def record(self) -> dict[str, Any]:
         """The plan as JSON holds it, with the versions that the last bits depend on."""
         python = ".".join(platform.python_version_tuple()[:2])
-        versions = {"python": python, "wavegym": wavegym.__version__, **{name: _version(name) for name in PACKAGES}}
+        versions = {"python": python, "wavegym": VERSION, **{name: _version(name) for name in PACKAGES}}
         return json.loads(json.dumps({**dataclasses.asdict(self), "versions": versions}))
 
 

@@ -8,10 +8,16 @@ from itertools import product
 
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
-from wavegym.waveforms import Library, chirp_law, chirp_measurement_covariance, parse_law, trapezoid_chirp_library
+from wavegym.waveforms import (
+    chirp_law,
+    chirp_measurement_covariance,
+    measurement_covariances,
+    parse_law,
+    trapezoid_chirp_library,
+)
 
 
 @dataclass(frozen=True)
@@ -70,17 +76,17 @@ class ChirpActions:
         return self.joint if self.form == "joint" else PerSensorLibrary(self.library, self.sensors)
 
     @property
-    def options(self) -> Library:
+    def sensor_library(self) -> Library:
         """What one sensor may transmit in an enumerating scheduler's eyes."""
         return self.widest if self.form == "joint" else self.library
 
     @cached_property
-    def option_covariances(self) -> Array:
-        """C (option, 2, 2): measurement covariances of ``options`` at unit SNR."""
-        return self.options.measurement_covariances(self.carrier_hz)
+    def sensor_covariances(self) -> Array:
+        """C (option, 2, 2): measurement covariances of ``sensor_library`` at unit SNR."""
+        return measurement_covariances(self.sensor_library, self.carrier_hz)
 
     @cached_property
-    def _option_chirps(self) -> Array:
+    def _sensor_chirps(self) -> Array:
         """(3, option): law, duration and signed sweep of the library, as ``encode_chirps`` takes them."""
         chirps = product(range(len(self.laws)), self.durations, self.sweeps, (1.0, -1.0))
         return np.array([(law, duration, sign * sweep) for law, duration, sweep, sign in chirps]).T
@@ -91,7 +97,7 @@ class ChirpActions:
             return choices
         if self.form == "joint":
             return self.joint.encode(choices)
-        return self.encode_chirps(*self._option_chirps[:, choices])
+        return self.encode_chirps(*self._sensor_chirps[:, choices])
 
     def encode_chirps(self, law: Array, duration: Array, sweep: Array) -> Array:
         """Box actions of any chirps, each (..., sensor): index of the law, s, signed Hz."""
@@ -109,7 +115,7 @@ class ChirpActions:
     @cached_property
     def constants(self) -> Array:
         """Fixed schedules worth trying: one law, duration and sweep for all sensors, each sensor up or down."""
-        pairs = len(self.options) // 2
+        pairs = len(self.sensor_library) // 2
         directions = np.array(list(product((0, 1), repeat=self.sensors)))
         choices = 2 * np.arange(pairs)[:, None, None] + directions
         return self.encode(choices.reshape(-1, self.sensors))
@@ -117,14 +123,14 @@ class ChirpActions:
     @cached_property
     def candidates(self) -> Array:
         """Every combination of one option per sensor, as actions."""
-        return self.encode(PerSensorLibrary(self.options, self.sensors).combinations())
+        return self.encode(PerSensorLibrary(self.sensor_library, self.sensors).combinations())
 
     def unit_covariance(self, actions: Array) -> Array:
         """C (..., sensor, 2, 2) of the waveforms that ``actions`` name."""
         if self.form == "library":
-            return self.option_covariances.take(actions, axis=0)
+            return self.sensor_covariances.take(actions, axis=0)
         if self.form == "joint":
-            return self.option_covariances.take(self.joint.indices.take(actions, axis=0), axis=0)
+            return self.sensor_covariances.take(self.joint.indices.take(actions, axis=0), axis=0)
         return self.chirp_covariance(*self.decode_chirps(actions))
 
     def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:

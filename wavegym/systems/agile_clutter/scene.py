@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavegym.core.action_labels import by_sensor
+from wavegym.core.action_sets import by_sensor
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, draw_pulse, ellipse, fill
-from wavegym.rendering.maps import PLANE, colour, cross, draw_map, draw_particles, known_targets
+from wavegym.rendering.maps import PLANE, colour, cross, draw_particles
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, legend, wipe
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.systems.agile_clutter.map import draw_map, known_targets
 from wavegym.systems.agile_clutter.state import Belief
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp, Waveform, parse_law
@@ -161,12 +162,12 @@ def lighted(system: AgileClutter, before: Belief, action: Array) -> tuple[Array,
 
 def transmitted(system: AgileClutter, action: Array) -> list[Waveform | None]:
     """Each sensor's pulse for ``action``, (1,) or (1, ...); None where it is silent."""
-    menu = system.menu
+    action_set = system.action_set
     if not isinstance(system.actions, ParameterBox):
-        return [menu.options[i] for i in by_sensor(system.actions, action)[0]]
+        return [action_set.sensor_library[i] for i in by_sensor(system.actions, action)[0]]
     pulses: list[Waveform | None] = []
-    for law, duration, sweep in zip(*(values[0].tolist() for values in menu.decode_chirps(action)), strict=True):
-        kind, shape = parse_law(menu.laws[law])
+    for law, duration, sweep in zip(*(values[0].tolist() for values in action_set.decode_chirps(action)), strict=True):
+        kind, shape = parse_law(action_set.laws[law])
         direction = "down" if sweep < 0 else "up"
         pulses.append(TrapezoidChirp(kind=kind, shape=shape, duration=duration, sweep=abs(sweep), direction=direction))
     return pulses

@@ -18,7 +18,7 @@ NN = (0, 0, 0, 0)  # the state [x y xdot ydot], as kernels take its size
 class SensorAfterSensor(System):
     """What ``AgileClutter`` offers to schedulers that choose for one sensor at a time."""
 
-    menu: Any
+    action_set: Any
     sensors: Any
     _targets: Any
     _model: Any
@@ -49,9 +49,9 @@ class SensorAfterSensor(System):
 
         Nearly the best joint one: a later sensor's pulse may favour another choice of an earlier one's.
         """
-        ahead, C, choices = self.ahead(belief), self.menu.option_covariances, []
+        ahead, C, choices = self.ahead(belief), self.action_set.sensor_covariances, []
         for i in range(len(self.sensors)):
             choices.append(self.sensor_costs(ahead, i, C[None]).argmin(axis=1))
             if i + 1 < len(self.sensors):
                 ahead = self.after_sensor(ahead, i, C[choices[-1]])
-        return self.menu.encode(np.stack(choices, axis=1))
+        return self.action_set.encode(np.stack(choices, axis=1))

@@ -108,7 +108,7 @@ class AgileClutter(SensorAfterSensor):
         """Check what single types cannot say."""
         check_numbers(self)
         check_scenario(self.sensors, self.starts, self.births, self.lifetime, self.horizon)
-        C, snr = self.menu.option_covariances, (self.reference_range, self.nearest_range)
+        C, snr = self.action_set.sensor_covariances, (self.reference_range, self.nearest_range)
         volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
         check_within(
             "clutter_density", self.clutter_density, 0, float(f"{kernels.MOST_CLUTTER / volume:.3g}"), "per m (m/s)"
@@ -120,22 +120,22 @@ class AgileClutter(SensorAfterSensor):
         return constant_velocity(self.dt, self.q, ("x", "y"), order="derivative")
 
     @cached_property
-    def menu(self) -> ChirpActions:
+    def action_set(self) -> ChirpActions:
         """What may be transmitted."""
         return ChirpActions(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """What an action means."""
-        return self.menu.actions
+        return self.action_set.actions
 
     def candidates(self) -> Array:
         """Every combination of the sensors' waveforms."""
-        return self.menu.candidates
+        return self.action_set.candidates
 
     def constants(self) -> Array:
         """One law, duration and sweep at all sensors, each sensor up or down."""
-        return self.menu.constants
+        return self.action_set.constants
 
     @cached_property
     def _targets(self) -> tuple[Array, int]:
@@ -234,7 +234,7 @@ class AgileClutter(SensorAfterSensor):
 
     def pulse(self, belief: Belief, actions: Array) -> Pulse:
         """What ``actions`` (env or 1, candidate, ...) transmit: here every sensor looks at all targets."""
-        return Pulse(self.menu.unit_covariance(actions), *self._everywhere)
+        return Pulse(self.action_set.unit_covariance(actions), *self._everywhere)
 
     @cached_property
     def _everywhere(self) -> tuple[Array, Array]:

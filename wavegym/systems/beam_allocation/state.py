@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from wavegym.core.action_labels import Menu
-from wavegym.core.action_sets import JointLibrary
+from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_non_negative, check_within
 from wavegym.core.system import ObservationField
 from wavegym.systems.agile_clutter.actions import ChirpActions
 from wavegym.systems.visibility_windows import given_windows, window_draws
-from wavegym.waveforms import Library, trapezoid_chirp_library
+from wavegym.waveforms import (
+    measurement_covariances,
+    trapezoid_chirp_library,
+)
 from wavegym.waveforms.waveform import Waveform
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ class Belief(NamedTuple):
 
 
 @dataclass(frozen=True)
-class BeamMenu(ChirpActions):
+class BeamActions(ChirpActions):
     """A target to look at and a chirp for every sensor; an action is one index for all sensors.
 
     Args:
@@ -73,20 +75,20 @@ class BeamMenu(ChirpActions):
     def joint(self) -> JointLibrary:
         """Every target with every chirp, in all combinations of the sensors."""
         labels = (f"target {t}: {chirp}" for t in range(1, self.targets + 1) for chirp in self.library.labels)
-        return JointLibrary(Menu(tuple(labels)), self.sensors)
+        return JointLibrary(Library(tuple(labels)), self.sensors)
 
     @property
-    def options(self) -> tuple[Waveform, ...]:  # type: ignore[override]
+    def sensor_library(self) -> tuple[Waveform, ...]:  # type: ignore[override]
         """The chirp of each of a sensor's choices."""
-        return self.library.waveforms * self.targets
+        return self.library.entries * self.targets
 
     @cached_property
     def chirp_covariances(self) -> Array:
         """C (chirp, 2, 2) at unit SNR."""
-        return self.library.measurement_covariances(self.carrier_hz)
+        return measurement_covariances(self.library, self.carrier_hz)
 
     @cached_property
-    def option_covariances(self) -> Array:
+    def sensor_covariances(self) -> Array:
         """C (choice, 2, 2) at unit SNR."""
         return np.tile(self.chirp_covariances, (self.targets, 1, 1))
 
@@ -138,7 +140,7 @@ def check_beams(system: BeamAllocation) -> None:
         raise InputError(f"births is {system.births}, expected 0 for every target: all are there throughout")
     for value in system.spread:
         check_non_negative("spread", value)
-    count = (len(system.menu.library) * len(system.starts)) ** len(system.sensors)
+    count = (len(system.action_set.library) * len(system.starts)) ** len(system.sensors)
     check_within("number of joint actions", count, 1, MOST_ACTIONS)
     window_draws(system.horizon, system.shown, system.hidden)
     given_windows(system.windows, len(system.starts), system.horizon)

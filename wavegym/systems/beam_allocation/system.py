@@ -15,7 +15,7 @@ from wavegym.systems.agile_clutter.search import NN
 from wavegym.systems.agile_clutter.state import Pulse, drawn_around, target_fields
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation import kernels
-from wavegym.systems.beam_allocation.state import SOON, BeamMenu, Belief, Quad, World, check_beams, window_elements
+from wavegym.systems.beam_allocation.state import SOON, BeamActions, Belief, Quad, World, check_beams, window_elements
 from wavegym.systems.visibility_windows import Window, coming, visibility, window_draws
 from wavegym.trackers.information_reduction import reduction_table
 
@@ -89,10 +89,10 @@ class BeamAllocation(AgileClutter):
         check_beams(self)
 
     @cached_property
-    def menu(self) -> BeamMenu:
+    def action_set(self) -> BeamActions:
         """Whom each sensor may look at, and with what."""
         chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
-        return BeamMenu(*chirps, len(self.sensors), self.action, len(self.starts))
+        return BeamActions(*chirps, len(self.sensors), self.action, len(self.starts))
 
     def draw_world(self, rng: np.random.Generator) -> World:  # type: ignore[override]
         """All draws of one episode."""
@@ -113,7 +113,9 @@ class BeamAllocation(AgileClutter):
     def pulse(self, belief: Any, actions: Array) -> Pulse:
         """Every sensor lights one target, with chance 1 where that can be seen."""
         seen = coming(belief.visible, belief.step, 1)[:, :, None]
-        return Pulse(self.menu.unit_covariance(actions), self._everywhere[0], self.menu.looks.take(actions, 0) * seen)
+        return Pulse(
+            self.action_set.unit_covariance(actions), self._everywhere[0], self.action_set.looks.take(actions, 0) * seen
+        )
 
     def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
@@ -135,12 +137,12 @@ class BeamAllocation(AgileClutter):
 
     def delay(self, belief: Belief) -> Array:
         """Steps before each candidate's pulse does its work, (env, candidate): none, beams turn at once."""
-        return np.zeros((len(belief.step), len(self.menu.joint)), np.int64)
+        return np.zeros((len(belief.step), len(self.action_set.joint)), np.int64)
 
     @property
     def target_of_action(self) -> Array:
         """The target of each radar's beam, (candidate, radar)."""
-        return self.menu.looks.argmax(axis=2)
+        return self.action_set.looks.argmax(axis=2)
 
     def gain(self, belief: Belief, wait: Array | int, ahead: Array | int) -> Array:
         """By how much each candidate's pulses lower the summed cost of the ``ahead`` steps from the look on.
@@ -154,12 +156,12 @@ class BeamAllocation(AgileClutter):
         Returns:
             Expected over detections, (env, candidate); 0 where the targets are hidden then or the episode over.
         """
-        out = np.empty((len(belief.step), len(self.menu.joint)))
+        out = np.empty((len(belief.step), len(self.action_set.joint)))
         waits, counted = np.empty(out.shape, np.int64), np.empty(belief.mean.shape[:2], np.int64)
         waits[...], counted[...] = wait, ahead
         M, visible = self.weights_ahead(int(counted.max())), np.require(belief.visible, requirements=["C", "W"])
         kernels.gain(
-            *belief[:3], visible, waits, counted, *self.menu.ways, self.menu.chirp_covariances, M,
+            *belief[:3], visible, waits, counted, *self.action_set.ways, self.action_set.chirp_covariances, M,
             *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out

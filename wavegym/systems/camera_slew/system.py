@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.action_labels import Menu
+from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
 from wavegym.core.system import ObservationField, State, System
@@ -118,9 +118,9 @@ class CameraSlew(System):
         return self.loop.motion
 
     @cached_property
-    def actions(self) -> Menu:
+    def actions(self) -> Library:
         """The target that the camera is to look at."""
-        return Menu(tuple(f"look at target {t + 1}" for t in range(self.targets)))
+        return Library(tuple(f"look at target {t + 1}" for t in range(self.targets)))
 
     @cached_property
     def _mount(self) -> Mount:
@@ -136,7 +136,7 @@ class CameraSlew(System):
     @cached_property
     def _view(self) -> tuple[Array, Array, Array]:
         """Variance, low and high of every platform's quantities, (platform, 3): no azimuth is in view by itself."""
-        one = self.loop.menu.view(np.array([self.prf, self.bandwidth, 2.0 * self.half_field / self.pixels]))
+        one = self.loop.action_set.view(np.array([self.prf, self.bandwidth, 2.0 * self.half_field / self.pixels]))
         variance, low, high = (np.tile(part, (len(self.platforms), 1)) for part in one)
         low[:, kernels.AZIMUTH] = np.inf
         return variance, low, high

@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_labels import Menu
-from wavegym.core.action_sets import JointLibrary
+from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.waveforms import Waveform, trapezoid_chirp_library
+from wavegym.waveforms import (
+    Waveform,
+    measurement_covariances,
+    trapezoid_chirp_library,
+)
 
 FINEST = 1000  # quanta in the longest pulse, at most
 
@@ -60,11 +63,11 @@ class Account:
 
 
 @dataclass(frozen=True)
-class PulseMenu:
+class PulseActions:
     """One chirp at constant peak power in several durations, or silence, for each of several sensors.
 
     A sensor's options are silence and the durations from the shortest to the longest. The energy of a pulse, and with
-    it the SNR, is its duration over the longest. ChirpMenu's names, for what AgileClutter asks of a menu.
+    it the SNR, is its duration over the longest. The names of ChirpActions, for what AgileClutter asks of a action_set.
 
     Args:
         law: phase function of the chirp.
@@ -90,14 +93,14 @@ class PulseMenu:
         return trapezoid_chirp_library([self.law], sorted(self.durations), [self.sweep], [self.direction])
 
     @property
-    def options(self) -> tuple[Waveform | None, ...]:
+    def sensor_library(self) -> tuple[Waveform | None, ...]:
         """The chirp of each of a sensor's choices; None for silence."""
         return (None, *self._chirps)
 
     @cached_property
     def actions(self) -> JointLibrary:
         """Silence or a duration at every sensor, as one index."""
-        return JointLibrary(Menu(("silent", *self._chirps.labels)), self.sensors)
+        return JointLibrary(Library(("silent", *self._chirps.labels)), self.sensors)
 
     @property
     def candidates(self) -> Array:
@@ -141,11 +144,11 @@ class PulseMenu:
     @cached_property
     def unit_covariances(self) -> Array:
         """C (option, 2, 2) at unit SNR; silence has the longest pulse's, which nobody sees."""
-        C = self._chirps.measurement_covariances(self.carrier_hz)
+        C = measurement_covariances(self._chirps, self.carrier_hz)
         return np.concatenate([C[-1:], C])
 
     @property
-    def option_covariances(self) -> Array:
+    def sensor_covariances(self) -> Array:
         """Measurement covariances (option, 2, 2) where the longest pulse has unit SNR."""
         return self.unit_covariances / self.strength[:, None, None]
 

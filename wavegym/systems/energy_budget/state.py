@@ -81,7 +81,7 @@ def check_pulses(system: EnergyBudget) -> None:
 
 def check_budget(system: EnergyBudget) -> None:
     """InputError for a budget that cannot be spent, or an episode of which does not pay the cheapest pulse."""
-    budget, cheapest = system.budget, float(system.menu.shares[1])
+    budget, cheapest = system.budget, float(system.action_set.shares[1])
     least = cheapest / system.horizon
     if 0.0 <= budget * system.horizon * ROUND < cheapest:
         wanted = f"at least {least:.3g} (nearest), so that an episode's account pays the cheapest pulse once"

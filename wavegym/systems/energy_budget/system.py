@@ -19,7 +19,7 @@ from wavegym.systems.agile_clutter.state import Pulse
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget import state as parts
-from wavegym.systems.energy_budget.account import PulseMenu
+from wavegym.systems.energy_budget.account import PulseActions
 from wavegym.systems.energy_budget.state import Belief, Truth, World
 from wavegym.trackers.information_reduction import reduction_table
 
@@ -99,24 +99,24 @@ class EnergyBudget(AgileClutter):
             check_within(name, getattr(self, name), 1, 1e6, "steps")
 
     @cached_property
-    def menu(self) -> PulseMenu:  # type: ignore[override]
+    def action_set(self) -> PulseActions:  # type: ignore[override]
         """What may be transmitted."""
         (law,), (sweep,) = self.laws, self.sweeps
-        return PulseMenu(law, self.durations, sweep, self.direction, self.carrier_hz, len(self.sensors))
+        return PulseActions(law, self.durations, sweep, self.direction, self.carrier_hz, len(self.sensors))
 
     @cached_property
     def total(self) -> float:
         """Energy of a full account."""
-        return int(self.budget * self.horizon * self.menu.quanta * parts.ROUND) / self.menu.quanta
+        return int(self.budget * self.horizon * self.action_set.quanta * parts.ROUND) / self.action_set.quanta
 
     @cached_property
     def spending(self) -> Array:
         """Energy that each candidate takes, (candidate,)."""
-        return self.menu.takes / self.menu.quanta
+        return self.action_set.takes / self.action_set.quanta
 
     def mask(self, belief: Any) -> Array:
         """The actions that the account can pay, (env, actions); silence always."""
-        return self.menu.account.affordable(belief.energy)
+        return self.action_set.account.affordable(belief.energy)
 
     def draw_world(self, rng: np.random.Generator) -> Any:
         """All draws of one episode."""
@@ -149,7 +149,7 @@ class EnergyBudget(AgileClutter):
 
     def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: pay, transmit what was paid for, detect unless the slot is occluded, update."""
-        used, left = self.menu.account.pay(state.belief.energy, action)
+        used, left = self.action_set.account.pay(state.belief.energy, action)
         is_clear, air = self._lived(state.belief, world)
         pulse = self._transmitted(used[:, None], is_clear[:, None].astype(np.float64))
         truth, base = self._advance(state, pulse, world)
@@ -184,7 +184,7 @@ class EnergyBudget(AgileClutter):
 
     def pulse(self, belief: Any, actions: Array) -> Pulse:
         """What actions (env, candidate) transmit, as far as the account pays, in slots that may be clear."""
-        used, _ = self.menu.account.pay(belief.energy[:, None], actions)
+        used, _ = self.action_set.account.pay(belief.energy[:, None], actions)
         return self._transmitted(used, self._clear(belief)[:, None])
 
     def _transmitted(self, used: Array, sight: Array) -> Pulse:
@@ -195,9 +195,9 @@ class EnergyBudget(AgileClutter):
     @cached_property
     def _everything(self) -> tuple[Array, ...]:
         """What every candidate transmits in clear slots, each (candidate, ...)."""
-        options = self.menu.actions.indices
+        options = self.action_set.actions.indices
         looked = np.repeat((options > 0)[..., None], len(self.starts), axis=2).astype(np.float64)
-        return self.menu.unit_covariances[options], self.menu.strength[options], looked
+        return self.action_set.unit_covariances[options], self.action_set.strength[options], looked
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -222,7 +222,7 @@ class EnergyBudget(AgileClutter):
 
     def _imagined(self, belief: Any, actions: Array, outcome: Array | None) -> Any:
         """``predict`` of one action (env,) each."""
-        used, left = self.menu.account.pay(belief.energy, actions)
+        used, left = self.action_set.account.pay(belief.energy, actions)
         sight, air, draws = self._foreseen(belief, outcome)
         return self._public(self._imagine(belief, self._transmitted(used, sight), draws), left, air)
 
@@ -240,7 +240,7 @@ class EnergyBudget(AgileClutter):
 
     def delay(self, belief: Any) -> Array:
         """Steps before a candidate's pulses do their work, (env, candidate): none."""
-        return np.zeros((len(belief.step), len(self.menu.takes)), np.int64)
+        return np.zeros((len(belief.step), len(self.action_set.takes)), np.int64)
 
     def gain(self, belief: Any, wait: Array | int, ahead: int) -> Array:
         """What a candidate's pulses take off the summed cost of ``ahead`` steps from the look on, (env, candidate).
@@ -253,19 +253,19 @@ class EnergyBudget(AgileClutter):
             wait: steps before the pulses, in which nothing is measured; one number, or (env, candidate).
             ahead: steps.
         """
-        later = np.array(np.broadcast_to(wait, (len(belief.step), len(self.menu.takes))), np.int64)
+        later = np.array(np.broadcast_to(wait, (len(belief.step), len(self.action_set.takes))), np.int64)
         left = self.horizon - belief.step[:, None] - later
         sight = np.where(left > 0, self._sight(belief, later), 0.0)
         out = np.empty(later.shape)
         kernels.gain(
-            *belief[:3], later, sight, left, self.weights_ahead(ahead), self._everything, self.menu.actions.indices,
-            self._targets, *self._model, self._radar, reduction_table(), out, NN
+            *belief[:3], later, sight, left, self.weights_ahead(ahead), self._everything,
+            self.action_set.actions.indices, self._targets, *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out
 
     def constants(self) -> Array:
         """One option wherever a radar transmits: at both, at one alone, at none."""
-        return self.menu.constants
+        return self.action_set.constants
 
     def best_action(self, belief: Any) -> Array:
         """Not offered: sensor by sensor cannot see the account. Raises NotImplementedError."""

@@ -7,9 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
+from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
-from wavegym.waveforms import Library, chirp_rate_for_sweep, gaussian_chirp_library, gaussian_measurement_covariance
+from wavegym.waveforms import (
+    chirp_rate_for_sweep,
+    gaussian_chirp_library,
+    gaussian_measurement_covariance,
+    measurement_covariances,
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ class GaussianActions:
     @cached_property
     def covariances(self) -> Array:
         """C (A, 2, 2): measurement covariances of the library at unit SNR."""
-        return self.library.measurement_covariances(self.carrier_hz)
+        return measurement_covariances(self.library, self.carrier_hz)
 
     def unit_covariance(self, actions: Array) -> Array:
         """C (..., 2, 2) of the waveforms that ``actions`` name."""

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
+from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_non_negative, check_ordered, check_positive, check_within
@@ -26,7 +27,6 @@ from wavegym.systems.kershaw_evans.actions import GaussianActions
 from wavegym.systems.kershaw_evans.state import Belief, PathSource, Truth, World, covariance_fields, path_source
 from wavegym.targets import MotionModel, constant_acceleration, constant_velocity
 from wavegym.trackers import predict, predict_covariance, update_covariance
-from wavegym.waveforms import Library
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -124,34 +124,34 @@ class KershawEvans(System):
         return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, self.q)
 
     @cached_property
-    def menu(self) -> GaussianActions:
+    def action_set(self) -> GaussianActions:
         """What may be transmitted."""
         return GaussianActions(self.durations, self.sweeps, self.carrier_hz, continuous=self.action == "box")
 
     @property
     def library(self) -> Library:
         """Every duration with every sweep, duration-major."""
-        return self.menu.library
+        return self.action_set.library
 
     @property
     def actions(self) -> Library | ParameterBox:
         """The library, or the box that it spans."""
-        return self.menu.actions
+        return self.action_set.actions
 
     def candidates(self) -> Array:
         """The library: indices (A,), or its points of the box (A, 2)."""
-        return self.menu.candidates
+        return self.action_set.candidates
 
     @cached_property
     def unit_covariance(self) -> Callable[[Array], Array]:
         """The function from actions to C, the measurement covariance at unit SNR, (..., 2, 2)."""
-        return self.menu.unit_covariance
+        return self.action_set.unit_covariance
 
     @cached_property
     def steady_covariance(self) -> Array:
         """Fixed point of the covariance recursion, (n, n): middle duration, widest sweep, middle of the start range."""
         default = len(self.durations) // 2 * len(self.sweeps) + int(np.argmax(np.abs(self.sweeps)))
-        R = self.menu.covariances[default] / range_law_snr(
+        R = self.action_set.covariances[default] / range_law_snr(
             np.mean(self.start_range), self.reference_range, self.nearest_range
         )
         P = np.diag(self.prior_variance).astype(np.float64)

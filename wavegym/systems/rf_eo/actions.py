@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.parameter_box import Parameter, ParameterBox
@@ -21,27 +22,21 @@ FEW = 4096  # combinations of the platforms' settings that enumerating scheduler
 MANY = 65536  # settings, or joint actions, that are listed one by one
 
 
-@dataclass(frozen=True)
-class Settings:
-    """One platform's settings in a fixed order: every PRF with every bandwidth and pixel angle, the last fastest.
+class Setting(NamedTuple):
+    """What one platform is set to."""
 
-    Args:
-        values: (setting, 3): PRF in Hz, bandwidth in Hz, pixel angle in rad.
-    """
-
-    values: tuple[tuple[float, float, float], ...]
-
-    def __len__(self) -> int:
-        return len(self.values)
+    prf: float  # Hz
+    bandwidth: float  # Hz
+    pixel_angle: float  # rad
 
     @property
-    def labels(self) -> tuple[str, ...]:
+    def label(self) -> str:
         """``"1 kHz 20 MHz 100 urad"``."""
-        return tuple(f"{quantity(f, 'Hz')} {quantity(B, 'Hz')} {quantity(a, 'rad')}" for f, B, a in self.values)
+        return " ".join(quantity(value, unit) for value, unit in zip(self, ("Hz", "Hz", "rad"), strict=True))
 
 
 @dataclass(frozen=True)
-class PlatformMenu:
+class PlatformActions:
     """Pulse repetition frequency (PRF), bandwidth B and pixel angle alpha of every platform.
 
     Args:
@@ -104,9 +99,9 @@ class PlatformMenu:
             raise InputError(f"joint actions are {count}^{self.platforms}, of points {self.points}, expected {wanted}")
 
     @cached_property
-    def library(self) -> Settings:
-        """What one platform may be set to in the finite forms."""
-        return Settings(tuple(product(*(level.tolist() for level in self.levels))))
+    def library(self) -> Library:
+        """Every PRF with every bandwidth and pixel angle, the last fastest: what one platform may be set to."""
+        return Library(tuple(Setting(*values) for values in product(*(level.tolist() for level in self.levels))))
 
     @cached_property
     def joint(self) -> JointLibrary:
@@ -122,7 +117,7 @@ class PlatformMenu:
 
     @cached_property
     def _library_settings(self) -> Array:
-        return np.array(self.library.values)
+        return np.array(self.library.entries)
 
     def settings(self, actions: Array) -> Array:
         """PRF, bandwidth and pixel angle of every platform, (..., platform, 3), that ``actions`` name."""

@@ -54,7 +54,7 @@ def _draw_fields(axes: Axes, system: RfEo, moment: Moment, places: Array) -> Non
         return
     corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
     far = 2.0 * np.hypot(*(corners[:, None] - places).T).max()  # a polygon of this size surrounds the map
-    high = system.menu.view(system.menu.settings(moment.actions[-1]))[2][0]
+    high = system.action_set.view(system.action_set.settings(moment.actions[-1]))[2][0]
     for j, (place, look) in enumerate(zip(places, system.places[:, 2], strict=True)):
         edge = min(high[j, 2], np.pi)
         arc = place[:, None] + far * _direction(look + np.linspace(-edge, edge, POINTS))

@@ -91,7 +91,7 @@ class PlatformScene:
         for axes in self._views:
             axes.set_visible(bool(moment.actions))
         if moment.actions:
-            settings = self.system.menu.settings(np.concatenate(moment.actions))  # (step, platform, 3)
+            settings = self.system.action_set.settings(np.concatenate(moment.actions))  # (step, platform, 3)
             self._draw_settings(settings)
             sight = in_view(self.system, moment)
             for j, axes in enumerate(self._views):
@@ -131,7 +131,7 @@ def in_view(system: RfEo, moment: Moment) -> Sight:
     """Where each target truly was before each platform in the last step, and which quantities were in view."""
     places = system.places
     value = platform_measurement(moment.states[-1].truth.targets[0], places[:, None], system.as_printed)
-    _, low, high = system.menu.view(system.menu.settings(moment.actions[-1])[0])
+    _, low, high = system.action_set.view(system.action_set.settings(moment.actions[-1])[0])
     low[:, 2], high[:, 2] = np.maximum(low[:, 2], -np.pi), np.minimum(high[:, 2], np.pi)  # the full circle
     ahead = moment.states[-2].belief.mean[0] @ system.motion.F.T
     predicted = platform_measurement(ahead, places[:, None], system.as_printed)

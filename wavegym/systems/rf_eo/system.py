@@ -19,7 +19,7 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
-from wavegym.systems.rf_eo.actions import PlatformMenu
+from wavegym.systems.rf_eo.actions import PlatformActions
 from wavegym.systems.rf_eo.information_kernels import most_information
 from wavegym.systems.rf_eo.kernels import Rules
 from wavegym.systems.rf_eo.plan_kernels import plan
@@ -108,7 +108,7 @@ class RfEo(System):
     def __post_init__(self) -> None:
         """Check what single types cannot say."""
         check_scenario(self)
-        self.menu.levels  # noqa: B018  (points that make no library are reported here)
+        self.action_set.levels  # noqa: B018  (points that make no library are reported here)
 
     @property
     def wavelength(self) -> float:
@@ -121,28 +121,30 @@ class RfEo(System):
         return constant_velocity(self.dt, self.q, ("x", "y"), order="axis")
 
     @cached_property
-    def menu(self) -> PlatformMenu:
+    def action_set(self) -> PlatformActions:
         """What the platforms may be set to."""
         ranges = (self.prf, self.bandwidth, self.pixel_angle)
         optics = (self.wavelength, self.fft_length, self.pixels, self.as_printed)
-        return PlatformMenu(ranges, self.points, len(self.platforms), self.action, *optics)
+        return PlatformActions(ranges, self.points, len(self.platforms), self.action, *optics)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """What an action means."""
-        return self.menu.actions
+        return self.action_set.actions
 
     def candidates(self) -> Array:
         """Every combination of the library's settings; in a box of very many, the same setting at all platforms."""
-        return self.menu.candidates
+        return self.action_set.candidates
 
     def named_constants(self) -> dict[str, Array]:
         """``proposed``: the non-adaptive settings, in a box that holds them."""
         if self.action != "box" or len(self.platforms) != len(PROPOSED):
             return {}
         settings = np.array(PROPOSED)
-        inside = all(low <= v <= high for row in PROPOSED for v, (low, high) in zip(row, self.menu.ranges, strict=True))
-        return {"proposed": self.menu.encode(settings)} if inside else {}
+        inside = all(
+            low <= v <= high for row in PROPOSED for v, (low, high) in zip(row, self.action_set.ranges, strict=True)
+        )
+        return {"proposed": self.action_set.encode(settings)} if inside else {}
 
     @property
     def places(self) -> Array:
@@ -188,8 +190,8 @@ class RfEo(System):
         received, without, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
         F, Q, *scene = self._scene
         kernels.transition(
-            step, mean, covariance, true_states, unseen, world.process, world.error, self.menu.settings(action), F, Q,
-            self.motion.noise_factor, *scene, x, P, moved, received, without, share, NN
+            step, mean, covariance, true_states, unseen, world.process, world.error, self.action_set.settings(action),
+            F, Q, self.motion.noise_factor, *scene, x, P, moved, received, without, share, NN
         )  # fmt: skip
         return State(Truth(moved, received, without, share), Belief(step + 1, x, P))
 
@@ -212,15 +214,22 @@ class RfEo(System):
     def _settings(self, actions: Array) -> tuple[bool, Array]:
         """Whether actions are (env, candidate, ...) rather than (env, ...), and their settings as of the former."""
         several = actions.ndim == (2 if self.action == "joint" else 3)
-        return several, self.menu.settings(actions if several else actions[:, None])
+        return several, self.action_set.settings(actions if several else actions[:, None])
 
     def best_action(self, belief: Belief) -> Array:
         """The one-step scheduler's choice, platform after platform until none changes; in a box on a finer grid."""
         chosen = np.empty((len(belief.step), len(self.platforms), 2), np.int64)
         best_settings(
-            belief.mean, belief.covariance, self.menu.axes, self.menu.sizes, self._weights, *self._scene, chosen, NN
+            belief.mean,
+            belief.covariance,
+            self.action_set.axes,
+            self.action_set.sizes,
+            self._weights,
+            *self._scene,
+            chosen,
+            NN,
         )
-        return self.menu.choose(chosen[..., 0], chosen[..., 1])
+        return self.action_set.choose(chosen[..., 0], chosen[..., 1])
 
     def most_information(self, belief: Belief, threshold: float | None = None) -> tuple[Array, Array]:
         """The paper's choice on the same grid: the greatest information of which every target has the threshold t.
@@ -238,9 +247,17 @@ class RfEo(System):
         if not least >= 0.0:
             raise InputError(f"threshold is {least}, expected a number >= 0")
         most_information(
-            belief.mean, belief.covariance, self.menu.axes, self.menu.sizes, least, *self._scene, chosen, feasible, NN
+            belief.mean,
+            belief.covariance,
+            self.action_set.axes,
+            self.action_set.sizes,
+            least,
+            *self._scene,
+            chosen,
+            feasible,
+            NN,
         )
-        return self.menu.choose(chosen[..., 0], chosen[..., 1]), feasible
+        return self.action_set.choose(chosen[..., 0], chosen[..., 1]), feasible
 
     def plan(self, belief: Belief, depth: int) -> tuple[Array, Array]:
         """A good sequence of ``depth`` choices: the one-step scheduler's, improved one point of the grid at a time.
@@ -251,10 +268,10 @@ class RfEo(System):
         cost = np.empty(len(belief.step))
         chosen = np.empty((len(cost), depth, len(self.platforms), 2), np.int64)
         plan(
-            belief.mean, belief.covariance, belief.step, self.horizon, self.menu.axes, self.menu.sizes, self._weights,
-            *self._scene, chosen, cost, NN
+            belief.mean, belief.covariance, belief.step, self.horizon, self.action_set.axes, self.action_set.sizes,
+            self._weights, *self._scene, chosen, cost, NN
         )  # fmt: skip
-        return self.menu.choose(chosen[:, 0, :, 0], chosen[:, 0, :, 1]), cost
+        return self.action_set.choose(chosen[:, 0, :, 0], chosen[:, 0, :, 1]), cost
 
     def cost(self, belief: Belief) -> Array:
         """trace(W P) summed over the targets."""

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.action_labels import Menu
+from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
 from wavegym.core.system import ObservationField, State, System
@@ -104,10 +104,10 @@ class SectorSetup(System):
         return constant_velocity(self.dt, 1.0, ("x", "y"), order="axis")
 
     @cached_property
-    def actions(self) -> Menu:
+    def actions(self) -> Library:
         """Every target with every waveform; the waveform varies fastest."""
         waves = [f"{r:g} m, {v:g} m/s" for r, v in self.waveforms]
-        return Menu(tuple(f"target {t}, {wave}" for t in range(1, self.targets + 1) for wave in waves))
+        return Library(tuple(f"target {t}, {wave}" for t in range(1, self.targets + 1) for wave in waves))
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.action_sets import JointLibrary
+from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive
 from wavegym.core.system import ObservationField, State, System
@@ -32,7 +32,11 @@ from wavegym.systems.urban.state import (
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import StreetTracker, Tracks
 from wavegym.trackers.urban.tracker import MODELS
-from wavegym.waveforms import GaussianChirp, Library, PulseTrain
+from wavegym.waveforms import (
+    GaussianChirp,
+    PulseTrain,
+    measurement_covariances,
+)
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 EFFECTIVE = 7.4338  # durations in which the chirp sweeps its bandwidth
@@ -169,7 +173,7 @@ class Urban(System):
     @cached_property
     def signals(self) -> StreetReceivers:
         """What turns samples into measurements, for ``fidelity="signal"``."""
-        trains = [train for train in self.library.waveforms if isinstance(train, PulseTrain)]
+        trains = [train for train in self.library.entries if isinstance(train, PulseTrain)]
         arrays = [ArrayReceiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
         return StreetReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density)
 
@@ -199,7 +203,7 @@ class Urban(System):
     def _waves(self) -> tuple[Array, Array]:
         """Covariance at an SNR of 1, (waveform, 2, 2), and the SNR at 100 m, (waveform,)."""
         energy = np.repeat(np.array(self.durations) / max(self.durations), 2)
-        return self.library.measurement_covariances(self.carrier), self.reference_snr * energy
+        return measurement_covariances(self.library, self.carrier), self.reference_snr * energy
 
     @property
     def ambiguity(self) -> float:

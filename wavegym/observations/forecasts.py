@@ -15,7 +15,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
-from wavegym.envs.observations import ObservationScaler
+from wavegym.observations.scaling import ObservationScaler
 from wavegym.schedulers.heuristics.base import delays
 
 MOST = 256  # candidates that are worth predicting at every step

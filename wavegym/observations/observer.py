@@ -10,8 +10,8 @@ from gymnasium import spaces
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import ObservationField, System
-from wavegym.envs.forecasts import Forecasts
-from wavegym.envs.observations import LIMIT, ObservationScaler
+from wavegym.observations.forecasts import Forecasts
+from wavegym.observations.scaling import LIMIT, ObservationScaler
 
 
 class Observer:

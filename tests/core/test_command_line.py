@@ -3,7 +3,7 @@ from __future__ import annotations
 import gymnasium as gym
 import pytest
 
-from wavegym.cli.command import guarded
+from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
 
 

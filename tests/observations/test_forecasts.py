@@ -6,7 +6,7 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
-from wavegym.envs.forecasts import FLOOR, LOOKS, Forecasts
+from wavegym.observations.forecasts import FLOOR, LOOKS, Forecasts
 from wavegym.testing import check_vector_env
 
 ALL = ["KershawEvansPosition", "CameraSlew", "SectorSetup", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown"]

@@ -6,7 +6,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
-from wavegym.envs import observation_kernels
+from wavegym.observations import scaling_kernels as observation_kernels
 
 LIMIT = 10.0  # scaled elements end here; by their scales, an ordinary value lies within 3
 

@@ -1,0 +1,78 @@
+"""The map of agile clutter: known targets with their trails, and the lines of sight to distant sensors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.system import State
+from wavegym.rendering.drawings import KILO, ellipse
+from wavegym.rendering.maps import PLANE, draw_particles, draw_track, to_scale
+from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import SMALL
+from wavegym.systems.agile_clutter.system import AgileClutter
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def known_targets(system: AgileClutter, step: int) -> list[int]:
+    """Targets of which the tracker has an estimate: those that it has just been handed are measured a step later."""
+    return [t for t, birth in enumerate(system.births) if birth <= step <= birth + system.lifetime]
+
+
+def draw_map(axes: Axes, system: AgileClutter, moment: Moment) -> None:
+    """Known targets with their trails, and where the sensors are; x and y to the same scale, in km."""
+    now = moment.states[-1]
+    known = known_targets(system, len(moment.actions))
+    centre = _fit(axes, system, now, known)
+    _draw_lines_of_sight(axes, system, now, known, centre)
+    for t in known:
+        since = moment.states[system.births[t] :]
+        truth = KILO * np.array([state.truth.targets[0, t, PLANE] for state in since])
+        mean = KILO * np.array([state.belief.mean[0, t, PLANE] for state in since])
+        draw_particles(axes, now, t, np.zeros(2), KILO)
+        draw_track(axes, t, truth, mean, _outline(now, t))
+
+
+def _outline(now: State, target: int) -> Array:
+    """Error ellipse around the estimate, (2, point) in km."""
+    belief = now.belief
+    return KILO * (belief.mean[0, target, PLANE, None] + ellipse(belief.covariance[0, target, PLANE, PLANE]))
+
+
+def _fit(axes: Axes, system: AgileClutter, now: State, known: list[int]) -> Array:
+    """Limits around all of the episode's true paths and the present ellipses; the centre of what is known, km."""
+    until = [min(system.lifetime, max(system.horizon - birth, 0)) + 1 for birth in system.births]
+    paths = [KILO * now.truth.path[0, t, :end, PLANE].T for t, end in enumerate(until)]
+    middle = to_scale(axes, np.concatenate([*paths, *(_outline(now, t) for t in known)], axis=1))
+    return KILO * now.belief.mean[0, known, PLANE].mean(axis=0) if known else middle
+
+
+def _draw_lines_of_sight(axes: Axes, system: AgileClutter, now: State, known: list[int], centre: Array) -> None:
+    """From each target to each sensor, whose name stands where the line from ``centre`` leaves the map."""
+    low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    for i, position in enumerate(system.sensors):
+        sensor = KILO * np.array(position)
+        targets = KILO * now.belief.mean[0, known, PLANE]
+        ways = np.stack([targets, 0.0 * targets + sensor, 0.0 * targets + np.nan], axis=1)  # (target, end, 2)
+        axes.plot(*ways.reshape(-1, 2).T, color=f"C{i}", linewidth=0.7, linestyle=(0, (4, 3)), alpha=0.7)
+        step = sensor - centre
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.nanmin(np.where(step > 0, high - centre, low - centre) / step)
+        x, y = (centre + min(share, 1.0) * step - low) / (high - low)
+        if share > 1.0:  # the sensor is on the map
+            axes.plot(*sensor, "^", color=f"C{i}", markersize=6)
+        axes.text(
+            min(max(x, 0.03), 0.97),
+            min(max(y, 0.02), 0.98),
+            f"to sensor {i + 1}: {np.hypot(*step):.1f} km",
+            transform=axes.transAxes,
+            color=f"C{i}",
+            fontsize=SMALL,
+            ha="left" if x < 0.3 else "right" if x > 0.7 else "center",
+            va="bottom" if y < 0.5 else "top",
+            bbox={"color": "white", "alpha": 0.7, "pad": 1.0},
+        )
