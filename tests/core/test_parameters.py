@@ -54,7 +54,7 @@ def test_a_class_by_itself_says_the_same() -> None:
         ({}, "setting 'gain' is missing, expected it in the file"),
         ({"gain": -1.0}, "gain is -1.0, expected a finite number > 0"),
         ({"gain": "much"}, "gain is 'much': Input should be a valid number, unable to parse string as a number"),
-        ({"gain": 1.0, "band": "Y"}, "band is 'Y': Input should be 'S' or 'X'"),
+        ({"gain": 1.0, "band": "Y"}, "band is 'Y', expected one of 'S', 'X'"),
         ({"gain": 1.0, "place": (1.0,)}, "place is (1.0,), expected 3 elements, not 1"),
         ({"gain": 1.0, "place": [1, 2, 3, 4]}, "place is [1, 2, 3, 4], expected 3 elements, not 4"),
         ({"gain": 1.0, "place": ()}, "place is (), expected 3 elements, not 0"),

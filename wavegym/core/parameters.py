@@ -1,17 +1,83 @@
-"""Validated sets of parameters (dataclasses, ours are pydantic's), with errors a user can act on."""
+"""Validated sets of parameters (dataclasses, ours are pydantic's), with errors a user can act on.
+
+A parameter states what it may be where it is declared::
+
+    @system_parameters
+    class MySystem(System):
+        q: float = parameter(1.0, "process noise density", unit="m^2/s^3", ge=0)
+
+``describe`` and the pages of the docs read the same declaration.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar, dataclass_transform
 
-from pydantic import ValidationError
+from pydantic import ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass
 
 from wavegym.core.errors import InputError, nearest
 
 Made = TypeVar("Made")
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Probability = Annotated[float, Field(gt=0, lt=1)]  # neither impossible nor certain
+Count = Annotated[int, Field(ge=1)]
+Interval = tuple[float, float]  # least and greatest
+
+
+def parameter(default: Any, description: str, *, unit: str = "1", **bounds: Any) -> Any:
+    """A field of a parameter set: what it means, its unit and its bounds.
+
+    Args:
+        default: its value unless another is given.
+        description: what it means; one line of the parameter table of the environment's page.
+        unit: such as ``"s"``; ``"1"`` for a pure number, ``""`` for what is no number.
+        **bounds: as pydantic's ``Field`` takes them: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ...
+    """
+    return Field(default, description=description, json_schema_extra={"unit": unit}, **bounds)
+
+
+def changed_default(base: type, name: str, default: Any) -> Any:
+    """The field ``name`` of a base class with another default: its meaning, unit and bounds stay."""
+    field = copy(base.__pydantic_fields__[name])  # type: ignore[attr-defined]
+    field.default = default
+    return field
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(parameter, changed_default))
+def system_parameters(cls: type[Made]) -> type[Made]:
+    """A class whose fields are parameters: checked when made, closed to unknown names, finite, never changed."""
+    closed = ConfigDict(extra="forbid", arbitrary_types_allowed=True, allow_inf_nan=False)
+    return dataclass(frozen=True, config=closed)(cls)  # type: ignore[return-value]
+
+
+class ParameterInfo(NamedTuple):
+    """What a field states of itself."""
+
+    name: str
+    unit: str
+    description: str
+
+
+def parameter_infos(made: type) -> list[ParameterInfo]:
+    """Every field of a dataclass; of a plain one from ``metadata={"description": ..., "unit": ...}``, where given."""
+    stated = getattr(made, "__pydantic_fields__", {})
+    infos = []
+    for field in dataclasses.fields(made):
+        if field.name in stated:
+            about = stated[field.name]
+            unit, description = (about.json_schema_extra or {}).get("unit", ""), about.description or ""
+        else:
+            unit, description = (str(field.metadata.get(key, "")) for key in ("unit", "description"))
+        infos.append(ParameterInfo(field.name, unit, description))
+    return infos
 
 
 def make_checked(
@@ -37,7 +103,7 @@ def make_checked(
     try:
         return make(**values)
     except ValidationError as error:
-        raise _in_one_line(error, title, source) from None
+        raise _in_one_line(error, make, source) from None
 
 
 def in_one_line(made: type[Made]) -> type[Made]:
@@ -49,15 +115,15 @@ def in_one_line(made: type[Made]) -> type[Made]:
         try:
             make(self, *values, **named)
         except ValidationError as error:
-            raise _in_one_line(error, made.__name__, "") from None
+            raise _in_one_line(error, made, "") from None
 
     made.__init__ = checked  # type: ignore
     return made
 
 
-def _in_one_line(error: ValidationError, title: str, source: str) -> InputError:
+def _in_one_line(error: ValidationError, made: Any, source: str) -> InputError:
     """The first of pydantic's complaints: which value, and what was expected."""
-    complaints = error.errors()
+    complaints, title = error.errors(), getattr(made, "__name__", str(made))
     first = complaints[0]
     own, where, given = first.get("ctx", {}).get("error"), first["loc"], first["input"]
     if isinstance(own, InputError):  # raised by the class itself, and complete
@@ -74,4 +140,44 @@ def _in_one_line(error: ValidationError, title: str, source: str) -> InputError:
         context = first["ctx"]
         wanted = f"{context['max_length']} elements, not {context['actual_length'] or 'more'}"
         return InputError(f"{name} is {given!r}, expected {wanted}")
-    return InputError(f"{name} is {given!r}: {first['msg']}")
+    unit = _unit(made, where[0]) if where and isinstance(given, (int, float)) else ""
+    return InputError(f"{name} is {given!r}{unit}{_expected(made, first)}")
+
+
+def _unit(made: Any, name: Any) -> str:
+    """`` m`` behind a value of the field ``name``; nothing where it has no unit."""
+    stated = getattr(made, "__pydantic_fields__", {}).get(name)
+    unit = (stated.json_schema_extra or {}).get("unit", "") if stated else ""
+    return f" {unit}" if unit not in ("", "1") else ""
+
+
+BOUNDS = {  # pydantic's complaint: key of the bound, and what is expected
+    "greater_than": ("gt", "a finite number > {:g}"),
+    "greater_than_equal": ("ge", "a finite number >= {0:g} (nearest: {0:g})"),
+    "less_than": ("lt", "a number < {:g}"),
+    "less_than_equal": ("le", "a number <= {0:g} (nearest: {0:g})"),
+}
+
+
+def _expected(made: Any, complaint: Any) -> str:
+    """What a value should have been, behind ``name is value``."""
+    kind, context = complaint["type"], complaint.get("ctx", {})
+    if kind in BOUNDS:
+        key, wanted = BOUNDS[kind]
+        return f", expected {wanted.format(context[key])}"
+    if kind == "finite_number":
+        return f", expected a finite number{_bound(made, complaint['loc'][0])}"
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", context["expected"])
+        return f", expected one of {', '.join(map(repr, choices))}{nearest(complaint['input'], choices)}"
+    return f": {complaint['msg']}"
+
+
+def _bound(made: Any, name: Any) -> str:
+    """`` > 0`` for a field with that bound; nothing where it has none."""
+    stated = getattr(made, "__pydantic_fields__", {}).get(name)
+    for bound in stated.metadata if stated else ():
+        for key, sign in (("gt", ">"), ("ge", ">=")):
+            if hasattr(bound, key):
+                return f" {sign} {getattr(bound, key):g}"
+    return ""

@@ -9,7 +9,16 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.core.system import System
 
-SETTINGS = ("num_envs", "reward", "render_mode", "autoreset_mode", "max_episode_steps", "forecasts")
+SETTINGS = {  # of every environment, and what each means
+    "num_envs": "how many environments, of a vector environment",
+    "reward": '"trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "error" (minus the squared true position '
+    'error), a comparison with the myopic scheduler on the same world ("relative", "relative-log", "relative-share", '
+    '"relative-scaled"), or with another heuristic ("relative:best-simple"); or a Reward of your own',
+    "render_mode": 'None or "rgb_array"',
+    "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
+    "max_episode_steps": "truncate here, before the end that the system sets",
+    "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
+}
 
 
 def build_system(system: System | type[System] | str, parameters: dict[str, Any]) -> System:

@@ -8,6 +8,8 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
+import re
 from contextlib import suppress
 from typing import Any
 
@@ -17,13 +19,13 @@ import numpy as np
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import check_choice
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import System
 from wavegym.envs.build import SETTINGS
-from wavegym.envs.docstrings import SECTIONS, meanings, mention, section, summary
-from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.observations.scaling import LIMIT
 from wavegym.registration import list_envs
 
+SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
     "cost": "trace(Lambda P) of the belief after the step",
     "saturated": "number of observation elements held at their bound",
@@ -61,7 +63,7 @@ def describe(id: str, /, **parameters: Any) -> str:
         summary(type(system)),
         f'```python\nimport gymnasium as gym\nimport wavegym\n\nenv = gym.make("{id}"{given})\n'
         f'envs = gym.make_vec("{id}", num_envs=64{given})\n```',
-        *(_chapter(heading, section(type(system), heading)) for heading in SECTIONS[:-1]),
+        *(_chapter(heading, section(type(system), heading)) for heading in SECTIONS),
         "## Actions",
         *(_actions(form, chosen) for form, chosen in _forms(system).items()),
         "## Observations",
@@ -171,18 +173,30 @@ def _kind(value: Any) -> str:
 
 
 def _parameters(system: System) -> str:
-    """Every parameter with its value in this environment."""
+    """Every parameter with its unit, its value in this environment, and what it means."""
     if not dataclasses.is_dataclass(system):
         return "None."
-    names = [field.name for field in dataclasses.fields(system)]
-    said = meanings(type(system), names)
-    rows = [(f"`{n}`", _value(getattr(system, n)), said.get(n) or mention(type(system), n)) for n in names]
-    return table(("parameter", "value", "meaning"), rows)
+    infos = parameter_infos(type(system))
+    rows = [(f"`{info.name}`", _value(getattr(system, info.name)), info.unit, info.description) for info in infos]
+    return table(("parameter", "value", "unit", "meaning"), rows)
 
 
 def _settings() -> str:
-    said = meanings(WaveformVectorEnv, SETTINGS)
-    return table(("setting", "meaning"), [(f"`{name}`", said[name]) for name in SETTINGS])
+    return table(("setting", "meaning"), [(f"`{name}`", meaning) for name, meaning in SETTINGS.items()])
+
+
+def summary(cls: type) -> str:
+    """First line of the docstring."""
+    return inspect.cleandoc(cls.__doc__ or "").partition("\n")[0]
+
+
+def section(cls: type, heading: str) -> str:
+    """The indented text under ``heading`` in the docstring of ``cls``, or of the nearest base class that has it."""
+    for base in cls.__mro__:
+        match = re.search(rf"^{heading}\n((?:[ \t]+.*\n?|\n)+)", inspect.cleandoc(base.__doc__ or ""), re.MULTILINE)
+        if match:
+            return inspect.cleandoc(match[1]).strip()
+    return ""
 
 
 def _value(value: Any) -> str:

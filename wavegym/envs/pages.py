@@ -7,8 +7,7 @@ from pathlib import Path
 
 import gymnasium as gym
 
-from wavegym.envs.describe import describe, table
-from wavegym.envs.docstrings import summary
+from wavegym.envs.describe import describe, summary, table
 from wavegym.registration import SYSTEMS
 
 

@@ -91,7 +91,7 @@ def _choices(comparison: Comparison, name: str) -> dict[str, Any]:
     counts = np.sum([member.chosen.sum(axis=0) for member in comparison.played[name]], axis=0)  # (sensor, waveform)
     if len(counts) < 2:
         return {}
-    labels = waveform_labels(comparison.task.system.actions)  # a box has no counts
+    labels = waveform_labels(comparison.task.system.actions)  # type: ignore[arg-type]  # a box has no counts
     orders, steps = np.argsort(-counts, axis=1, kind="stable"), counts[0].sum()
     shares = [
         {labels[i]: float(row[i] / steps) for i in order if row[i]} for row, order in zip(counts, orders, strict=True)

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from wavegym.core.errors import InputError, check_choice
-from wavegym.core.parameters import make_checked
+from wavegym.core.parameters import Count, NonNegative, Positive, make_checked
 from wavegym.registration import list_envs
 
 # What gymnasium.make_vec takes besides parameters of the environment, and what to do about it here.
@@ -31,11 +31,8 @@ SHELL = {
 }
 FILE = Path(__file__).with_name("settings.toml")
 
-Count = Annotated[int, Field(ge=1)]
 NonNegativeCount = Annotated[int, Field(ge=0)]
 Several = Annotated[int, Field(ge=2)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 

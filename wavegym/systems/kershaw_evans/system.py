@@ -11,21 +11,29 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
-from wavegym.core.errors import InputError, check_non_negative, check_ordered, check_positive, check_within
+from wavegym.core.errors import InputError, check_ordered, check_positive
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.parameters import Interval, NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.core.recursion import Recursion
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
-from wavegym.systems.kershaw_evans.state import Belief, PathSource, Truth, World, covariance_fields, path_source
-from wavegym.targets import MotionModel, constant_acceleration, constant_velocity
+from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
+from wavegym.systems.kershaw_evans.state import Belief, Truth, World, covariance_fields
+from wavegym.targets import (
+    MotionModel,
+    Segment,
+    constant_acceleration,
+    constant_velocity,
+    range_paths,
+    read_tracks,
+    windows,
+)
 from wavegym.trackers import predict, predict_covariance, update_covariance
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
@@ -33,7 +41,7 @@ SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
 MEASURED = 2  # range and range-rate
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid", arbitrary_types_allowed=True))
+@system_parameters
 class KershawEvans(System):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
@@ -59,61 +67,61 @@ class KershawEvans(System):
     Episode end
         Terminates after ``horizon`` steps; the time left is observed.
 
-    Arguments
-        carrier_hz: fc. reference_range: r0 in metres, where eta = 1. nearest_range: the SNR grows no further below it.
-        model: "cv" or "ca". q: process noise density (m^2/s^3; "ca": m^2/s^5). weights: diagonal of Lambda.
-        durations, sweeps: the library, every duration k (s) with every sweep (Hz, negative = down) at the chirp rate
-        g = pi |sweep| / (2 k). action: "library" (index) or "box" (log duration, and the signed sweep that sets
-        the chirp rate). targets: "random" (drawn from the model), "scripted" (drawn start, then
-        ``script``: pairs of seconds and m/s^2) or "recorded" (windows of the recording ``tracks``, a CSV file, seen
-        from ``radar``: latitude and longitude in degrees and altitude in metres, or x, y, z in metres where the file
-        gives metres; by default the middle of the recording, or its origin). farthest_range: recorded windows beyond it
-        are left out. smoothing: time constant in seconds against the jitter of a recording's time stamps.
-
     References
         D. J. Kershaw and R. J. Evans, "Optimal waveform selection for tracking systems", IEEE Transactions on
         Information Theory 40(5), 1536-1550, 1994.
     """
 
-    horizon: int = 50
-    dt: float = 1.0
-    carrier_hz: float = 10.4e9
-    reference_range: float = 50e3
-    nearest_range: float = 100.0
-    model: Literal["cv", "ca"] = "cv"
-    q: float = 1.0
-    weights: tuple[float, ...] = (1.0, 1.0)
-    durations: tuple[float, ...] = DURATIONS
-    sweeps: tuple[float, ...] = SWEEPS
-    action: Literal["library", "box"] = "library"
-    start_range: tuple[float, float] = (20e3, 40e3)
-    start_speed: tuple[float, float] = (-200.0, 200.0)
-    start_acceleration: tuple[float, float] = (-5.0, 5.0)
-    start_covariance: Literal["steady", "random"] = "steady"
-    prior_variance: tuple[float, ...] = (1e4, 1e4)
-    targets: Literal["random", "scripted", "recorded"] = "random"
-    script: tuple[tuple[float, float], ...] = ((15.0, 0.0), (10.0, 10.0), (10.0, -10.0))
-    tracks: Path | None = None
-    radar: tuple[float, ...] | None = None
-    farthest_range: float = 200e3
-    smoothing: float = 7.0
+    horizon: int = parameter(50, "steps in an episode", ge=1, le=100_000)
+    dt: float = parameter(1.0, "time step", unit="s", gt=0)
+    carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
+    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", gt=0)
+    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", gt=0)
+    model: Literal["cv", "ca"] = parameter("cv", "constant velocity or constant acceleration", unit="")
+    q: float = parameter(1.0, "process noise density (ca: m^2/s^5)", unit="m^2/s^3", ge=0)
+    weights: tuple[NonNegative, ...] = parameter((1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
+    durations: tuple[Positive, ...] = parameter(DURATIONS, "durations k of the library", unit="s", min_length=1)
+    sweeps: tuple[float, ...] = parameter(
+        SWEEPS,
+        "sweeps of the library, negative = down; the chirp rate is g = pi |sweep| / (2 k)",
+        unit="Hz",
+        min_length=1,
+    )
+    action: Literal["library", "box"] = parameter(
+        "library", "an index, or a point of a box: log duration, and the signed sweep that sets the chirp rate", unit=""
+    )
+    start_range: Interval = parameter((20e3, 40e3), "bounds of the first range", unit="m")
+    start_speed: Interval = parameter((-200.0, 200.0), "bounds of the first range-rate", unit="m/s")
+    start_acceleration: Interval = parameter((-5.0, 5.0), "bounds of the first acceleration (ca)", unit="m/s^2")
+    start_covariance: Literal["steady", "random"] = parameter("steady", "P0; see Starting state", unit="")
+    prior_variance: tuple[Positive, ...] = parameter(
+        (1e4, 1e4), "diagonal of P0 where start_covariance is random", unit="m^2, m^2/s^2"
+    )
+    targets: Literal["random", "scripted", "recorded"] = parameter(
+        "random", "drawn from the model, a drawn start followed by ``script``, or windows of ``tracks``", unit=""
+    )
+    script: tuple[tuple[float, float], ...] = parameter(
+        ((15.0, 0.0), (10.0, 10.0), (10.0, -10.0)), "segments: duration and acceleration", unit="s, m/s^2"
+    )
+    tracks: Path | None = parameter(None, "recording with targets='recorded': a CSV file", unit="")
+    radar: tuple[float, ...] | None = parameter(
+        None,
+        "where the recording is seen from: latitude, longitude (degrees) and altitude (m), or x, y, z (m) where the "
+        "file gives metres; by default the middle of the recording, or its origin",
+        unit="",
+    )
+    farthest_range: float = parameter(200e3, "recorded windows beyond it are left out", unit="m", gt=0)
+    smoothing: float = parameter(7.0, "time constant against the jitter of a recording's time stamps", unit="s")
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
-        for name in ("dt", "carrier_hz", "reference_range", "nearest_range", "farthest_range"):
-            check_positive(name, getattr(self, name))
-        check_non_negative("q", self.q)
-        check_within("horizon", self.horizon, 1, 100_000, "steps")
+        """Check what single fields cannot say."""
         check_positive("lower bound of start_range", self.start_range[0], "m")
         n = 3 if self.model == "ca" else 2
         for name in ("weights", "prior_variance"):
             values = getattr(self, name)
             if len(values) != n:
                 raise InputError(f"{name} is {values}, expected {n} numbers for model={self.model!r}")
-            for value in values:
-                check_non_negative(name, value)
         check_positive("sum of weights", sum(self.weights))
-        check_positive("least prior_variance", min(self.prior_variance))
         for name in ("start_range", "start_speed", "start_acceleration"):
             check_ordered(name, *getattr(self, name))
         self.library, self.actions, self._paths  # noqa: B018  (an invalid pulse or recording is reported here)
@@ -161,7 +169,32 @@ class KershawEvans(System):
 
     @cached_property
     def _paths(self) -> PathSource:
-        return path_source(self)
+        """The source of true paths that ``targets`` names."""
+        if self.targets == "recorded":
+            return self._recorded()
+        for name in ("tracks", "radar"):
+            if getattr(self, name) is not None:
+                given = f"{name} is {getattr(self, name)!s} with targets={self.targets!r}"
+                raise InputError(f"{given}, expected it with targets='recorded' only")
+        low, high = np.array([self.start_range, self.start_speed, self.start_acceleration])[: len(self.weights)].T
+        if self.targets == "random":
+            return RandomPath(self.motion, low, high - low)
+        segments = tuple(Segment(seconds, acceleration=(a,)) for seconds, a in self.script)
+        return ScriptedRange(low, high - low, segments, self.dt * np.arange(self.horizon + 1))
+
+    def _recorded(self) -> RecordedRange:
+        """Windows of ``tracks`` as seen from ``radar``: geographic for degrees, in metres for metres."""
+        if self.tracks is None:
+            raise InputError("targets='recorded' needs a recording, expected tracks='FILE.csv'")
+        tracks = read_tracks(self.tracks)
+        place: tuple[float, ...] = (0.0, 0.0, 0.0)
+        if self.radar is not None and tracks[0].origin is not None:
+            tracks = read_tracks(self.tracks, origin=self.radar)
+        elif self.radar is not None:
+            place = (*self.radar, 0.0)[:3]
+        positions = windows(tracks, self.dt, self.horizon, smoothing=self.smoothing)
+        limits = (self.nearest_range, self.farthest_range)
+        return RecordedRange(range_paths(positions, place, acceleration=self.model == "ca", limits=limits))
 
     @cached_property
     def _model(self) -> tuple[Array, Array, Array]:
@@ -269,7 +302,7 @@ class KershawEvans(System):
         return {"position_error": out[0], "velocity_error": out[1], "nees": out[2]}
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid", arbitrary_types_allowed=True))
+@system_parameters
 class KershawEvansPosition(KershawEvans):
     """Kershaw & Evans's loop where looking ahead pays: only position counts, and the target manoeuvres.
 
@@ -287,9 +320,9 @@ class KershawEvansPosition(KershawEvans):
         diag(1e4 m^2, 1e4 m^2/s^2) (``prior_variance``), each entry times 10^U(-1, 1) (``start_covariance="random"``).
     """
 
-    q: float = 100.0
-    weights: tuple[float, ...] = (1.0, 0.0)
-    sweeps: tuple[float, ...] = SWEEPS[:7]
-    start_range: tuple[float, float] = (15e3, 25e3)
-    start_speed: tuple[float, float] = (0.0, 300.0)
-    start_covariance: Literal["steady", "random"] = "random"
+    q: float = changed_default(KershawEvans, "q", 100.0)
+    weights: tuple[NonNegative, ...] = changed_default(KershawEvans, "weights", (1.0, 0.0))
+    sweeps: tuple[float, ...] = changed_default(KershawEvans, "sweeps", SWEEPS[:7])
+    start_range: Interval = changed_default(KershawEvans, "start_range", (15e3, 25e3))
+    start_speed: Interval = changed_default(KershawEvans, "start_speed", (0.0, 300.0))
+    start_covariance: Literal["steady", "random"] = changed_default(KershawEvans, "start_covariance", "random")
