@@ -1,0 +1,233 @@
+"""The street's runs, and every kind of number against direct computation from them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+from urban_runs import SEED, STREETS
+
+from wavegym.errors import InputError
+from wavegym.evaluation import statistics
+from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.reproduce import urban
+from papers.estimates import rms_estimate, rms_ratio
+from papers.urban.study import (
+    CASES,
+    CHUNK,
+    CLOSED,
+    FILTERS,
+    GHOSTS,
+    LONG,
+    LOOSE,
+    NCV1,
+    OPEN,
+    POLICIES,
+    RANDOM,
+    SETTINGS,
+    STARTS,
+    STRICT,
+    Case,
+    play,
+    system,
+)
+from papers.urban.motion_models import models, phases, probability
+from papers.urban.numbers import confirmed_curve, rmse_curve
+from papers.urban.pictures import no_target
+from wavegym.schedulers.names import make_policy
+from wavegym.trackers import Tracks
+from wavegym.trackers.street import CONFIRMED, EMPTY
+
+SCANS = 140
+THERE = 140 + 101  # scans of the first target and of the second, which comes at the fortieth
+
+
+def test_every_filter_meets_every_policy(street_study):
+    wanted = {(s, True, f, p) for s in SETTINGS for f in FILTERS for p in POLICIES}
+    wanted |= {(s, False, *loop) for s in SETTINGS for loop in (CLOSED, OPEN)}
+    wanted |= {(s, True, *loop) for s in STARTS for loop in (CLOSED, OPEN)}
+    assert set(street_study.runs) == wanted
+    for case, runs in street_study.runs.items():
+        assert runs.confirmed.shape == (STREETS, SCANS)
+        loop = system(case)
+        assert (loop.vaguest, loop.ghosts) == (STARTS[case.setting], case.ghosts)
+        assert (loop.tracker, loop.sigma) == {"VS-IMM": ("vsimm", 0.25), "NCV": ("ncv", 0.25)}.get(
+            case.filter, ("ncv", 1.0)
+        )
+    assert list(system(CASES[0]).durations).index(max(system(CASES[0]).durations)) == int(LONG[-1]) // 2
+
+
+@pytest.mark.parametrize(
+    "case", [Case(LOOSE, True, *CLOSED), Case(STRICT, False, *OPEN), Case(LOOSE, True, NCV1, RANDOM)]
+)
+def test_runs_are_those_of_the_system(street_study, case):
+    """Replayed, and what is kept computed target by target."""
+    assert STREETS <= CHUNK  # random choices follow from the first world of a batch
+    runs, loop, seeds = street_study.runs[case], system(case), world_seeds(SEED, "test", STREETS)
+    worlds, policy = draw_worlds(loop, seeds), make_policy(case.policy, loop, None)
+    policy.begin(loop, STREETS, np.random.default_rng([word("policy"), seeds[0]]))
+    state = loop.begin(worlds)
+    for k in range(SCANS):
+        np.testing.assert_array_equal(runs.tracked[:, k], [(row != EMPTY).any() for row in state.public.status])
+        action = policy.act(state.public, None, None)
+        np.testing.assert_array_equal(runs.action[:, k], action)
+        state = loop.advance(state, action, worlds)
+        told, (x, _) = loop.metrics(state), Tracks(*state.public[1:]).combined()
+        names = ("confirmed", "false", "held", "position_error", "lost", "gospa")
+        for name, kept in zip(names, runs[:6], strict=True):
+            np.testing.assert_array_equal(kept[:, k], told[name])
+        for e in range(STREETS):
+            sure = state.public.status[e] == CONFIRMED
+            np.testing.assert_array_equal(runs.place[e, k, sure], x[e, sure, :4])
+            assert np.isnan(runs.place[e, k, ~sure]).all()
+            for g in range(2):
+                if not told["held"][e, g]:
+                    assert np.isnan(runs.mu[e, k, g]).all()
+                    continue
+                off = {s: math.dist(x[e, s, :2], state.hidden.truth[e, g, :2]) for s in np.flatnonzero(sure)}
+                np.testing.assert_array_equal(runs.mu[e, k, g], state.public.mu[e, min(off, key=off.__getitem__)])
+
+
+def rmse(runs):
+    return math.sqrt(sum(e**2 for e in runs.error[runs.held]) / runs.held.sum())
+
+
+def test_numbers_follow_from_the_runs(street_study, street_summary):
+    assert street_summary["command"] == f"python -m papers urban --runs {STREETS} --seed {SEED}"
+    assert street_summary["seen"] == pytest.approx(system(CASES[0]).scene.direct[1:].sum() / THERE)
+    for case, runs in street_study.runs.items():
+        if case.setting not in SETTINGS:
+            continue
+        told = street_summary["settings"][case.setting]["systems"][GHOSTS[case.ghosts]][case.filter][case.policy]
+        assert told["confirmed"]["mean"] == pytest.approx(runs.confirmed.mean())
+        assert told["rmse"]["mean"] == pytest.approx(rmse(runs))
+        assert told["held"]["mean"] == pytest.approx(runs.held.sum() / (STREETS * THERE))
+        assert told["lost"]["mean"] == pytest.approx(runs.lost.sum() / STREETS / system(case).scene.direct[1:].sum())
+        assert told["gospa"]["mean"] == pytest.approx(runs.gospa.mean())
+        assert told["false"]["mean"] == pytest.approx(runs.false.mean())
+        assert told["false_tracks"]["mean"] == pytest.approx(runs.origins.sum() / STREETS)
+        made_of = [of["mean"] for of in told["false_tracks"]["origins"].values()]
+        assert sum(made_of) == pytest.approx(told["false_tracks"]["mean"])
+        losses = sum(
+            runs.held[e, k - 1, g] and not runs.held[e, k, g]
+            for e in range(STREETS) for k in range(1, SCANS) for g in range(2)
+        )  # fmt: skip
+        assert told["losses"]["mean"] == pytest.approx(losses / STREETS)
+        shares = [np.mean(runs.action[e, runs.tracked[e]] >= 2) for e in range(STREETS)]
+        assert told["long"]["mean"] == pytest.approx(np.mean(shares))
+        for key, loop in (("over_closed", CLOSED), ("over_open", OPEN)):
+            other = street_study.of(case.setting, loop, case.ghosts)
+            assert told[key]["rmse"]["ratio"] == pytest.approx(rmse(runs) / rmse(other))
+            assert told[key]["confirmed"]["ratio"] == pytest.approx(runs.confirmed.mean() / other.confirmed.mean())
+            assert told[key]["held"]["ratio"] == pytest.approx(runs.held.sum() / other.held.sum())
+            assert told[key]["gospa"]["ratio"] == pytest.approx(runs.gospa.mean() / other.gospa.mean())
+
+
+def test_starts_are_told_from_strict_to_loose(street_study, street_summary):
+    assert [of["vaguest"] for of in street_summary["starts"]] == sorted(STARTS.values())
+    assert SETTINGS == {LOOSE: 12.0, STRICT: 5.0} == {name: STARTS[name] for name in SETTINGS}
+    for name, told in zip(STARTS, street_summary["starts"], strict=True):
+        closed, opened = (street_study.of(name, loop) for loop in (CLOSED, OPEN))
+        assert told["over_open"]["confirmed"]["ratio"] == pytest.approx(closed.confirmed.sum() / opened.confirmed.sum())
+        assert told["over_open"]["rmse"]["ratio"] == pytest.approx(rmse(closed) / rmse(opened))
+        assert told["false_tracks"]["mean"] == pytest.approx(closed.origins.sum() / STREETS)
+        assert told["false_tracks_open"]["mean"] == pytest.approx(opened.origins.sum() / STREETS)
+
+
+def test_ghost_logic_is_told_against_none(street_study, street_summary):
+    for setting in SETTINGS:
+        for name, loop in (("closed", CLOSED), ("open", OPEN)):
+            told = street_summary["settings"][setting]["ghosts_over_none"][name]
+            ours, none = (street_study.of(setting, loop, ghosts) for ghosts in (True, False))
+            assert told["held"]["ratio"] == pytest.approx(ours.held.sum() / none.held.sum())
+            if none.origins.sum():
+                assert told["false_tracks"]["ratio"] == pytest.approx(ours.origins.sum() / none.origins.sum())
+
+
+def test_curves_are_means_over_runs(street_study):
+    runs = street_study.of(LOOSE, CLOSED)
+    np.testing.assert_allclose([e.value for e in confirmed_curve(runs, 0)], runs.confirmed.mean(axis=0))
+    for k, found in enumerate(rmse_curve(runs, 0)):
+        errors = runs.error[:, k][runs.held[:, k]]
+        if not len(errors):
+            assert found == (None, None)
+        else:
+            assert found.value == pytest.approx(math.sqrt(np.mean(errors**2)))
+    for model in range(4):
+        for k, found in enumerate(probability(runs.mu, 0, model, 0)):
+            of = [p for p in runs.mu[:, k, 0, model] if not math.isnan(p)]
+            assert found.value == (pytest.approx(np.mean(of)) if of else None)
+
+
+def test_a_root_mean_square_has_an_interval_that_scales_with_it():
+    rng = np.random.default_rng(0)
+    counts = rng.integers(5, 50, 40)
+    squares = counts * rng.exponential(size=40)
+    found, tenfold = (rms_estimate(scale**2 * squares, counts, 0) for scale in (1.0, 10.0))
+    assert found.value == pytest.approx(math.sqrt(squares.sum() / counts.sum()))
+    assert tenfold.ci == pytest.approx([10 * end for end in found.ci])
+    drawn = rng.integers(40, size=(20000, 40))
+    plain = np.quantile(np.sqrt(squares[drawn].sum(axis=1) / counts[drawn].sum(axis=1)), [0.025, 0.975])
+    width = found.ci[1] - found.ci[0]
+    assert found.ci == pytest.approx(plain, abs=0.2 * width)  # BCa moves the ends, a little
+    same = rms_ratio((4.0 * squares, counts), (squares, counts), 0)
+    assert (same["ratio"], same["ci"]) == (pytest.approx(2.0), pytest.approx([2.0, 2.0]))
+
+
+def test_any_statistic_of_worlds_has_the_interval_of_the_mean():
+    values = np.random.default_rng(0).exponential(size=30)
+    found = statistics.of_worlds(lambda worlds: values[worlds].mean(axis=-1), 30, np.random.default_rng(1))
+    assert found == statistics.mean(values[None], np.random.default_rng(1))
+
+
+def test_phases_are_the_paper_s():
+    """Five seconds each, ten of turn, at four scans a second; the second target ten seconds later."""
+    loop = system(CASES[0])
+    edges = [("driving in", 0, 20), ("braking", 20, 40), ("left turn", 40, 80), ("speeding up", 80, 100)]
+    assert [tuple(phase) for phase in phases(loop, 0)] == [*edges, ("driving on", 100, 140)]
+    assert [tuple(phase) for phase in phases(loop, 1)] == [(name, a + 40, b + 40) for name, a, b in edges]
+
+
+def test_a_model_is_known_from_where_it_stays_above():
+    """NCV of target 1 while it drives on, in three runs; one does not hold it at first."""
+    mu = np.full((3, SCANS, 1, 4), 0.25)
+    mu[:, 99:, 0, 0] = np.linspace(0.41, 0.81, 41)[None, :] + [[0.0], [0.05], [0.1]]
+    mu[2, 99:110, 0] = np.nan
+    told = models(mu, system(CASES[0]), 0)[0][-1]
+    assert (told["phase"], told["first"], told["last"], told["expected"]) == ("driving on", 105, 140, "NCV")
+    each = [np.nanmean(mu[:, k - 1, 0, 0]) for k in range(101, 141)]
+    assert told["least"]["mean"] == pytest.approx(each[4])
+    assert told["least"]["scan"] == 105
+    assert told["known_from"] == 101 + next(i for i, p in enumerate(each) if p > 0.8)
+    by_run = [np.nanmean(mu[run, 104:140, 0, 0]) for run in range(3)]
+    assert told["mean"]["NCV"]["mean"] == pytest.approx(np.mean(by_run))
+    flat = models(np.full((3, SCANS, 1, 4), 0.25), system(CASES[0]), 0)[0][-1]
+    assert flat["known_from"] is None
+    none = models(np.full((3, SCANS, 1, 4), np.nan), system(CASES[0]), 0)[0][-1]
+    assert (none["least"]["mean"], none["least"]["scan"], none["mean"]["NCV"]["mean"]) == (None, None, None)
+
+
+def test_figure_3_marks_the_tracks_that_the_metrics_call_false(street_study):
+    for loop in (CLOSED, OPEN):
+        runs = street_study.of(LOOSE, loop)
+        far = no_target(system(Case(LOOSE, True, *loop)), runs.place[0])
+        np.testing.assert_array_equal(far.sum(axis=1), runs.false[0])
+
+
+def test_shares_of_all_scans_have_exact_intervals(street_summary):
+    """Myopic sends the long pulse whenever there is a track, in every run."""
+    told = street_summary["settings"][STRICT]["systems"][GHOSTS[True]][CLOSED[0]][CLOSED[1]]["long"]
+    exact = binomtest(STREETS, STREETS).proportion_ci(0.95, method="exact")
+    assert told == {"mean": 1.0, "ci": pytest.approx([exact.low, exact.high])}
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [({"runs": 0}, "runs is 0"), ({"jobs": 0}, "jobs is 0"), ({"root": -1}, "seed is -1")],
+)
+def test_mistakes_are_told_before_any_street_is_played(monkeypatch, settings, words):
+    monkeypatch.setattr(urban, "_play", None)
+    with pytest.raises(InputError, match=words):
+        play(**settings)
