@@ -89,5 +89,5 @@ def _starts(summary: dict[str, Any]) -> Iterator[Claim]:
     """The strictest limit for new tracks against the loosest."""
     strictest, *_, loosest = (increase_of(ratio_of(of["over_open"]["confirmed"])) for of in summary["starts"])
     if loosest.ci is not None:
-        text = "The gain in confirmed tracks depends on how tracks start: %, against the interval of the loosest start"
+        text = "The gain in confirmed tracks is larger with strict starts: %, against the interval of the loosest start"
         yield claim(text, "strictest start", strictest, Limit(low=loosest.ci[1]), digits=1)

@@ -1,32 +1,31 @@
 from __future__ import annotations
 
 import pytest
-from rf_eo_runs import RUNS, SEED, STEPS
-from urban_runs import SEED as STREET_SEED
-from urban_runs import STREETS
+from small_studies import RF_EO_RUNS, RF_EO_SEED, RF_EO_STEPS, URBAN_RUNS, URBAN_SEED
 
-from wavegym.reproduce import rf_eo, rf_eo_numbers, urban, urban_numbers
+from papers.rf_eo import numbers as rf_eo_numbers
+from papers.rf_eo import study as rf_eo
+from papers.urban import numbers as urban_numbers
+from papers.urban import study as urban
 
 
 @pytest.fixture(scope="session")
-def platforms_study():
+def rf_eo_study():
     """Every policy of both scenes, a few steps of a few worlds."""
-    return rf_eo.play(RUNS, SEED, 1, 2, STEPS)
+    return rf_eo.play(RF_EO_RUNS, RF_EO_SEED, 1, tuning=2, horizon=RF_EO_STEPS)
 
 
 @pytest.fixture(scope="session")
-def platforms_summary(platforms_study):
-    """What its summary.json holds."""
-    return rf_eo_numbers.summarise(platforms_study)
+def rf_eo_summary(rf_eo_study):
+    return rf_eo_numbers.summarise(rf_eo_study)
 
 
 @pytest.fixture(scope="session")
-def street_study():
+def urban_study():
     """Every filter with every policy, whole episodes of a few worlds."""
-    return urban.play(STREETS, STREET_SEED, 1)
+    return urban.play(URBAN_RUNS, URBAN_SEED, 1)
 
 
 @pytest.fixture(scope="session")
-def street_summary(street_study):
-    """What its summary.json holds."""
-    return urban_numbers.summarise(street_study)
+def urban_summary(urban_study):
+    return urban_numbers.summarise(urban_study)

@@ -8,15 +8,18 @@ import mistakes
 import numpy as np
 import pytest
 
-from wavegym.evaluation import statistics
-from wavegym.reproduce import agile_clutter, contents, rf_eo, rf_eo_files, urban, urban_files, work
+from papers import agile_clutter, contents, rf_eo, seeds, urban, work
 from papers.__main__ import main
+from papers.agile_clutter import study as agile_clutter_study
 from papers.agile_clutter.study import FREE, FULL, POLICIES, names
 from papers.agile_clutter.table import markdown
+from papers.rf_eo import study as rf_eo_study
 from papers.rf_eo.adaptation import QUANTILES
 from papers.rf_eo.numbers import shown
 from papers.rf_eo.pictures import CURVES, TRACKS
+from papers.urban import study as urban_study
 from papers.urban.pictures import NAMES
+from wavegym.evaluation import statistics
 
 FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json"}
 
@@ -33,8 +36,8 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
-def test_the_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
-    monkeypatch.setattr(agile_clutter, "CHUNK", 3)
+def test_the_agile_chirps_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+    monkeypatch.setattr(agile_clutter_study, "CHUNK", 3)
     for jobs in "12":
         assert main(["agile_clutter", "--runs", "8", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
     assert {path.name for path in (tmp_path / "1").iterdir()} == FILES
@@ -54,29 +57,29 @@ def test_the_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, q
         shown = [row for row in figure3 if row["policy"] == policy]
         share = np.array([float(row["share"]) for row in shown]).reshape(-1, len(offered))
         np.testing.assert_allclose(share.sum(axis=1), 1.0)
-        told = summary["trackers"]["jpda"]["clutter"]["choices"][policy]["share"]["all"]
-        np.testing.assert_allclose(share.mean(axis=0), [told[law]["mean"] for law in offered], atol=1e-15)
+        reported = summary["trackers"]["jpda"]["clutter"]["choices"][policy]["share"]["all"]
+        np.testing.assert_allclose(share.mean(axis=0), [reported[law]["mean"] for law in offered], atol=1e-15)
         assert (np.array([int(row["typical"]) for row in shown]).reshape(-1, len(offered)).sum(axis=1) == 1).all()
     for name in ("figure2.png", "figure3.png"):
         assert (tmp_path / "1" / name).read_bytes().startswith(b"\x89PNG")
 
 
 def without_times(summary):
-    """``summary`` without what a clock told."""
+    """``summary`` without what a clock reported."""
     if isinstance(summary, dict):
         return {key: without_times(value) for key, value in summary.items() if key != "us_per_decision"}
     return summary
 
 
 @pytest.mark.slow
-def test_the_platforms_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+def test_the_platforms_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
     monkeypatch.setattr(rf_eo, "play", partial(rf_eo.play, tuning=2, horizon=6))
     for jobs in "12":
         assert main(["rf_eo", "--runs", "6", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    assert {path.name for path in (tmp_path / "1").iterdir()} == set(rf_eo_files.FILES)
+    assert {path.name for path in (tmp_path / "1").iterdir()} == set(rf_eo.FILES)
     first, second = (json.loads((tmp_path / jobs / "summary.json").read_text()) for jobs in "12")
     assert without_times(first) == without_times(second)
-    for name in rf_eo_files.FILES[:-1]:
+    for name in rf_eo.FILES[:-1]:
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
     assert "| lookahead:10 |" in capsys.readouterr().out
     figure2, figure3, figure4 = (rows(tmp_path / "1" / f"figure{n}.csv") for n in (2, 3, 4))
@@ -91,19 +94,19 @@ def test_the_platforms_files_tell_the_same_whatever_the_number_of_jobs(tmp_path,
 
 
 @pytest.mark.slow
-def test_the_street_s_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
-    monkeypatch.setattr(urban, "CHUNK", 2)
+def test_the_urban_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+    monkeypatch.setattr(urban_study, "CHUNK", 2)
     for jobs in "12":
         assert main(["urban", "--runs", "3", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    assert {path.name for path in (tmp_path / "1").iterdir()} == set(urban_files.FILES)
-    for name in urban_files.FILES:
+    assert {path.name for path in (tmp_path / "1").iterdir()} == set(urban.FILES)
+    for name in urban.FILES:
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
     assert "| loose | ghost logic | closed |" in capsys.readouterr().out
     figure3, figure4, figure5, figure6 = (rows(tmp_path / "1" / f"figure{n}.csv") for n in (3, 4, 5, 6))
     assert [sum((r["of"], r["number"]) == ("target", n) for r in figure3) for n in "12"] == [140, 101]
     assert all((row["no_target"] == "") == (row["of"] == "target") for row in figure3)
-    curves = len(urban.SETTINGS) * len(NAMES) * 140
-    assert (len(figure4), len(figure5), len(figure6)) == (curves, curves, len(urban.SETTINGS) * 2 * 4 * 140)
+    curves = len(urban_study.SETTINGS) * len(NAMES) * 140
+    assert (len(figure4), len(figure5), len(figure6)) == (curves, curves, len(urban_study.SETTINGS) * 2 * 4 * 140)
     assert all((row["rms"] == "") == (float(row["held"]) == 0) for row in figure5)
     for row in figure6:
         assert (row["probability"] == "") == (row["runs"] == "0")
@@ -111,13 +114,50 @@ def test_the_street_s_files_tell_the_same_whatever_the_number_of_jobs(tmp_path, 
 
 
 def test_an_interrupted_command_keeps_what_is_done(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(rf_eo, "POLICIES", {rf_eo.PUBLISHED: (rf_eo.ADAPTIVE,), rf_eo.FAR: (rf_eo.ADAPTIVE,)})
+    few = dict.fromkeys(rf_eo_study.SCENES, (rf_eo_study.ADAPTIVE,))
+    monkeypatch.setattr(rf_eo_study, "POLICIES", few)
     monkeypatch.setattr(rf_eo, "play", partial(rf_eo.play, tuning=2, horizon=2))
     assert main(["rf_eo", "--runs", "1", "--jobs", "1", "--out", str(tmp_path)]) != 0  # fewer policies than are drawn
     (store,) = tmp_path.iterdir()
     assert store.name.startswith(work.PREFIX)
     assert list(store.rglob("output.pkl"))
     assert capsys.readouterr().err.startswith("error: ")
+
+
+def test_a_stored_run_is_not_played_again(tmp_path, monkeypatch):
+    """Every paper continues after an interruption."""
+    monkeypatch.setattr(urban_study, "CASES", urban_study.CASES[:1])
+    first = urban.play(1, 3, 1, store=tmp_path)
+    stored = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("output.pkl")}
+    again = urban.play(1, 3, 1, store=tmp_path)
+    assert stored == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("output.pkl")}
+    assert len(stored) == 1
+    for case, runs in first.runs.items():
+        for one, other in zip(runs, again.runs[case], strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("place", ["a/kernels.py", "b/study.py"])
+def test_results_of_other_sources_are_not_used(tmp_path, monkeypatch, place):
+    """A change in either package changes the name of the hidden folder."""
+    sources = [tmp_path / "a" / "kernels.py", tmp_path / "b" / "study.py"]
+    for source in sources:
+        source.parent.mkdir()
+        source.write_text("x = 1\n")
+    monkeypatch.setattr(work, "PACKAGES", tuple(source.parent for source in sources))
+    first = work.sources_hash()
+    assert first == work.sources_hash()
+    (tmp_path / place).write_text("x = 2\n")
+    assert first != work.sources_hash()
+
+
+def test_both_packages_are_in_the_hash():
+    assert [package.name for package in work.PACKAGES] == ["wavegym", "papers"]
+    assert all((package / "__init__.py").is_file() for package in work.PACKAGES)
+
+
+def test_strings_that_seed_random_numbers_are_frozen():
+    assert (seeds.TEST, seeds.TUNE, seeds.POLICY, seeds.BOOTSTRAP) == ("test", "tune", "policy", "bootstrap")
 
 
 @pytest.mark.parametrize(

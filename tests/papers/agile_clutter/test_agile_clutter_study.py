@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from wavegym.errors import InputError
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.reproduce import agile_clutter
+from papers import claims
+from papers.agile_clutter import study as agile_clutter
+from papers.agile_clutter.claims import check_claims
+from papers.agile_clutter.numbers import DROP, JUMP, WINDOWS, curve, shares, summarise, typical
 from papers.agile_clutter.study import (
     AGILE,
     BEST_FIXED,
@@ -27,10 +28,10 @@ from papers.agile_clutter.study import (
     play,
     scene,
 )
-from papers.agile_clutter.claims import findings
-from papers.agile_clutter.numbers import DROP, JUMP, WINDOWS, curve, shares, summarise, typical
 from papers.agile_clutter.table import markdown
 from papers.estimates import share_estimate
+from wavegym.errors import InputError
+from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
 from wavegym.schedulers.tuning import best_fixed
 from wavegym.systems.agile_clutter import AgileClutter
@@ -40,7 +41,7 @@ RUNS, SEED = 8, 3
 
 @pytest.fixture(scope="module")
 def study():
-    return play(("jpda",), runs=RUNS, root=SEED, jobs=1, tuning=2)
+    return play(RUNS, SEED, 1, tuning=2)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +51,7 @@ def both():
         patch.setattr(agile_clutter, "CONVERGENCE_RUNS", 3)
         patch.setattr(agile_clutter, "SHORTLIST", 4)
         patch.setattr(agile_clutter, "POLICIES", (FULL, *CONSTANT))
-        return play(("jpda", "particle"), runs=4, root=SEED, jobs=1, tuning=2)
+        return play(4, SEED, 1, tracker="both", tuning=2)
 
 
 @pytest.fixture(scope="module")
@@ -186,25 +187,25 @@ def test_jump_drop_and_shares_are_of_the_kept_runs(study, summary):
 @pytest.mark.parametrize("policy", [FULL, FREE])
 @pytest.mark.parametrize("clutter", ["clutter", "no clutter"])
 def test_choices_are_those_of_the_kept_runs(study, summary, clutter, policy):
-    runs, told = study.of("jpda", clutter)[policy], summary["trackers"]["jpda"][clutter]["choices"][policy]
+    runs, reported = study.of("jpda", clutter)[policy], summary["trackers"]["jpda"][clutter]["choices"][policy]
     law = np.array(names(policy))[runs.law[~runs.lost.any(axis=1)]]
     for i, name in enumerate(names(policy)):
         np.testing.assert_allclose(shares(runs, len(names(policy)))[..., i], (law == name).mean(axis=0), atol=1e-15)
-        assert told["share"]["all"][name]["mean"] == pytest.approx((law == name).mean())
-        assert told["share"]["jump"][name]["mean"] == pytest.approx((law[:, 7] == name).mean())
-        assert told["share"]["late"][name]["mean"] == pytest.approx((law[:, 19:25] == name).mean())
-    for kind, early in told["kind"]["early"].items():
+        assert reported["share"]["all"][name]["mean"] == pytest.approx((law == name).mean())
+        assert reported["share"]["jump"][name]["mean"] == pytest.approx((law[:, 7] == name).mean())
+        assert reported["share"]["late"][name]["mean"] == pytest.approx((law[:, 19:25] == name).mean())
+    for kind, early in reported["kind"]["early"].items():
         assert early["mean"] == pytest.approx(np.char.startswith(law[:, :3], kind).mean())
-    assert (told["linear"]["choices"], told["linear"]["of"]) == ((law == "LFM").sum(), law.size)
-    assert any((np.transpose(told["typical"]) == run).all() for run in law)
+    assert (reported["linear"]["choices"], reported["linear"]["of"]) == ((law == "LFM").sum(), law.size)
+    assert any((np.transpose(reported["typical"]) == run).all() for run in law)
 
 
 def test_intervals_of_shares_are_exact_where_a_bootstrap_knows_nothing(summary):
     """Of 0 of n runs the upper bound is 1 - 0.025^(1/n)."""
-    told, bound = summary["trackers"]["jpda"]["no clutter"], 1 - 0.025 ** (1 / RUNS)
-    assert told["policies"][FULL]["kept"] == {"mean": 1.0, "ci": pytest.approx([1 - bound, 1.0])}
-    assert told["choices"][FULL]["linear"]["ci"] == pytest.approx([0.0, bound])
-    assert told["choices"][FULL]["kind"]["late"]["LFM"]["ci"] == pytest.approx([0.0, bound])
+    reported, bound = summary["trackers"]["jpda"]["no clutter"], 1 - 0.025 ** (1 / RUNS)
+    assert reported["policies"][FULL]["kept"] == {"mean": 1.0, "ci": pytest.approx([1 - bound, 1.0])}
+    assert reported["choices"][FULL]["linear"]["ci"] == pytest.approx([0.0, bound])
+    assert reported["choices"][FULL]["kind"]["late"]["LFM"]["ci"] == pytest.approx([0.0, bound])
     half = share_estimate(np.full(RUNS, 0.5), 0)
     assert half == (0.5, pytest.approx((0.5 - bound / 2, 0.5 + bound / 2)))
     low, high = share_estimate(np.array([1.0] * 7 + [0.0] * 3), 0).ci
@@ -225,7 +226,7 @@ def test_the_typical_run_is_the_kept_one_most_like_the_others():
     assert typical(made(law, lost)).tolist() == [[1, 1], [2, 1]]
 
 
-def test_where_no_run_is_kept_there_is_nothing_to_tell(study):
+def test_where_no_run_is_kept_there_are_no_numbers(study):
     runs = made(np.zeros((3, 32, 2), int), np.ones((3, 2), bool))
     assert np.isnan(shares(runs, 4)).all()
     assert (typical(runs) == -1).all()
@@ -235,7 +236,9 @@ def test_where_no_run_is_kept_there_is_nothing_to_tell(study):
     policies = summary["trackers"]["jpda"]["clutter"]["policies"]
     assert policies[FULL]["mse_kept"] == {"mean": None, "ci": None, "median": None, "runs": 0}
     assert policies[LIBRARY]["ratio_kept"]["ratio"] is None
-    assert "nan" not in f"{findings(summary)}{markdown(summary)}"
+    text = f"{markdown(summary)}{claims.markdown(check_claims(summary))}"
+    assert "nan" not in text
+    assert "None" not in text
 
 
 @pytest.mark.parametrize(
@@ -245,10 +248,10 @@ def test_where_no_run_is_kept_there_is_nothing_to_tell(study):
         ({"jobs": 0}, "jobs is 0"),
         ({"root": -1}, "seed is -1"),
         ({"tuning": 0}, "tuning is 0"),
-        ({"trackers": ("kalman",)}, "tracker is 'kalman'"),
+        ({"tracker": "kalman"}, "tracker is 'kalman'"),
     ],
 )
-def test_mistakes_are_told_before_anything_is_played(monkeypatch, settings, words):
+def test_mistakes_are_found_before_any_run(monkeypatch, settings, words):
     monkeypatch.setattr(agile_clutter, "_play", None)
     with pytest.raises(InputError, match=words):
-        play(**settings)
+        play(**{"runs": 1, **settings})

@@ -1,4 +1,4 @@
-"""What is counted of RF/EO platforms' choices: what they miss, jumps of the PRF, the finest pixels."""
+"""Missed measurements, jumps of the PRF and the finest pixels, in cases that are clear by hand."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.reproduce import rf_eo
-from papers.rf_eo.study import ADAPTIVE, PUBLISHED, SCENES, Case, Runs, system
+from papers.rf_eo import study as rf_eo
 from papers.rf_eo.adaptation import adaptation, jumps
+from papers.rf_eo.study import ADAPTIVE, PUBLISHED, SCENES, Case, Runs, system
+from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.names import make_policy
 from wavegym.systems.rf_eo import RfEo
 
@@ -31,7 +31,7 @@ def in_view(x, place, settings, loop):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_missed_are_quantities_in_view_as_predicted_but_not_in_truth(scene):
+def test_missed_are_quantities_that_only_the_prediction_has_in_view(scene):
     loop = system(Case(scene, "random", horizon=30))
     world = draw_worlds(loop, world_seeds(1, "test", 4))
     policy = make_policy("random", loop, None)
@@ -45,7 +45,7 @@ def test_missed_are_quantities_in_view_as_predicted_but_not_in_truth(scene):
         action = policy.act(state.public, None, None)
         settings = loop.menu.settings(action)
         after = loop.advance(state, action, world)
-        told = rf_eo._missed(loop, state, after, settings)
+        reported = rf_eo._missed(loop, state, after, settings)
         for env in range(4):
             count = 0
             for target in range(2):
@@ -55,7 +55,7 @@ def test_missed_are_quantities_in_view_as_predicted_but_not_in_truth(scene):
                         in_view(predicted, place, chosen, loop), in_view(truth, place, chosen, loop), strict=True
                     )
                     count += sum(there and not here for there, here in views)
-            assert told[env] == count
+            assert reported[env] == count
             total += count
         state = after
     assert total > 0
@@ -65,8 +65,8 @@ def test_missed_are_quantities_in_view_as_predicted_but_not_in_truth(scene):
     "scenario",
     [{}, {"nearest_range": 1500.0}, {"as_printed": True}, {"out_of_view": "inflated", "nearest_range": 1500.0}],
 )
-def test_what_is_in_view_is_what_the_system_measures(scenario):
-    """One of the library's pixel angles shows the full circle: then also what is behind a platform."""
+def test_the_system_measures_all_quantities_in_view(scenario):
+    """One pixel angle of the library covers the full circle, also behind a platform."""
     loop = RfEo(action="library", horizon=30, looks=(math.pi, 0.0), **scenario)
     world = draw_worlds(loop, world_seeds(2, "test", 6))
     policy = make_policy("random", loop, None)
@@ -106,7 +106,7 @@ def test_a_jump_is_by_more_than_a_factor_of_two():
 
 
 def test_the_interval_of_jumps_is_of_a_runs_share_over_both_platforms():
-    """What one platform jumps more the other jumps less: their sum is known better than either."""
+    """The jumps of the platforms are anticorrelated: the interval of their sum is narrower than that of each."""
     one, other = [1e3, 5e3, 1e3, 5e3, 1e3], [1e3, 1e3, 1e3, 1e3, 5e3]
     prf = np.stack([np.stack(pair, axis=-1) for pair in ((one, other), (other, one)) * 5])
     found = jumps(made(chosen(prf, 1e-3)), 0, 0)
@@ -123,15 +123,15 @@ def test_the_interval_of_no_jump_in_any_run_is_exact():
     assert found["ci"] == found["platforms"][0]["ci"] == pytest.approx([0.0, 1 - 0.025 ** (1 / 20)])
 
 
-def test_the_finest_pixels_and_who_has_them():
-    """Straight above platform 2 are both targets of run 1; of run 2 above platform 1."""
+def test_the_finest_pixels_and_their_platform():
+    """In run 1 both targets are straight above platform 2, in run 2 above platform 1."""
     loop = system(Case(PUBLISHED, ADAPTIVE))
     angle = np.array([[[4e-3, 1e-3]] * 4, [[1e-3, 2e-3]] * 3 + [[2e-3, 1e-3]]])
     truth = np.zeros((2, 4, 2, 2))
     truth[0], truth[1] = (1e3, 2e3), (-1e3, 2e3)
-    told = adaptation(made(chosen(1e3, angle), truth), loop, [1, 4], 0)
-    assert told["finest"]["mean"] == 0.5  # of run 2 the last half is a tie
-    assert told["second_over_first"]["geometric"] == pytest.approx(0.5)
-    assert told["narrower"]["mean"] == pytest.approx((1.0 + 0.5) / 2)
-    assert [of["geometric"] for of in told["factor"]] == pytest.approx([math.sqrt(2), math.sqrt(2)])
-    assert told["angle"][0][0] == pytest.approx(np.quantile([4e-3, 1e-3], [0.1, 0.5, 0.9]))
+    reported = adaptation(made(chosen(1e3, angle), truth), loop, [1, 4], 0)
+    assert reported["finest"]["mean"] == 0.5  # of run 2 the last half is a tie
+    assert reported["second_over_first"]["geometric"] == pytest.approx(0.5)
+    assert reported["narrower"]["mean"] == pytest.approx((1.0 + 0.5) / 2)
+    assert [of["geometric"] for of in reported["factor"]] == pytest.approx([math.sqrt(2), math.sqrt(2)])
+    assert reported["angle"][0][0] == pytest.approx(np.quantile([4e-3, 1e-3], [0.1, 0.5, 0.9]))

@@ -1,180 +1,130 @@
-"""What is said of the street follows the numbers."""
+"""The verdicts on the urban loops follow the numbers."""
 
 from __future__ import annotations
 
 import copy
+import json
+from pathlib import Path
 
 import pytest
-from told import heading_of
+from planted import of_mean, of_ratio, verdict_on
 
-from papers.claims import EXTRA, HOLDS, NOT, PART
-from papers.urban.study import (
-    CLOSED,
-    LOOSE,
-    MYOPIC,
-    NCV,
-    NCV1,
-    SETTINGS,
-    SHORT,
-    STRICT,
-    TURNS,
-    VSIMM,
-    Runs,
-    Study,
-)
-from papers.urban.claims import findings
-from papers.urban.numbers import summarise
+from papers import claims
+from papers.urban.claims import MODELS_ALONE, ONE_MODEL, SCHEDULER_ALONE, check_claims
+from papers.urban.numbers import figures_of, phase_of, summarise
+from papers.urban.study import CLOSED, LOOSE, SETTINGS, STRICT, Runs, Study
 from papers.urban.table import markdown
-from wavegym.reproduce.urban_words import both, change, figures, origins, percents, phase_of
+
+RESULTS = Path(__file__).parents[3] / "results" / "urban" / "summary.json"
+EMERGENT = "The gain is emergent"
 
 
-def told(summary):
-    """The findings in one line, and where they stand."""
-    text = findings(summary)
-    return " ".join(text.split()), lambda words: heading_of(text, words)
+@pytest.fixture
+def summary(urban_summary):
+    return copy.deepcopy(urban_summary)
 
 
-def of_ratio(low, high):
-    return {"ratio": (low + high) / 2, "ci": [low, high], "geometric": None, "geometric_ci": None, "runs": 5}
-
-
-def of_mean(low, high):
-    return {"mean": (low + high) / 2, "ci": [low, high]}
+def test_verdicts_on_the_results():
+    """All claims hold but these."""
+    rows = check_claims(json.loads(RESULTS.read_text()))
+    others = {(row.text.partition(":")[0], row.case): row.verdict for row in rows if row.verdict != "yes"}
+    both = {
+        (text, setting): verdict
+        for setting in SETTINGS
+        for text, verdict in (
+            ("The closed loop confirms more tracks than the open loop", "partly"),
+            ("The closed loop has less RMS error than the open loop", "partly"),
+            ("NCV is the most probable model, driving on", "no"),  # lowest mean of a scan
+            ("The scheduler alone can reduce the RMS error of the open loop", "undecided"),
+        )
+    }
+    emergent = {(EMERGENT, f"{setting}, {key}"): "no" for setting in SETTINGS for key in ("confirmed", "rmse")}
+    assert others == {
+        **both,
+        **emergent,
+        ("The closed loop has few false tracks", LOOSE): "no",
+        ("Ghost logic reduces the false tracks of the closed loop", STRICT): "undecided",
+        ("The scheduler alone can confirm more tracks than the open loop", STRICT): "undecided",
+    }
 
 
 @pytest.mark.parametrize(
-    ("confirmed", "rmse", "words", "heading"),
+    ("confirmed", "rmse", "verdict"),
     [
-        ((1.08, 1.16), (0.34, 0.41), "better by as much as in the paper", HOLDS),
-        ((1.16, 1.20), (0.30, 0.34), "better, by more than in the paper", PART),
-        ((1.02, 1.08), (0.50, 0.60), "better, by less than in the paper", PART),
-        ((0.98, 1.12), (0.50, 1.10), "no difference can be told", NOT),
-        ((0.90, 0.95), (1.10, 1.20), "the closed loop is worse", NOT),
+        ((1.11, 1.14), (0.36, 0.44), "yes"),
+        ((1.16, 1.20), (0.30, 0.34), "partly"),
+        ((1.02, 1.08), (0.50, 0.60), "partly"),
+        ((0.98, 1.12), (0.43, 1.10), "undecided"),
+        ((0.90, 0.95), (1.10, 1.20), "no"),
     ],
 )
-def test_the_headline_holds_if_its_interval_meets_the_paper_s(street_summary, confirmed, rmse, words, heading):
-    other = copy.deepcopy(street_summary)
-    over = figures(other, LOOSE, CLOSED)["over_open"]
+def test_the_headline(summary, confirmed, rmse, verdict):
+    over = figures_of(summary, LOOSE, CLOSED)["over_open"]
     over["confirmed"], over["rmse"] = of_ratio(*confirmed), of_ratio(*rmse)
-    _, where = told(other)
-    assert where(f"Confirmed tracks: {words}") == heading
-    assert where(f"Position error: {words}") == heading
+    rows = check_claims(summary)
+    assert verdict_on(rows, "The closed loop confirms more tracks", LOOSE) == verdict
+    assert verdict_on(rows, "The closed loop has less RMS error", LOOSE) == verdict
+
+
+@pytest.mark.parametrize(("ci", "verdict"), [((0.81, 0.9), "yes"), ((0.79, 0.9), "undecided"), ((0.5, 0.6), "no")])
+def test_a_model_is_known(summary, ci, verdict):
+    """At every scan, and on average over the phase."""
+    found = phase_of(summary, STRICT, "driving on")
+    text = "NCV is the most probable model, driving on: "
+    found["least"] = {**of_mean(*ci), "scan": 105}
+    assert verdict_on(check_claims(summary), f"{text}lowest", STRICT) == verdict
+    found["mean"]["NCV"] = of_mean(*ci)
+    assert verdict_on(check_claims(summary), f"{text}mean", STRICT) == verdict
 
 
 @pytest.mark.parametrize(
-    ("least", "average", "since", "words", "heading"),
-    [
-        ((0.81, 0.9), (0.9, 0.95), 104, "NCV is known", HOLDS),
-        ((0.79, 0.9), (0.9, 0.95), 104, "NCV is known on average", PART),
-        ((0.5, 0.6), (0.9, 0.95), 108, "NCV is known, but later", PART),
-        ((0.5, 0.6), (0.75, 0.85), None, "NCV is not known", NOT),
-    ],
+    ("false", "held", "few", "keeps"),
+    [((0.1, 0.2), 1.0, "yes", "yes"), ((0.2, 0.4), 0.98, "undecided", "no"), ((1.1, 1.2), 0.9, "no", "no")],
 )
-def test_a_model_is_known_if_every_scan_says_so(street_summary, least, average, since, words, heading):
-    other = copy.deepcopy(street_summary)
-    for setting in SETTINGS:
-        found = phase_of(other, setting, "driving on")
-        found["least"] = {**of_mean(*least), "scan": 105}
-        found["mean"]["NCV"], found["known_from"] = of_mean(*average), since
-    text, where = told(other)
-    assert where(f"Target 1, driving on: {words}") == heading
-    assert ("at no scan for good" in text) == (
-        since is None or "at no scan for good" in " ".join(findings(street_summary).split())
-    )
+def test_false_tracks_and_ghost_logic(summary, false, held, few, keeps):
+    figures_of(summary, LOOSE, CLOSED)["false_tracks"].update(of_mean(*false))
+    summary["settings"][LOOSE]["ghosts_over_none"]["closed"]["held"] = of_ratio(held - 0.001, held + 0.001)
+    rows = check_claims(summary)
+    assert verdict_on(rows, "The closed loop has few false tracks", LOOSE) == few
+    assert verdict_on(rows, "Ghost logic keeps the held targets", LOOSE) == keeps
 
 
 @pytest.mark.parametrize(
-    ("loose", "strict", "held", "words", "heading"),
-    [
-        ((0.1, 0.2), (0.0, 0.1), 1.0, "in either setting", HOLDS),
-        ((1.1, 1.2), (0.0, 0.1), 1.0, "with strict starts only", PART),
-        ((1.1, 1.2), (0.2, 0.4), 1.0, "in no setting", NOT),
-        ((0.1, 0.2), (0.0, 0.1), 0.9, "in either setting", NOT),  # at the price of true tracks
-    ],
+    ("models", "scheduler", "verdict"),
+    [((0.3, 0.4), (0.9, 1.1), "no"), ((0.3, 0.4), (0.35, 0.5), "undecided"), ((0.8, 0.9), (0.3, 0.4), "yes")],
 )
-def test_false_tracks_are_few_only_where_the_interval_says_so(street_summary, loose, strict, held, words, heading):
-    other = copy.deepcopy(street_summary)
-    for setting, ends in ((LOOSE, loose), (STRICT, strict)):
-        figures(other, setting, CLOSED)["false_tracks"].update(of_mean(*ends))
-        figures(other, setting, CLOSED, ghosts=False)["false_tracks"].update(of_mean(1.0, 2.0))
-        other["settings"][setting]["ghosts_over_none"]["closed"]["held"] = of_ratio(held, held + 0.01)
-    text, where = told(other)
-    assert where(f"Fewer than 0.3 false confirmed tracks in a run with ghost logic: {words}") == heading
-    assert "not the ghost logic" not in text
-    figures(other, STRICT, CLOSED, ghosts=False)["false_tracks"].update(of_mean(*strict))
-    assert ("not the ghost logic" in told(other)[0]) == (words == "with strict starts only")
+def test_the_gain_is_emergent_unless_the_models_alone_gain_more(summary, models, scheduler, verdict):
+    for loop, ends in ((MODELS_ALONE, models), (SCHEDULER_ALONE, scheduler)):
+        figures_of(summary, STRICT, loop)["over_open"]["rmse"] = of_ratio(*ends)
+    assert verdict_on(check_claims(summary), EMERGENT, f"{STRICT}, rmse") == verdict
 
 
-def test_the_filter_is_named_only_where_it_alone_explains_the_gain(street_summary):
-    other = copy.deepcopy(street_summary)
-    for setting in SETTINGS:
-        for loop, confirmed, rmse in (
-            ((VSIMM, TURNS), (1.1, 1.2), (0.3, 0.4)),
-            ((NCV, MYOPIC), (0.98, 1.02), (0.9, 1.1)),
-        ):
-            over = figures(other, setting, loop)["over_open"]
-            over["confirmed"], over["rmse"] = of_ratio(*confirmed), of_ratio(*rmse)
-    _, where = told(other)
-    assert where("The improvement does not emerge from the whole: it is the filter") == NOT
-    figures(other, STRICT, (NCV, MYOPIC))["over_open"]["rmse"] = of_ratio(0.35, 0.5)
-    _, where = told(other)
-    assert where("The improvement may emerge from the whole") == PART
+@pytest.mark.parametrize(("rmse", "verdict"), [((0.8, 0.9), "yes"), ((0.9, 1.1), "undecided"), ((1.1, 1.2), "no")])
+def test_one_model_errs_no_more(summary, rmse, verdict):
+    figures_of(summary, LOOSE, ONE_MODEL)["over_closed"]["rmse"] = of_ratio(*rmse)
+    assert verdict_on(check_claims(summary), "One NCV model of 1 m/s² in an open loop errs", LOOSE) == verdict
 
 
-@pytest.mark.parametrize(
-    ("rmse", "words"), [((0.9, 1.1), "is enough"), ((0.8, 0.9), "is enough"), ((1.1, 1.2), "is not enough")]
-)
-def test_one_model_is_enough_if_its_error_is_no_greater(street_summary, rmse, words):
-    other = copy.deepcopy(street_summary)
-    for setting in SETTINGS:
-        over = figures(other, setting, (NCV1, TURNS))["over_closed"]
-        over["confirmed"], over["rmse"] = of_ratio(0.99, 1.01), of_ratio(*rmse)
-    text, where = told(other)
-    assert where(f"One model that expects 1 m/s² in place of .25 {words}") == EXTRA
-    assert ("one setting of its filter" in text) == (words == "is enough")
-    figures(other, LOOSE, (NCV1, TURNS))["over_closed"]["confirmed"] = of_ratio(0.7, 0.8)
-    assert "is not enough" in told(other)[0]
+@pytest.mark.parametrize(("ci", "verdict"), [((1.05, 1.2), "yes"), ((0.95, 1.2), "undecided"), ((0.8, 0.9), "no")])
+def test_the_worth_of_scheduling_is_the_loss_of_round_robin(summary, ci, verdict):
+    figures_of(summary, LOOSE, MODELS_ALONE)["over_closed"]["rmse"] = of_ratio(*ci)
+    assert verdict_on(check_claims(summary), "With the four models, round robin", LOOSE) == verdict
 
 
-@pytest.mark.parametrize(
-    ("loose", "strict", "words"),
-    [
-        ((1.05, 1.2), (1.05, 1.2), "some of the error"),
-        ((1.05, 1.2), (0.95, 1.2), "some of the error with loose starts only"),
-        ((0.9, 1.2), (0.95, 1.2), "nothing that can be told"),
-    ],
-)
-def test_what_scheduling_is_worth_is_what_round_robin_loses(street_summary, loose, strict, words):
-    other = copy.deepcopy(street_summary)
-    for setting, ends in ((LOOSE, loose), (STRICT, strict)):
-        figures(other, setting, (VSIMM, TURNS))["over_closed"]["rmse"] = of_ratio(*ends)
-        figures(other, setting, (VSIMM, SHORT))["over_closed"]["rmse"] = of_ratio(1.3, 1.4)  # does not decide
-    _, where = told(other)
-    assert where(f"With the four models, scheduling is worth {words}") == EXTRA
-
-
-@pytest.mark.parametrize(("last", "words"), [((1.0, 1.1), "is a matter"), ((1.1, 1.3), "is not a matter")])
-def test_starts_matter_if_strict_and_loosest_differ(street_summary, last, words):
-    other = copy.deepcopy(street_summary)
-    for found, ends in ((other["starts"][0], (1.2, 1.4)), (other["starts"][-1], last)):
+@pytest.mark.parametrize(("last", "verdict"), [((1.0, 1.1), "yes"), ((1.1, 1.3), "undecided"), ((1.65, 1.7), "no")])
+def test_the_gain_is_larger_with_strict_starts(summary, last, verdict):
+    for found, ends in ((summary["starts"][0], (1.2, 1.6)), (summary["starts"][-1], last)):
         found["over_open"]["confirmed"] = of_ratio(*ends)
-    assert f"How many more tracks are confirmed {words} of how tracks begin" in told(other)[0]
+    text = "The gain in confirmed tracks is larger with strict starts"
+    assert verdict_on(check_claims(summary), text, "strictest start") == verdict
 
 
-def test_a_single_run_has_no_interval_and_is_told_all_the_same(street_study):
-    one = {case: Runs(*(array[:1] for array in runs)) for case, runs in street_study.runs.items()}
-    summary = summarise(Study(street_study.root, one))
-    assert figures(summary, LOOSE, CLOSED)["rmse"]["ci"] is None
-    text = f"{findings(summary)}{markdown(summary)}"
+def test_a_single_run_has_no_interval_and_no_verdict(urban_study):
+    one = {case: Runs(*(array[:1] for array in runs)) for case, runs in urban_study.runs.items()}
+    summary = summarise(Study(urban_study.root, one))
+    assert figures_of(summary, LOOSE, CLOSED)["rmse"]["ci"] is None
+    rows = check_claims(summary)
+    assert verdict_on(rows, "The closed loop has less RMS error", LOOSE) == "undecided"
+    text = f"{markdown(summary)}{claims.markdown(rows)}"
     assert "nan" not in text
     assert "None" not in text
-
-
-def test_numbers_of_the_street_in_words():
-    assert both(lambda setting: setting.upper()) == "with loose starts LOOSE; with strict ones STRICT"
-    assert change({"ratio": 1.2, "ci": [1.1501, 1.2499]}) == "+20.0 % (+15.0 to +25.0)"
-    assert change({"ratio": 0.4, "ci": [0.35, 0.45]}) == "-60.0 % (-65.0 to -55.0)"
-    assert change({"ratio": 1.01, "ci": None}) == "+1.0 %"
-    assert percents({"ci": [0.35, 0.45]}, -1.0) == pytest.approx([55.0, 65.0])
-    made_of = {"a": {"mean": 1.0}, "b": {"mean": 0.5}}
-    assert origins({"mean": 1.5, "ci": [1.0, 2.0], "origins": made_of}) == "1.50 (1.00 to 2.00): 1.00 a, 0.50 b"

@@ -1,15 +1,16 @@
-"""Which confirmed tracks of a street are false, and what they are made of: cases that can be told by hand."""
+"""The origins of false confirmed tracks, in cases that are clear by hand."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from urban_runs import SEED, STREETS
+from small_studies import URBAN_RUNS as RUNS
+from small_studies import URBAN_SEED as SEED
 
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.reproduce import urban_false
-from papers.urban.study import CLOSED, LOOSE, OPEN, Case, system
+from papers.urban import false_tracks as module
 from papers.urban.false_tracks import MIRROR, ORIGINS, OTHER, STRAYED, WALLS, false_tracks
+from papers.urban.study import CLOSED, LOOSE, OPEN, Case, system
+from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.names import make_policy
 from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.city import Building, City
@@ -94,9 +95,9 @@ def test_before_a_target_comes_every_track_is_false(truth):
 def replayed(case):
     """(loop, states) of the small study's worlds, scan by scan."""
     loop = system(case)
-    worlds = draw_worlds(loop, world_seeds(SEED, "test", STREETS))
+    worlds = draw_worlds(loop, world_seeds(SEED, "test", RUNS))
     policy = make_policy(case.policy, loop, None)
-    policy.begin(loop, STREETS, np.random.default_rng(0))
+    policy.begin(loop, RUNS, np.random.default_rng(0))
     state, states = loop.begin(worlds), []
     for _ in range(loop.horizon):
         state = loop.advance(state, policy.act(state.public, None, None), worlds)
@@ -105,10 +106,10 @@ def replayed(case):
 
 
 @pytest.mark.parametrize("of", [CLOSED, OPEN])
-def test_each_false_track_of_the_street_is_counted_once(street_study, of):
+def test_each_false_track_of_the_street_is_counted_once(urban_study, of):
     """Against a list of the tracks that were ever far from all targets."""
     _, states = replayed(Case(LOOSE, True, *of))
-    false, strayed = [set() for _ in range(STREETS)], [set() for _ in range(STREETS)]
+    false, strayed = [set() for _ in range(RUNS)], [set() for _ in range(RUNS)]
     seen = set()
     for k, state in enumerate(states, 1):
         x, _ = Tracks(*state.public[1:]).combined()
@@ -121,26 +122,26 @@ def test_each_false_track_of_the_street_is_counted_once(street_study, of):
             seen.add(name)
             if not near:
                 false[e].add(name)
-    counts = street_study.of(LOOSE, of).origins
+    counts = urban_study.of(LOOSE, of).origins
     assert counts.sum(axis=1).tolist() == [len(names) for names in false]
     assert counts[:, 0].tolist() == [len(names & began) for names, began in zip(false, strayed, strict=True)]
     assert counts.sum() > 0
 
 
-def test_returns_of_other_scans_explain_nothing(street_study, monkeypatch):
+def test_returns_of_other_scans_explain_nothing(urban_study, monkeypatch):
     """That a false track lies where returns are is no accident: shifted by 15 scans hardly one does."""
     case = Case(LOOSE, True, *OPEN)
     loop, states = replayed(case)
     born = np.stack([state.public.step[:, None] - state.public.age for state in states], axis=1)
-    place, made_of = street_study.runs[case].place, urban_false._made_of
+    place, made_of = urban_study.runs[case].place, module._made_of
     explained = []
     for shift in (0, 15):
 
         def shifted(scene, transmitter, receivers, x, scan, shift=shift):
             return made_of(scene, transmitter, receivers, x, np.minimum(scan + shift, loop.horizon))
 
-        monkeypatch.setattr(urban_false, "_made_of", shifted)
+        monkeypatch.setattr(module, "_made_of", shifted)
         counts = false_tracks(loop.scene, loop.transmitters[0], loop.receivers, place, born).sum(axis=0)
         explained.append(counts[1] + counts[2])
-    assert explained[0] == street_study.runs[case].origins[:, 1:3].sum() >= 5
+    assert explained[0] == urban_study.runs[case].origins[:, 1:3].sum() >= 5
     assert explained[1] <= explained[0] / 5

@@ -1,4 +1,4 @@
-"""The street's runs, and every kind of number against direct computation from them."""
+"""The urban runs, and every kind of number against direct computation from them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import binomtest
-from urban_runs import SEED, STREETS
+from small_studies import URBAN_RUNS as RUNS
+from small_studies import URBAN_SEED as SEED
 
-from wavegym.errors import InputError
-from wavegym.evaluation import statistics
-from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
-from wavegym.reproduce import urban
 from papers.estimates import rms_estimate, rms_ratio
+from papers.urban import study as urban
+from papers.urban.motion_models import models, phases, probability
+from papers.urban.numbers import confirmed_curve, rmse_curve
+from papers.urban.pictures import no_target
 from papers.urban.study import (
     CASES,
     CHUNK,
@@ -33,9 +34,9 @@ from papers.urban.study import (
     play,
     system,
 )
-from papers.urban.motion_models import models, phases, probability
-from papers.urban.numbers import confirmed_curve, rmse_curve
-from papers.urban.pictures import no_target
+from wavegym.errors import InputError
+from wavegym.evaluation import statistics
+from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.schedulers.names import make_policy
 from wavegym.trackers import Tracks
 from wavegym.trackers.street import CONFIRMED, EMPTY
@@ -44,13 +45,13 @@ SCANS = 140
 THERE = 140 + 101  # scans of the first target and of the second, which comes at the fortieth
 
 
-def test_every_filter_meets_every_policy(street_study):
+def test_every_filter_meets_every_policy(urban_study):
     wanted = {(s, True, f, p) for s in SETTINGS for f in FILTERS for p in POLICIES}
     wanted |= {(s, False, *loop) for s in SETTINGS for loop in (CLOSED, OPEN)}
     wanted |= {(s, True, *loop) for s in STARTS for loop in (CLOSED, OPEN)}
-    assert set(street_study.runs) == wanted
-    for case, runs in street_study.runs.items():
-        assert runs.confirmed.shape == (STREETS, SCANS)
+    assert set(urban_study.runs) == wanted
+    for case, runs in urban_study.runs.items():
+        assert runs.confirmed.shape == (RUNS, SCANS)
         loop = system(case)
         assert (loop.vaguest, loop.ghosts) == (STARTS[case.setting], case.ghosts)
         assert (loop.tracker, loop.sigma) == {"VS-IMM": ("vsimm", 0.25), "NCV": ("ncv", 0.25)}.get(
@@ -62,28 +63,28 @@ def test_every_filter_meets_every_policy(street_study):
 @pytest.mark.parametrize(
     "case", [Case(LOOSE, True, *CLOSED), Case(STRICT, False, *OPEN), Case(LOOSE, True, NCV1, RANDOM)]
 )
-def test_runs_are_those_of_the_system(street_study, case):
+def test_runs_are_those_of_the_system(urban_study, case):
     """Replayed, and what is kept computed target by target."""
-    assert STREETS <= CHUNK  # random choices follow from the first world of a batch
-    runs, loop, seeds = street_study.runs[case], system(case), world_seeds(SEED, "test", STREETS)
+    assert RUNS <= CHUNK  # random choices follow from the first world of a batch
+    runs, loop, seeds = urban_study.runs[case], system(case), world_seeds(SEED, "test", RUNS)
     worlds, policy = draw_worlds(loop, seeds), make_policy(case.policy, loop, None)
-    policy.begin(loop, STREETS, np.random.default_rng([word("policy"), seeds[0]]))
+    policy.begin(loop, RUNS, np.random.default_rng([word("policy"), seeds[0]]))
     state = loop.begin(worlds)
     for k in range(SCANS):
         np.testing.assert_array_equal(runs.tracked[:, k], [(row != EMPTY).any() for row in state.public.status])
         action = policy.act(state.public, None, None)
         np.testing.assert_array_equal(runs.action[:, k], action)
         state = loop.advance(state, action, worlds)
-        told, (x, _) = loop.metrics(state), Tracks(*state.public[1:]).combined()
+        reported, (x, _) = loop.metrics(state), Tracks(*state.public[1:]).combined()
         names = ("confirmed", "false", "held", "position_error", "lost", "gospa")
         for name, kept in zip(names, runs[:6], strict=True):
-            np.testing.assert_array_equal(kept[:, k], told[name])
-        for e in range(STREETS):
+            np.testing.assert_array_equal(kept[:, k], reported[name])
+        for e in range(RUNS):
             sure = state.public.status[e] == CONFIRMED
             np.testing.assert_array_equal(runs.place[e, k, sure], x[e, sure, :4])
             assert np.isnan(runs.place[e, k, ~sure]).all()
             for g in range(2):
-                if not told["held"][e, g]:
+                if not reported["held"][e, g]:
                     assert np.isnan(runs.mu[e, k, g]).all()
                     continue
                 off = {s: math.dist(x[e, s, :2], state.hidden.truth[e, g, :2]) for s in np.flatnonzero(sure)}
@@ -94,60 +95,62 @@ def rmse(runs):
     return math.sqrt(sum(e**2 for e in runs.error[runs.held]) / runs.held.sum())
 
 
-def test_numbers_follow_from_the_runs(street_study, street_summary):
-    assert street_summary["command"] == f"python -m papers urban --runs {STREETS} --seed {SEED}"
-    assert street_summary["seen"] == pytest.approx(system(CASES[0]).scene.direct[1:].sum() / THERE)
-    for case, runs in street_study.runs.items():
+def test_numbers_follow_from_the_runs(urban_study, urban_summary):
+    assert urban_summary["command"] == f"python -m papers urban --runs {RUNS} --seed {SEED}"
+    assert urban_summary["seen"] == pytest.approx(system(CASES[0]).scene.direct[1:].sum() / THERE)
+    for case, runs in urban_study.runs.items():
         if case.setting not in SETTINGS:
             continue
-        told = street_summary["settings"][case.setting]["systems"][GHOSTS[case.ghosts]][case.filter][case.policy]
-        assert told["confirmed"]["mean"] == pytest.approx(runs.confirmed.mean())
-        assert told["rmse"]["mean"] == pytest.approx(rmse(runs))
-        assert told["held"]["mean"] == pytest.approx(runs.held.sum() / (STREETS * THERE))
-        assert told["lost"]["mean"] == pytest.approx(runs.lost.sum() / STREETS / system(case).scene.direct[1:].sum())
-        assert told["gospa"]["mean"] == pytest.approx(runs.gospa.mean())
-        assert told["false"]["mean"] == pytest.approx(runs.false.mean())
-        assert told["false_tracks"]["mean"] == pytest.approx(runs.origins.sum() / STREETS)
-        made_of = [of["mean"] for of in told["false_tracks"]["origins"].values()]
-        assert sum(made_of) == pytest.approx(told["false_tracks"]["mean"])
+        reported = urban_summary["settings"][case.setting]["systems"][GHOSTS[case.ghosts]][case.filter][case.policy]
+        assert reported["confirmed"]["mean"] == pytest.approx(runs.confirmed.mean())
+        assert reported["rmse"]["mean"] == pytest.approx(rmse(runs))
+        assert reported["held"]["mean"] == pytest.approx(runs.held.sum() / (RUNS * THERE))
+        assert reported["lost"]["mean"] == pytest.approx(runs.lost.sum() / RUNS / system(case).scene.direct[1:].sum())
+        assert reported["gospa"]["mean"] == pytest.approx(runs.gospa.mean())
+        assert reported["false"]["mean"] == pytest.approx(runs.false.mean())
+        assert reported["false_tracks"]["mean"] == pytest.approx(runs.origins.sum() / RUNS)
+        made_of = [of["mean"] for of in reported["false_tracks"]["origins"].values()]
+        assert sum(made_of) == pytest.approx(reported["false_tracks"]["mean"])
         losses = sum(
             runs.held[e, k - 1, g] and not runs.held[e, k, g]
-            for e in range(STREETS) for k in range(1, SCANS) for g in range(2)
+            for e in range(RUNS) for k in range(1, SCANS) for g in range(2)
         )  # fmt: skip
-        assert told["losses"]["mean"] == pytest.approx(losses / STREETS)
-        shares = [np.mean(runs.action[e, runs.tracked[e]] >= 2) for e in range(STREETS)]
-        assert told["long"]["mean"] == pytest.approx(np.mean(shares))
+        assert reported["losses"]["mean"] == pytest.approx(losses / RUNS)
+        shares = [np.mean(runs.action[e, runs.tracked[e]] >= 2) for e in range(RUNS)]
+        assert reported["long"]["mean"] == pytest.approx(np.mean(shares))
         for key, loop in (("over_closed", CLOSED), ("over_open", OPEN)):
-            other = street_study.of(case.setting, loop, case.ghosts)
-            assert told[key]["rmse"]["ratio"] == pytest.approx(rmse(runs) / rmse(other))
-            assert told[key]["confirmed"]["ratio"] == pytest.approx(runs.confirmed.mean() / other.confirmed.mean())
-            assert told[key]["held"]["ratio"] == pytest.approx(runs.held.sum() / other.held.sum())
-            assert told[key]["gospa"]["ratio"] == pytest.approx(runs.gospa.mean() / other.gospa.mean())
+            other = urban_study.of(case.setting, loop, case.ghosts)
+            assert reported[key]["rmse"]["ratio"] == pytest.approx(rmse(runs) / rmse(other))
+            assert reported[key]["confirmed"]["ratio"] == pytest.approx(runs.confirmed.mean() / other.confirmed.mean())
+            assert reported[key]["held"]["ratio"] == pytest.approx(runs.held.sum() / other.held.sum())
+            assert reported[key]["gospa"]["ratio"] == pytest.approx(runs.gospa.mean() / other.gospa.mean())
 
 
-def test_starts_are_told_from_strict_to_loose(street_study, street_summary):
-    assert [of["vaguest"] for of in street_summary["starts"]] == sorted(STARTS.values())
+def test_starts_go_from_strict_to_loose(urban_study, urban_summary):
+    assert [of["vaguest"] for of in urban_summary["starts"]] == sorted(STARTS.values())
     assert SETTINGS == {LOOSE: 12.0, STRICT: 5.0} == {name: STARTS[name] for name in SETTINGS}
-    for name, told in zip(STARTS, street_summary["starts"], strict=True):
-        closed, opened = (street_study.of(name, loop) for loop in (CLOSED, OPEN))
-        assert told["over_open"]["confirmed"]["ratio"] == pytest.approx(closed.confirmed.sum() / opened.confirmed.sum())
-        assert told["over_open"]["rmse"]["ratio"] == pytest.approx(rmse(closed) / rmse(opened))
-        assert told["false_tracks"]["mean"] == pytest.approx(closed.origins.sum() / STREETS)
-        assert told["false_tracks_open"]["mean"] == pytest.approx(opened.origins.sum() / STREETS)
+    for name, reported in zip(STARTS, urban_summary["starts"], strict=True):
+        closed, opened = (urban_study.of(name, loop) for loop in (CLOSED, OPEN))
+        assert reported["over_open"]["confirmed"]["ratio"] == pytest.approx(
+            closed.confirmed.sum() / opened.confirmed.sum()
+        )
+        assert reported["over_open"]["rmse"]["ratio"] == pytest.approx(rmse(closed) / rmse(opened))
+        assert reported["false_tracks"]["mean"] == pytest.approx(closed.origins.sum() / RUNS)
+        assert reported["false_tracks_open"]["mean"] == pytest.approx(opened.origins.sum() / RUNS)
 
 
-def test_ghost_logic_is_told_against_none(street_study, street_summary):
+def test_ghost_logic_is_compared_with_none(urban_study, urban_summary):
     for setting in SETTINGS:
         for name, loop in (("closed", CLOSED), ("open", OPEN)):
-            told = street_summary["settings"][setting]["ghosts_over_none"][name]
-            ours, none = (street_study.of(setting, loop, ghosts) for ghosts in (True, False))
-            assert told["held"]["ratio"] == pytest.approx(ours.held.sum() / none.held.sum())
+            reported = urban_summary["settings"][setting]["ghosts_over_none"][name]
+            ours, none = (urban_study.of(setting, loop, ghosts) for ghosts in (True, False))
+            assert reported["held"]["ratio"] == pytest.approx(ours.held.sum() / none.held.sum())
             if none.origins.sum():
-                assert told["false_tracks"]["ratio"] == pytest.approx(ours.origins.sum() / none.origins.sum())
+                assert reported["false_tracks"]["ratio"] == pytest.approx(ours.origins.sum() / none.origins.sum())
 
 
-def test_curves_are_means_over_runs(street_study):
-    runs = street_study.of(LOOSE, CLOSED)
+def test_curves_are_means_over_runs(urban_study):
+    runs = urban_study.of(LOOSE, CLOSED)
     np.testing.assert_allclose([e.value for e in confirmed_curve(runs, 0)], runs.confirmed.mean(axis=0))
     for k, found in enumerate(rmse_curve(runs, 0)):
         errors = runs.error[:, k][runs.held[:, k]]
@@ -195,39 +198,44 @@ def test_a_model_is_known_from_where_it_stays_above():
     mu = np.full((3, SCANS, 1, 4), 0.25)
     mu[:, 99:, 0, 0] = np.linspace(0.41, 0.81, 41)[None, :] + [[0.0], [0.05], [0.1]]
     mu[2, 99:110, 0] = np.nan
-    told = models(mu, system(CASES[0]), 0)[0][-1]
-    assert (told["phase"], told["first"], told["last"], told["expected"]) == ("driving on", 105, 140, "NCV")
+    reported = models(mu, system(CASES[0]), 0)[0][-1]
+    assert (reported["phase"], reported["first"], reported["last"], reported["expected"]) == (
+        "driving on",
+        105,
+        140,
+        "NCV",
+    )
     each = [np.nanmean(mu[:, k - 1, 0, 0]) for k in range(101, 141)]
-    assert told["least"]["mean"] == pytest.approx(each[4])
-    assert told["least"]["scan"] == 105
-    assert told["known_from"] == 101 + next(i for i, p in enumerate(each) if p > 0.8)
+    assert reported["least"]["mean"] == pytest.approx(each[4])
+    assert reported["least"]["scan"] == 105
+    assert reported["known_from"] == 101 + next(i for i, p in enumerate(each) if p > 0.8)
     by_run = [np.nanmean(mu[run, 104:140, 0, 0]) for run in range(3)]
-    assert told["mean"]["NCV"]["mean"] == pytest.approx(np.mean(by_run))
+    assert reported["mean"]["NCV"]["mean"] == pytest.approx(np.mean(by_run))
     flat = models(np.full((3, SCANS, 1, 4), 0.25), system(CASES[0]), 0)[0][-1]
     assert flat["known_from"] is None
     none = models(np.full((3, SCANS, 1, 4), np.nan), system(CASES[0]), 0)[0][-1]
     assert (none["least"]["mean"], none["least"]["scan"], none["mean"]["NCV"]["mean"]) == (None, None, None)
 
 
-def test_figure_3_marks_the_tracks_that_the_metrics_call_false(street_study):
+def test_figure_3_marks_the_tracks_that_the_metrics_call_false(urban_study):
     for loop in (CLOSED, OPEN):
-        runs = street_study.of(LOOSE, loop)
+        runs = urban_study.of(LOOSE, loop)
         far = no_target(system(Case(LOOSE, True, *loop)), runs.place[0])
         np.testing.assert_array_equal(far.sum(axis=1), runs.false[0])
 
 
-def test_shares_of_all_scans_have_exact_intervals(street_summary):
+def test_shares_of_all_scans_have_exact_intervals(urban_summary):
     """Myopic sends the long pulse whenever there is a track, in every run."""
-    told = street_summary["settings"][STRICT]["systems"][GHOSTS[True]][CLOSED[0]][CLOSED[1]]["long"]
-    exact = binomtest(STREETS, STREETS).proportion_ci(0.95, method="exact")
-    assert told == {"mean": 1.0, "ci": pytest.approx([exact.low, exact.high])}
+    reported = urban_summary["settings"][STRICT]["systems"][GHOSTS[True]][CLOSED[0]][CLOSED[1]]["long"]
+    exact = binomtest(RUNS, RUNS).proportion_ci(0.95, method="exact")
+    assert reported == {"mean": 1.0, "ci": pytest.approx([exact.low, exact.high])}
 
 
 @pytest.mark.parametrize(
     ("settings", "words"),
     [({"runs": 0}, "runs is 0"), ({"jobs": 0}, "jobs is 0"), ({"root": -1}, "seed is -1")],
 )
-def test_mistakes_are_told_before_any_street_is_played(monkeypatch, settings, words):
+def test_mistakes_are_found_before_any_run(monkeypatch, settings, words):
     monkeypatch.setattr(urban, "_play", None)
     with pytest.raises(InputError, match=words):
-        play(**settings)
+        play(**{"runs": 1, **settings})
