@@ -38,9 +38,9 @@ def _models(summary: dict[str, Any], setting: str) -> Iterator[Claim]:
     for phase in (TURN, SPEEDING, ON):
         found = phase_of(summary, setting, phase)
         model = found["expected"]
-        text = f"{model} is the most probable model, {phase}: "
-        yield claim(f"{text}lowest mean of a scan", setting, mean_of(found["least"]), KNOWN, "known")
-        yield claim(f"{text}mean of all scans", setting, mean_of(found["mean"][model]), KNOWN, "known")
+        text = f"{model} is known, {phase}: mean probability, "
+        yield claim(f"{text}lowest scan", setting, mean_of(found["least"]), KNOWN, "known")
+        yield claim(f"{text}all scans", setting, mean_of(found["mean"][model]), KNOWN, "known")
 
 
 def _false_tracks(summary: dict[str, Any], setting: str) -> Iterator[Claim]:

@@ -20,18 +20,18 @@ NEAR = (5.0, 2.0)  # m, m/s: a return this close to the track's own predicted re
 
 
 def false_tracks(scene: Scene, transmitter: Point, receivers: Sequence[Point], place: Array, born: Array) -> Array:
-    """How many confirmed tracks had no target within 20 m at some scan, each counted once, by their origin.
+    """The number of confirmed tracks with no target within 20 m at some scan, each counted once, by origin.
 
-    *strayed*: a target was near when the track was confirmed, and not later. The others are judged by that scan: at
-    every receiver some target returned something, by an open way, where the track's own straight return would lie.
-    *mirror*: one target's straight returns at all of them, so that the place is on the wrong side of the receivers;
-    *walls*: returns of which some came by walls, or of different targets. *other*: anything else.
+    *strayed*: a target was near when the track was confirmed, but not later. The origin of the others follows from the
+    scan of confirmation: at every receiver some target has a return, over an open path, where the track predicts its
+    own direct return. *mirror*: direct returns of one target at all receivers, so that the position is on the wrong
+    side of the receivers. *walls*: some returns are reflected, or come from different targets. *other*: anything else.
 
     Args:
-        scene: targets and their open ways, by scan.
+        scene: targets and their open paths, by scan.
         transmitter, receivers: (x, y) in m.
         place: states of confirmed tracks at scans 1, 2, ..., (run, k, slot, 4); NaN where there is none.
-        born: at which scan the track in a slot began, (run, k, slot).
+        born: the scan at which the track in a slot began, (run, k, slot).
 
     Returns:
         (run, origin), in the order of ``ORIGINS``.

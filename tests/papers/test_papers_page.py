@@ -87,6 +87,8 @@ def planted(value, number):
     for name, ends in (("mean", "ci"), ("ratio", "ci"), ("percent", "ci"), ("geometric", "geometric_ci")):
         if name in found and ends in found and isinstance(found[name], float):
             found[name], found[ends] = number, sorted([0.99 * number, 1.01 * number])
+    if "kept" in found and "choices" in found:  # a count of runs with its interval
+        found["ci"] = sorted([0.99 * number, 1.01 * number])
     return found
 
 

@@ -34,7 +34,7 @@ def test_verdicts_on_the_results():
         for text, verdict in (
             ("The closed loop confirms more tracks than the open loop", "partly"),
             ("The closed loop has less RMS error than the open loop", "partly"),
-            ("NCV is the most probable model, driving on", "no"),  # lowest mean of a scan
+            ("NCV is known, driving on", "no"),  # in the lowest scan
             ("The scheduler alone can reduce the RMS error of the open loop", "undecided"),
         )
     }
@@ -70,11 +70,11 @@ def test_the_headline(summary, confirmed, rmse, verdict):
 def test_a_model_is_known(summary, ci, verdict):
     """At every scan, and on average over the phase."""
     found = phase_of(summary, STRICT, "driving on")
-    text = "NCV is the most probable model, driving on: "
+    text = "NCV is known, driving on: mean probability, "
     found["least"] = {**of_mean(*ci), "scan": 105}
-    assert verdict_on(check_claims(summary), f"{text}lowest", STRICT) == verdict
+    assert verdict_on(check_claims(summary), f"{text}lowest scan", STRICT) == verdict
     found["mean"]["NCV"] = of_mean(*ci)
-    assert verdict_on(check_claims(summary), f"{text}mean", STRICT) == verdict
+    assert verdict_on(check_claims(summary), f"{text}all scans", STRICT) == verdict
 
 
 @pytest.mark.parametrize(
