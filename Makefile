@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest docs results leaderboard reproduce headroom benchmarks clean
+.PHONY: demo test lint test-oldest docs results leaderboard papers headroom benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -54,11 +54,11 @@ results: $(READY)
 leaderboard: $(READY)
 	$(BIN)/python -m agents.leaderboard
 
-# Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: as the docs have them, and renew their pages.
-reproduce: $(READY)
-	$(BIN)/python -m wavegym.reproduce agile_clutter $(if $(PAGE),--runs 500 --tracker both) --out $(OUT)/agile_clutter
-	$(BIN)/python -m wavegym.reproduce rf_eo --out $(OUT)/rf_eo
-	$(BIN)/python -m wavegym.reproduce urban $(if $(PAGE),--runs 500) --out $(OUT)/urban
+# Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: with the runs of the docs, and renew their pages.
+papers: $(READY)
+	$(BIN)/python -m papers agile_clutter $(if $(PAGE),--runs 500 --tracker both) --out $(OUT)/agile_clutter
+	$(BIN)/python -m papers rf_eo --out $(OUT)/rf_eo
+	$(BIN)/python -m papers urban $(if $(PAGE),--runs 500) --out $(OUT)/urban
 ifdef PAGE
 	mkdir -p results/agile_clutter results/rf_eo results/urban
 	cp $(addprefix $(OUT)/agile_clutter/,summary.json figure2.csv figure3.csv) results/agile_clutter/
@@ -67,9 +67,9 @@ ifdef PAGE
 	for f in 2 3; do cp $(OUT)/agile_clutter/figure$$f.png docs/images/agile_clutter_figure$$f.png || exit; done
 	for f in 2 3 4; do cp $(OUT)/rf_eo/figure$$f.png docs/images/rf_eo_figure$$f.png || exit; done
 	for f in 3 4 5 6; do cp $(OUT)/urban/figure$$f.png docs/images/urban_figure$$f.png || exit; done
-	$(BIN)/python -m wavegym.reproduce.page results/agile_clutter/summary.json docs/reproduce.md
-	$(BIN)/python -m wavegym.reproduce.page results/rf_eo/summary.json docs/reproduce_rf_eo.md
-	$(BIN)/python -m wavegym.reproduce.page results/urban/summary.json docs/reproduce_urban.md
+	$(BIN)/python -m papers.page results/agile_clutter/summary.json docs/papers/agile_clutter.md
+	$(BIN)/python -m papers.page results/rf_eo/summary.json docs/papers/rf_eo.md
+	$(BIN)/python -m papers.page results/urban/summary.json docs/papers/urban.md
 endif
 
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
