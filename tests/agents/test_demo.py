@@ -38,6 +38,6 @@ def test_a_mistake_is_one_line_before_any_training(tmp_path: Path, capsys: pytes
     assert demo.main(["--out", str(tmp_path / "demo"), "--steps", "0"]) == 2
     assert demo.main(["--ouut", "x"]) == 2
     first, second = capsys.readouterr().err.splitlines()
-    assert first == "error: steps is 0: Input should be greater than or equal to 1"
+    assert first == "error: steps is 0, expected an integer >= 1 (nearest: 1)"
     assert "did you mean '--out'?" in second
     assert not list(tmp_path.iterdir())

@@ -116,13 +116,13 @@ def test_an_edited_callee_in_another_file_is_noticed(tmp_path):
 
 
 _CALLEE = """
-from wavegym.kernels import kernel
+from wavegym.core.kernels import kernel
 @kernel
 def callee(x):
     return {} * x
 """
 _CALLER = """
-from wavegym.kernels import kernel
+from wavegym.core.kernels import kernel
 from callee_kernels import callee
 @kernel
 def caller(x):

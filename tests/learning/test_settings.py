@@ -74,7 +74,7 @@ def test_types_are_those_of_the_algorithms() -> None:
         ("ppo", {"gamma": "half"}, "gamma is 'half'"),
         ("ppo", {"learning_rate": float("nan")}, "learning_rate is nan"),
         ("ppo", {"num_envs": 0}, "num_envs is 0"),
-        ("ppo", {"batch_size": 1}, "batch_size is 1: Input should be greater than or equal to 2"),
+        ("ppo", {"batch_size": 1}, "batch_size is 1, expected an integer >= 2 (nearest: 2)"),
         ("ppo", {"n_steps": 1, "num_envs": 1}, "n_steps times num_envs is 1, expected >= 2"),
         ("ppo", {"network": [64, -1]}, "network.1 is -1"),
         ("dqn", {"activation": "tan"}, "activation is 'tan'"),

@@ -164,7 +164,7 @@ def test_every_scheduler_gets_through_gymnasiums_loop(name):
     observation, _ = envs.reset(seed=0)
     policy.begin(envs.system, 2, np.random.default_rng(0))
     if hasattr(policy, "reveal"):
-        policy.predict_ahead(envs.world)
+        policy.reveal(envs.world)
     ends = 0
     for _ in range(12):
         observation, _, terminated, _, _ = envs.step(policy.act(envs.belief, observation, None))

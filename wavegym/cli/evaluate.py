@@ -15,8 +15,8 @@ POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fi
 myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:closed-form,
 myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action=box), myopic-information,
 myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; rules whose constants are
-tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, until-seen, priced, adaptive-price, paced,
-best-simple (the best of them); planners that simulate futures: rollout:H, tree:H, beam:W, mcts:N, replan, plan-once,
+tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, hold-until-detected, lagrangian-price, adaptive-lagrangian-price, constant-pace,
+best-simple (the best of them); planners that simulate futures: rollout:H, tree:H, beam:W, mcts:N, receding-horizon, plan-once,
 best-planner; a whole loop that the system names, such as open-loop of Urban; ppo and dqn, the trained agents that come
 with the environment; or the folder of a trained run (or of several runs, one for each seed)"""
 SAVED = Path(__file__).parents[2] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.experiment makes them

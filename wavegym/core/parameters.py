@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from functools import wraps
@@ -20,6 +21,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, dataclass_transform
 
 from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
+from pydantic.fields import FieldInfo
 
 from wavegym.core.errors import InputError, nearest
 
@@ -53,7 +55,18 @@ def changed_default(base: type, name: str, default: Any) -> Any:
 
 @dataclass_transform(frozen_default=True, field_specifiers=(parameter, changed_default))
 def system_parameters(cls: type[Made]) -> type[Made]:
-    """A class whose fields are parameters: checked when made, closed to unknown names, finite, never changed."""
+    """A class whose fields are parameters: checked when made, closed to unknown names, finite, never changed.
+
+    What a field states moves from its default into its annotation, so that the default itself stays a plain value: a
+    subclass may be any kind of dataclass.
+    """
+    known = {**vars(sys.modules[cls.__module__]), **sys._getframe(1).f_locals}
+    for name, field in list(vars(cls).items()):
+        if isinstance(field, FieldInfo):
+            annotation = cls.__annotations__[name]
+            evaluated = eval(annotation, known) if isinstance(annotation, str) else annotation
+            cls.__annotations__[name] = Annotated[evaluated, field]
+            setattr(cls, name, field.default)
     closed = ConfigDict(extra="forbid", arbitrary_types_allowed=True, allow_inf_nan=False)
     return dataclass(frozen=True, config=closed)(cls)  # type: ignore[return-value]
 
@@ -148,14 +161,14 @@ def _unit(made: Any, name: Any) -> str:
     """`` m`` behind a value of the field ``name``; nothing where it has no unit."""
     stated = getattr(made, "__pydantic_fields__", {}).get(name)
     unit = (stated.json_schema_extra or {}).get("unit", "") if stated else ""
-    return f" {unit}" if unit not in ("", "1") else ""
+    return f" {unit}" if unit != "1" and unit and "," not in unit else ""
 
 
 BOUNDS = {  # pydantic's complaint: key of the bound, and what is expected
-    "greater_than": ("gt", "a finite number > {:g}"),
-    "greater_than_equal": ("ge", "a finite number >= {0:g} (nearest: {0:g})"),
-    "less_than": ("lt", "a number < {:g}"),
-    "less_than_equal": ("le", "a number <= {0:g} (nearest: {0:g})"),
+    "greater_than": ("gt", "{1} > {0:g}"),
+    "greater_than_equal": ("ge", "{1} >= {0:g} (nearest: {0:g})"),
+    "less_than": ("lt", "{1} < {0:g}"),
+    "less_than_equal": ("le", "{1} <= {0:g} (nearest: {0:g})"),
 }
 
 
@@ -164,7 +177,8 @@ def _expected(made: Any, complaint: Any) -> str:
     kind, context = complaint["type"], complaint.get("ctx", {})
     if kind in BOUNDS:
         key, wanted = BOUNDS[kind]
-        return f", expected {wanted.format(context[key])}"
+        kind_of = "an integer" if type(context[key]) is int else "a finite number"
+        return f", expected {wanted.format(context[key], kind_of)}"
     if kind == "finite_number":
         return f", expected a finite number{_bound(made, complaint['loc'][0])}"
     if kind == "literal_error":

@@ -103,7 +103,7 @@ def figures(comparison: Comparison) -> dict[str, Any]:
         "worlds": len(comparison.seeds),
         "seed": comparison.root,
         "horizon": system.horizon,
-        "settled": recorded(system),
+        "tuned_constants": recorded(system),
         "versions": versions(),
         "policies": rows,
     }

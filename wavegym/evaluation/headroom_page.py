@@ -30,7 +30,7 @@ def overview(results: list[dict[str, Any]]) -> str:
     head = ["environment", "best simple rule", *STEPS[:-1], "best planner", "95 %"]
     rows = []
     for result in results:
-        policies, settled = result["policies"], result["settled"]
+        policies, settled = result["policies"], result["tuned_constants"]
         cells = [_percent(policies.get(name)) for name in STEPS]
         ends = interval(policies[PLANNER]["vs_simple_ci"], signed)
         rows.append([_short(result), settled.get(SIMPLE, SIMPLE), *cells, ends])
@@ -39,7 +39,7 @@ def overview(results: list[dict[str, Any]]) -> str:
 
 def chapter(result: dict[str, Any]) -> str:
     """One environment's ladder, the dearest first."""
-    settled = result["settled"]
+    settled = result["tuned_constants"]
     names = {SIMPLE: settled.get(SIMPLE), PLANNER: settled.get(PLANNER)}
     rows = []
     for name, row in sorted(result["policies"].items(), key=lambda item: -item[1]["mean"]):

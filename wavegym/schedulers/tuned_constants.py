@@ -13,7 +13,7 @@ from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple, tune_heuristic
 
-FILE = "settled.toml"
+FILE = "tuned_constants.toml"
 SIMPLE, PLANNER = "best-simple", "best-planner"
 BASE = "planner-base"  # the rule that planners follow in futures, where it is not the best one
 ORDINARY = "rollout:10"  # the best planner of a system without a record

@@ -214,7 +214,7 @@ def test_the_recursion_is_the_loops_covariance():
         ({"sweeps": (1e6, 1e6)}, "2 times"),
         ({"start_range": (2e4, 1e4)}, "start_range is"),
         ({"start_range": (0.0, 1e4)}, "start_range is 0.0 m"),
-        ({"prior_variance": (0.0, 1.0)}, "prior_variance is"),
+        ({"prior_variance": (0.0, 1.0)}, "prior_variance.0 is"),
         ({"reference_range": 0.0}, "reference_range is 0.0"),
         ({"horizen": 50}, "did you mean 'horizon'"),
     ],

@@ -150,10 +150,10 @@ def test_a_target_on_top_of_a_platform_is_not_measured_by_it(mode, as_printed):
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(
-    ("truth", "belief"),
+    ("true_states", "estimate"),
     [((0.0, 0.0), (0.0, 0.0)), ((0.5, 0.2), (300.0, 9.0)), ((300.0, 9.0), (0.2, -0.9)), ((0.9, 0.0), (0.0, 0.9))],
 )
-def test_the_only_platform_measures_nothing_within_a_metre(mode, true_states, belief):
+def test_the_only_platform_measures_nothing_within_a_metre(mode, true_states, estimate):
     """Of truth or prediction: the belief is the prediction, at 1.1 m it is not."""
     system = RfEo(platforms=((0.0, 0.0),), starts=((0.0,) * 4,), horizon=3, q=0.0, out_of_view=mode)
     worlds = oracles.worlds(system, 2)
@@ -165,7 +165,7 @@ def test_the_only_platform_measures_nothing_within_a_metre(mode, true_states, be
         assert all_finite(system, state)
         return system.transition(state, fixed(system, [[60e3, 10e6, 6e-3]])(belief), worlds), belief
 
-    after, before = placed(true_states, belief)
+    after, before = placed(true_states, estimate)
     want = [plain.predict(system, *b) for b in zip(before.mean[:, 0], before.covariance[:, 0], strict=True)]
     np.testing.assert_allclose(after.belief.mean[:, 0], [x for x, _ in want], rtol=1e-14)
     np.testing.assert_allclose(after.belief.covariance[:, 0], [P for _, P in want], rtol=1e-14)

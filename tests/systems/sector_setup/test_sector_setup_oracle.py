@@ -145,7 +145,7 @@ def test_expected_outcome_is_the_mean_of_what_happens():
         noise = rng.standard_normal(many.mean.shape) @ np.linalg.cholesky(many.covariance[0, 1]).T
         true_states = many.mean + spread * noise
         quiet = worlds._replace(process=spread * worlds.process)
-        after = SYSTEM.transition(type(state)(state.truth._replace(truth=true_states), many), action, quiet)
+        after = SYSTEM.transition(type(state)(state.truth._replace(targets=true_states), many), action, quiet)
         looks = after.belief.covariance[:, 1]
         if spread == 0.0:
             error = looks.std(axis=0) / np.sqrt(count)
