@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Delay, GainByTarget, LinearCost, Spending
 from wavegym.core.system import ObservationField, State, System
 
 TARGETS = 2
@@ -30,13 +31,13 @@ class DelayWorld(NamedTuple):
     process: Array  # (H, target), standard normal
 
 
-class DelayHidden(NamedTuple):
+class DelayTruth(NamedTuple):
     """The truth."""
 
     state: Array  # (env, target, 2)
 
 
-class DelayPublic(NamedTuple):
+class DelayBelief(NamedTuple):
     """The belief and the resources."""
 
     step: Array  # (env,)
@@ -50,7 +51,7 @@ class DelayPublic(NamedTuple):
 
 
 @dataclass(frozen=True)
-class DelaySystem(System):
+class DelaySystem(System, LinearCost, GainByTarget, Delay, Spending):
     """Two targets on lines and one sensor, which takes ``setup`` steps to turn to the other target.
 
     Whoever chooses a target for which the sensor is not set up gets a step without a pulse; after ``setup`` such steps
@@ -98,7 +99,7 @@ class DelaySystem(System):
     def initial(self, world: DelayWorld) -> State:
         count = len(world.start)
         since = np.arange(self.horizon)[:, None] - world.hidden[:, None]  # (env, H, target)
-        belief = DelayPublic(
+        belief = DelayBelief(
             np.zeros(count, np.int64),
             np.zeros((count, TARGETS, 2)),
             np.tile(np.eye(2), (count, TARGETS, 1, 1)),
@@ -108,7 +109,7 @@ class DelaySystem(System):
             np.full(count, self.budget),
             (since < 0) | (since > 2),
         )
-        return State(DelayHidden(world.start.copy()), belief)
+        return State(DelayTruth(world.start.copy()), belief)
 
     def transition(self, state: State, action: Array, world: DelayWorld) -> State:
         belief = state.belief
@@ -120,9 +121,9 @@ class DelaySystem(System):
         reading = seen + np.sqrt(VARIANCE[action]) * world.measurement[rows, at]
         innovation = reading - fresh.mean[rows, target, 0]
         fresh.mean[rows, target] += gains * innovation[:, None]
-        return State(DelayHidden(truth), fresh)
+        return State(DelayTruth(truth), fresh)
 
-    def predict(self, belief: DelayPublic, actions: Array, outcome: Array | None = None) -> DelayPublic:
+    def predict(self, belief: DelayBelief, actions: Array, outcome: Array | None = None) -> DelayBelief:
         actions = np.asarray(actions)
         if actions.ndim == 1:
             return self._step(belief, actions, outcome)[0]
@@ -132,7 +133,7 @@ class DelaySystem(System):
         stepped, _ = self._step(rows, np.broadcast_to(actions, (envs, count)).ravel(), draws)
         return trees.tree_map(lambda leaf: leaf.reshape(envs, count, *leaf.shape[1:]), stepped)
 
-    def _step(self, belief: DelayPublic, action: Array, draw: Array | None) -> tuple[DelayPublic, Array]:
+    def _step(self, belief: DelayBelief, action: Array, draw: Array | None) -> tuple[DelayBelief, Array]:
         """The belief a step on, and the Kalman gain (env, 2) of the target pointed at, 0 where there is no reading."""
         rows, target, F = np.arange(len(belief.step)), TARGET[action], self.transition_matrix
         at = np.minimum(belief.step, self.horizon - 1)
@@ -155,17 +156,15 @@ class DelaySystem(System):
         )
         return fresh, share[:, None] * gains
 
-    def delay(self, belief: DelayPublic) -> Array:
+    def delay(self, belief: DelayBelief) -> Array:
         return self._to_wait(belief)
 
-    def _to_wait(self, belief: DelayPublic) -> Array:
+    def _to_wait(self, belief: DelayBelief) -> Array:
         """Steps without a pulse before each candidate's, (env, candidate); none for silence."""
         same = belief.pointing[:, None] == TARGET
         return np.where(TARGET < 0, 0, np.where(same, belief.dead[:, None], self.setup))
 
-    gain_by_target: ClassVar[bool] = True
-
-    def gain(self, belief: DelayPublic, wait: Array | int, ahead: Array | int) -> Array:
+    def gain(self, belief: DelayBelief, wait: Array | int, ahead: Array | int) -> Array:
         waits = np.broadcast_to(np.asarray(wait), (len(belief.step), len(TARGET)))
         at = belief.step[:, None] + waits
         steps = np.minimum(waits, self.horizon) + 1
@@ -180,14 +179,14 @@ class DelaySystem(System):
         worth = (column * (M[..., 0] * column[..., :1] + M[..., 1] * column[..., 1:])).sum(axis=2)
         return np.where(shown, self.pd * worth / (own[..., 0, 0] + VARIANCE), 0.0)
 
-    def mask(self, belief: DelayPublic) -> Array:
+    def mask(self, belief: DelayBelief) -> Array:
         return belief.energy[:, None] + 1e-9 >= SPENDING
 
-    def cost(self, belief: DelayPublic) -> Array:
+    def cost(self, belief: DelayBelief) -> Array:
         diagonal = np.diagonal(belief.covariance, axis1=-2, axis2=-1)
         return (diagonal * np.asarray(self.weights)).sum(axis=-1).sum(axis=-1)
 
-    def observe(self, belief: DelayPublic) -> Array:
+    def observe(self, belief: DelayBelief) -> Array:
         diagonal = np.diagonal(belief.covariance, axis1=-2, axis2=-1)
         costs = (diagonal * np.asarray(self.weights)).sum(axis=-1)
         return np.column_stack([belief.step, belief.pointing, belief.dead, belief.energy, costs]).astype(np.float64)

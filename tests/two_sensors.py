@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic.dataclasses import dataclass as checked_dataclass
 
+from wavegym.core.capabilities import BestAction
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.system import ObservationField, State, System
@@ -146,7 +147,7 @@ def variances(pulses, positions):
 
 
 @dataclass(frozen=True)
-class Quick(TwoSensors):
+class Quick(TwoSensors, BestAction):
     """With its own search: the sensors' information is tabulated once and added up in pairs."""
 
     def best_action(self, belief):

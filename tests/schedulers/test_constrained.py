@@ -11,6 +11,7 @@ import pytest
 from rf_eo_scenes import beliefs, scene
 from scheduler_systems import Level
 
+from wavegym.core.capabilities import MostInformation
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.schedulers import Continuous, InfeasibleThreshold, Myopic, MyopicClosedForm, MyopicInformation, rollout
@@ -214,7 +215,7 @@ def test_a_binding_threshold_holds_in_the_box_too():
 
 
 @dataclasses.dataclass
-class Tilt:
+class Tilt(MostInformation):
     """One parameter a: the first target's information is 5 + 4a, the second's 2 - a."""
 
     threshold: float

@@ -11,6 +11,7 @@ from rf_eo_scenes import beliefs, scene
 from scheduler_systems import Ladder, Start, small, small_ca
 
 from wavegym.core import trees
+from wavegym.core.capabilities import SequencePlan
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Lookahead, Myopic, lookahead, rollout
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -232,7 +233,7 @@ def foreseen_masked(system, belief, mask):
 
 
 def test_an_exhaustive_search_goes_before_a_plan():
-    class Both(KershawEvansPosition):
+    class Both(KershawEvansPosition, SequencePlan):
         def plan(self, belief, depth):
             raise AssertionError
 

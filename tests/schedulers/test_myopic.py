@@ -10,6 +10,7 @@ import pytest
 from rf_eo_scenes import beliefs, scene
 from scheduler_systems import CA, Ladder, Start
 
+from wavegym.core.capabilities import BestAction
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, rollout
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -115,7 +116,7 @@ def test_a_search_platform_after_platform_is_nearly_the_best_of_all_settings(far
 
 
 def test_a_systems_own_search_needs_no_candidates():
-    class Own(KershawEvansPosition):
+    class Own(KershawEvansPosition, BestAction):
         def candidates(self):
             raise AssertionError
 

@@ -22,7 +22,7 @@ from wavegym.schedulers.registry import is_scheduler, make_policy
 
 SYSTEM = DelaySystem()
 RECORD = {
-    "DelaySystem": {
+    "delay_systems:DelaySystem": {
         "best-simple": "aware-greedy",
         "best-planner": "rollout:3",
         "aware-greedy": {"kappa": 0.7, "ahead": 5},
@@ -109,7 +109,7 @@ def test_the_file_reads_as_it_was_written():
 
 
 def test_the_packaged_records_make_the_rules_that_they_name():
-    classes = {path.rpartition(":")[2] for path in SYSTEMS.values()}
+    classes = set(SYSTEMS.values())
     for name, record in settled.records().items():
         assert name in classes
         assert record["best-simple"] in record

@@ -42,9 +42,9 @@ class FlatMask(KershawEvans):
 @pytest.mark.parametrize(
     ("system", "words"),
     [
-        (Stuck, r"imagine\(\) with actions \(env,\): step is not one later"),
+        (Stuck, r"predict\(\) with actions \(env,\): step is not one later"),
         (Frozen, "step is not one later"),
-        (Careless, r"imagine\(\) changed the public state"),
+        (Careless, r"predict\(\) changed the belief"),
         (NotANumber, r"cost\(\) is not finite"),
         (FlatMask, r"mask\(\) returned shape \(88,\)"),
     ],

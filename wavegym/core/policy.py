@@ -25,3 +25,11 @@ class Policy(Protocol):
             observation: what agents see, (env, elements); a learned policy reads this. None where there is no shell.
             mask: allowed actions (env, actions), or None where every action is allowed.
         """
+
+
+@runtime_checkable
+class Clairvoyant(Policy, Protocol):
+    """A policy that is shown the world before it acts: a bound for others, never a scheduler."""
+
+    def reveal(self, world: Any) -> None:
+        """Take notice of the tapes that will be played (axis 0 = environment); called once after ``begin``."""

@@ -16,15 +16,12 @@ Every array carries the environments on axis 0. Three kinds of data, each a Name
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from wavegym.core.action_sets import ActionSet, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import check_int
-from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.parameter_box import ParameterBox
 
 
@@ -140,24 +137,6 @@ class System:
         else:
             count = len(self.candidates() if isinstance(actions, ParameterBox) else actions.labels)
         return np.ones((len(belief.step), count), dtype=np.bool_)
-
-    @property
-    def transition_matrix(self) -> Array:
-        """F of the targets' motion, (n, n), for rules that look ahead: by default that of the attribute ``motion``."""
-        F: Array = self.motion.F  # type: ignore[attr-defined]
-        return F
-
-    def weights_ahead(self, ahead: int) -> Array:
-        """``horizon_weights`` of 1, 2, ... ``ahead`` steps, (ahead, n, n), for systems with ``weights``; made once."""
-        if ahead not in self._made_ahead:
-            weights: Any = self.weights  # type: ignore[attr-defined]
-            steps = range(1, check_int("ahead", ahead, 1) + 1)
-            self._made_ahead[ahead] = np.stack([horizon_weights(self.transition_matrix, weights, k) for k in steps])
-        return self._made_ahead[ahead]
-
-    @cached_property
-    def _made_ahead(self) -> dict[int, Array]:
-        return {}
 
     def state_info(self, state: State) -> dict[str, Array]:
         """Key figures of the state, each (env, ...); may look at the truth, and is never observed.

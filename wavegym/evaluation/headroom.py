@@ -112,7 +112,7 @@ def figures(comparison: Comparison) -> dict[str, Any]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Play and write."""
     parser = Parser(prog="python -m wavegym.evaluation.headroom", description="How much is there to gain by planning.")
-    tuned = [env_id for env_id, path in SYSTEMS.items() if path.rpartition(":")[2] in records()]
+    tuned = [env_id for env_id, path in SYSTEMS.items() if path in records()]
     wanted = "environments (default: those of the suite with rules on record)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")

@@ -23,7 +23,7 @@ from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple
 from wavegym.schedulers.heuristics.tuning import log_cost
 from wavegym.schedulers.registry import PLANNERS, PLANS, planner_builder
-from wavegym.schedulers.tuned_constants import BASE, FILE, PLANNER, SIMPLE, as_toml
+from wavegym.schedulers.tuned_constants import BASE, FILE, PLANNER, SIMPLE, as_toml, record_key
 
 WORLDS, PLANNED = 100, 32
 
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     table = as_table(read.out) if read.out.exists() else {}
     systems = [make_task(env_id, {}).system for env_id in read.ids]
     for system in systems:
-        name, worlds = type(system).__name__, draw_worlds(system, world_seeds(read.seed, "tune", read.worlds))
+        name, worlds = record_key(system), draw_worlds(system, world_seeds(read.seed, "tune", read.worlds))
         record = table[name] = tuned_record(system, worlds, planners, table.get(name, {}))
         ranking = sorted(record["costs"].items(), key=lambda item: item[1])
         print(f"{name}: best simple is {record[SIMPLE]}; " + ", ".join(f"{rule} {cost:g}" for rule, cost in ranking))

@@ -12,11 +12,11 @@ import numpy as np
 
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Gain, Spending, delays, offers
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
 from wavegym.observations.scaling import ObservationScaler
-from wavegym.schedulers.heuristics.base import delays
 
 MOST = 256  # candidates that are worth predicting at every step
 LOOKS = ((0, 4), (0, 8), (0, 16), (0, 40), (3, 16), (6, 16), (10, 16), (15, 16))  # steps waited, and steps summed over
@@ -57,7 +57,7 @@ class Forecasts:
         ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0: all targets are gone
         values = np.empty((envs, count, len(self.figures)))
         values[..., 0] = np.log(ahead / mean)
-        if hasattr(self.system, "gain"):
+        if offers(self.system, Gain):
             delay = np.broadcast_to(delays(self.system, belief), ahead.shape)
             gains = values[..., 1 : 1 + len(LOOKS)]
             for n, (wait, steps) in enumerate(LOOKS):
@@ -66,7 +66,7 @@ class Forecasts:
             gains += FLOOR
             np.log10(gains, out=gains)
             values[..., 1 + len(LOOKS)] = np.log1p(delay)
-        if hasattr(self.system, "spending"):
+        if offers(self.system, Spending):
             values[..., -1] = self.system.spending
         return self._scaler(values.reshape(envs, -1))[0]
 
@@ -75,7 +75,7 @@ class Forecasts:
         listed = [
             ObservationField("ln_cost_ahead", "1", 0.0, 0.3, "expected cost one step ahead over the candidates' mean")
         ]
-        if hasattr(self.system, "gain"):
+        if offers(self.system, Gain):
             for wait, steps in LOOKS:
                 late = f" {wait} steps late" if wait else ""
                 meaning = f"what its look{late} takes off the cost of {steps} steps, over that mean cost"
@@ -83,6 +83,6 @@ class Forecasts:
             listed.append(
                 ObservationField("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps without a measurement before its look")
             )
-        if hasattr(self.system, "spending"):
+        if offers(self.system, Spending):
             listed.append(ObservationField("spending", "1", 0.0, 1.0, "energy that it takes, in longest pulses"))
         return tuple(listed)

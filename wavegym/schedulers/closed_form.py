@@ -32,6 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import ClosedForm, offers
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
@@ -149,7 +150,7 @@ class MyopicClosedForm:
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where the actions are no such box."""
         box = system.actions
-        if not (isinstance(box, ParameterBox) and box.names == ("duration", "sweep") and hasattr(system, "predicted")):
+        if not (isinstance(box, ParameterBox) and box.names == ("duration", "sweep") and offers(system, ClosedForm)):
             wanted = "expected Kershaw and Evans's box of duration and sweep (nearest: action='box')"
             raise InputError(f"closed forms were asked for {type(system).__name__} as it is, {wanted}")
         duration, sweep = box.parameters

@@ -17,10 +17,11 @@ from scipy.optimize import minimize
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import MostInformation
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
-from wavegym.schedulers.myopic import Myopic, impossible
+from wavegym.schedulers.myopic import Myopic, impossible, require
 
 STEP = 1e-6  # of an action in [-1, 1], to either side, for a gradient
 SLACK = 1e-6  # relative: SLSQP aims so far above the threshold, because it stops a rounding short of what it aims at
@@ -47,7 +48,9 @@ class MyopicInformation:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for a system without ``most_information``."""
-        self._system, self._warned = informative(system, "myopic-information"), False
+        require("myopic-information", system, MostInformation)
+        self._system: Any = system
+        self._warned = False
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
@@ -86,7 +89,9 @@ class Continuous:
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for a hard penalty, another action form, or no ``most_information``."""
         name = f"{OBJECTIVES[self.objective]}:{'slsqp' if self.starts else 'polish'}"
-        self._system: Any = informative(system, name) if self.objective == "information" else system
+        if self.objective == "information":
+            require(name, system, MostInformation)
+        self._system: Any = system
         if not isinstance(system.actions, ParameterBox):
             raise InputError(f"policy {name!r} is not for {type(system).__name__} in this form, expected action='box'")
         if getattr(system, "penalty", None) == "hard":
@@ -189,13 +194,6 @@ class _Search:
         if (lacking[first], value[first]) < (self.lacking, self._least):
             self.best, self.lacking, self._least = points[first].copy(), float(lacking[first]), float(value[first])
         return value, over
-
-
-def informative(system: System, name: str) -> Any:
-    """``system`` where it has ``most_information``, else an InputError that the scheduler ``name`` is not for it."""
-    if not hasattr(system, "most_information"):
-        raise impossible(name, system, "it has no most_information")
-    return system
 
 
 def _warn(system: Any, information: Array, feasible: Array) -> None:

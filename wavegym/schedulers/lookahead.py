@@ -9,6 +9,7 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import BestSequence, SequencePlan, offers
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 
@@ -19,10 +20,9 @@ SEQUENCES = 1_000_000  # tried for one decision: enough for 88 candidates three 
 class Lookahead:
     """The first choice of the best sequence of ``depth`` candidates; shorter ones towards the episode's end.
 
-    A system may offer its own search, which is used when nothing is masked: ``best_sequence(public, depth)``, the same
-    as here fused into a kernel, or ``plan(public, depth) -> (first actions (env, ...), predicted cost (env,))``, a good
-    sequence found by a local search, of any depth. Otherwise every sequence is tried by repeated ``predict``, in chunks
-    of at most ``NODES`` beliefs.
+    The system's own search is used where the system offers ``BestSequence`` (the same, compiled) or ``SequencePlan`` (a
+    local search of any depth), and nothing is masked. Otherwise every sequence is tried by repeated ``predict``, in
+    chunks of at most ``NODES`` beliefs.
 
     Args:
         depth: steps ahead; 1 is the myopic scheduler.
@@ -41,8 +41,8 @@ class Lookahead:
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where there are more than ``most`` sequences (nearest depth named)."""
         self._system: Any = system
-        self._listed = self.fused and hasattr(system, "best_sequence")
-        self._planned = self.fused and hasattr(system, "plan") and not self._listed
+        self._listed = self.fused and offers(system, BestSequence)
+        self._planned = self.fused and offers(system, SequencePlan) and not self._listed
         self._ready = False
         if not self._planned:
             self._enumerate()
@@ -59,6 +59,12 @@ class Lookahead:
         else:
             first = np.argmin(self._values(belief, self.depth, mask), axis=1)
         return self._candidates[first]
+
+    def values(self, belief: Any) -> Array:
+        """Predicted cost of the best sequence that starts with each candidate, (env, candidate); nothing masked."""
+        if not self._ready:
+            self._enumerate()
+        return self._values(belief, self.depth, None)
 
     def _enumerate(self) -> None:
         """List the candidates; an InputError where they make too many sequences."""

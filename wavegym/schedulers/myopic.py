@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import BestAction, Capability, Margin, offers, why_not
 from wavegym.core.errors import InputError, check_choice, check_non_negative
 from wavegym.core.system import System
 
-Objective = Callable[[Any, Any, Array], Array]  # (system, public, candidates (1, c)) -> (env, c)
+Objective = Callable[[Any, Any, Array], Array]  # (system, belief, candidates (1, c)) -> (env, c)
 
 
 def trace(system: Any, belief: Any, candidates: Array) -> Array:
@@ -42,15 +43,14 @@ OBJECTIVES: dict[str, Objective] = {"trace": trace, "determinant": determinant, 
 class Myopic:
     """The candidate with the least predicted objective one step ahead; the first of equals.
 
-    A system may offer ``best_action(public)``, the choice (env, ...) of least trace, or nearly, found faster than by
-    enumeration; it is used when it is there and nothing is masked. Otherwise, or where it raises NotImplementedError
-    (for a form of its action set, say), every candidate is tried.
+    The system's own search is used where the system offers ``BestAction`` and nothing is masked. Otherwise, or where
+    that search raises NotImplementedError (for a form of the action set, say), every candidate is tried.
 
     Args:
-        objective: "trace", "determinant" or "gate", or a function of (system, public, candidates).
+        objective: "trace", "determinant" or "gate", or a function of (system, belief, candidates).
         fused: whether the system's own search may be used.
-        margin: for systems with a ``margin``: how many standard deviations of a predicted quantity prediction wants it
-            inside the field of view, in place of the system's own number.
+        margin: in place of the system's own: by how many standard deviations a prediction keeps targets inside the
+            field of view.
 
     Raises:
         InputError: an unknown objective, a margin that is negative or not finite.
@@ -67,20 +67,27 @@ class Myopic:
         """See ``Policy``. Raises an InputError where a margin is asked for and the system has none."""
         self._system: Any = system
         if self.margin is not None:
-            if not hasattr(system, "margin"):
-                raise impossible(f"myopic-margin:{self.margin:g}", system, "it has no margin")
+            require(f"myopic-margin:{self.margin:g}", system, Margin)
             self._system = replace(system, margin=self.margin)  # type: ignore[type-var]
+        self._searches = self.fused and self.objective is trace and offers(self._system, BestAction)
         self._candidates: Array | None = None  # asked for when they are needed: the system's own search may do without
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        if self.fused and mask is None and self.objective is trace and hasattr(self._system, "best_action"):
+        if self._searches and mask is None:
             with suppress(NotImplementedError):
                 return self._system.best_action(belief)
         if self._candidates is None:
             self._candidates = self._system.candidates()
         values = self.objective(self._system, belief, self._candidates[None])
         return self._candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]
+
+
+def require(name: str, system: System, kind: type[Capability]) -> None:
+    """Raise an InputError unless the system offers the capability that the scheduler ``name`` needs."""
+    why = why_not(system, kind)
+    if why:
+        raise impossible(name, system, why)
 
 
 def impossible(name: str, system: System, why: str) -> InputError:

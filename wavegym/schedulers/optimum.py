@@ -30,9 +30,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import DeterministicRecursion
 from wavegym.core.errors import InputError, check_non_negative, check_positive
 from wavegym.core.recursion import Recursion
 from wavegym.core.system import System
+from wavegym.schedulers.myopic import require
 
 BEAM, BEAM_SLACK = 20, 0.03  # of the first schedule's search: nodes kept, and how alike two may be
 
@@ -94,10 +96,9 @@ class Optimum:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where the system's covariance is not deterministic."""
-        if not hasattr(system, "deterministic_recursion"):
-            name = type(system).__name__
-            raise InputError(f"policy 'optimum' cannot be computed for {name}: it has no deterministic_recursion")
-        self._system, self._candidates = system, system.candidates()
+        require("optimum", system, DeterministicRecursion)
+        self._system: Any = system
+        self._candidates = system.candidates()
 
     def reveal(self, world: Any) -> None:
         """Plan for the worlds (axis 0 = environment) that will be played; called once after ``begin``.

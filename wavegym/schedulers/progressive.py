@@ -2,43 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import SensorBySensor, offers
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.system import System
-from wavegym.systems.agile_clutter.actions import ChirpActions
-
-
-@runtime_checkable
-class SensorBySensor(Protocol):
-    """What the search asks of a system beyond the contract: one sensor's pulse after another, for any chirps at all."""
-
-    @property
-    def action(self) -> str:
-        """The form of the action set; the search needs ``"box"``."""
-
-    @property
-    def action_set(self) -> ChirpActions:
-        """What may be transmitted."""
-
-    def ahead(self, belief: Any) -> Any:
-        """The belief that the next pulse meets; its field ``mean`` has axis 0 = environment."""
-
-    def sensor_costs(self, ahead: Any, sensor: int, C: Array) -> Array:
-        """Cost after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
-
-    def after_sensor(self, ahead: Any, sensor: int, C: Array) -> Any:
-        """The belief that the next sensor's pulse meets, after this sensor's with C (env, 2, 2) at unit SNR."""
 
 
 class Progressive:
     """The chirps with the least predicted trace one step ahead (Sira et al., section 5).
 
     For every sensor in turn, and every phase law and direction: a grid over log duration and log sweep, then ever finer
-    ones around each group's best point, reaching to that point's neighbours. For systems that are
+    ones around each group's best point, reaching to that point's neighbours. For systems that offer
     ``SensorBySensor``, with ``action="box"``.
 
     Args:
@@ -54,10 +32,10 @@ class Progressive:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for a system without chirps, or with another form of actions."""
-        if not (isinstance(system, SensorBySensor) and system.action == "box"):
+        if not (offers(system, SensorBySensor) and getattr(system, "action", None) == "box"):
             what = f"{type(system).__name__} with action={getattr(system, 'action', None)!r}"
             raise InputError(f"policy 'myopic:progressive' is not for {what}, expected chirps and action='box'")
-        self._system: SensorBySensor = system
+        self._system: Any = system
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""

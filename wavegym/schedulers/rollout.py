@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.policy import Policy
+from wavegym.core.policy import Clairvoyant, Policy
 from wavegym.core.system import System
 
 
@@ -38,7 +38,7 @@ def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator
     """
     state = system.initial(world)
     policy.begin(system, len(state.belief.step), rng or np.random.default_rng(0))
-    if hasattr(policy, "reveal"):
+    if isinstance(policy, Clairvoyant):
         policy.reveal(world)
     costs, actions, steps = [], [], np.zeros(len(state.belief.step), np.int64)
     for _ in range(system.horizon):

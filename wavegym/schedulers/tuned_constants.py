@@ -21,16 +21,21 @@ ORDINARY = "rollout:10"  # the best planner of a system without a record
 
 @cache
 def records() -> dict[str, dict[str, Any]]:
-    """Everything recorded, by the name of the system's class."""
+    """Everything recorded, by ``record_key``."""
     table: dict[str, dict[str, Any]] = tomllib.loads((resources.files("wavegym.schedulers") / FILE).read_text("utf-8"))
     return table
+
+
+def record_key(system: System) -> str:
+    """``"package.module:Class"``: a class of the same name elsewhere has a record of its own, or none."""
+    return f"{type(system).__module__}:{type(system).__qualname__}"
 
 
 def recorded(system: System) -> dict[str, Any]:
     """What is recorded for this system: its class has a record and it has the class's defaults; else nothing."""
     with suppress(TypeError, ValueError):  # a class without defaults
-        if type(system).__name__ in records() and system == type(system)():
-            return records()[type(system).__name__]
+        if record_key(system) in records() and system == type(system)():
+            return records()[record_key(system)]
     return {}
 
 
@@ -66,7 +71,7 @@ def as_toml(table: Mapping[str, Mapping[str, Any]]) -> str:
     lines = ["# Constants of rules, found on worlds for tuning by: python -m wavegym.evaluation.tune_constants"]
     for system in sorted(table):
         entries = table[system]
-        lines += ["", f"[{system}]"]
+        lines += ["", f"[{_key(system)}]"]
         lines += [f"{_key(key)} = {_value(value)}" for key, value in entries.items()]
     return "\n".join(lines) + "\n"
 

@@ -1,4 +1,4 @@
-"""The part of the conformance check that looks at a system's own promises: what planners and masks lean on."""
+"""The part of the conformance check that looks at a system's functions: what planners and masks rely on."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.system import System
+from wavegym.testing.capability_check import capability_defect
 
 WORLDS = 3
 FEW = 1000  # candidates tried, spread evenly over all
-NEARLY = 0.1  # relative: a search with shortcuts, such as sensor by sensor, may miss the best one, but not by much
 
 
 def prediction_defect(system: System, seed: int = 0) -> str | None:
-    """What is wrong with ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or ``best_action``, in words.
+    """What is wrong with ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or a capability, in words.
 
     None where nothing is. A system without ``predict`` (NotImplementedError) cannot be planned for, which is no defect.
     """
@@ -24,7 +24,7 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
     state = system.initial(trees.stack([system.draw_world(rng) for rng in generators]))
     for name, figure in system.state_info(state).items():
         if not np.isfinite(figure).all():
-            return f"metrics()[{name!r}] is not finite, expected 0 where a target is absent, and 'present' to tell"
+            return f"state_info()[{name!r}] is not finite, expected 0 where a target is absent, and 'present' to tell"
     belief = state.belief
     before, everything = trees.copied(belief), system.candidates()
     candidates = everything[:: -(-len(everything) // FEW)]
@@ -39,19 +39,19 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
             predicted = system.predict(belief, actions)
         except NotImplementedError:
             break
-        defect = _imagined_defect(system, belief, predicted, shape)
+        defect = _predicted_defect(system, belief, predicted, shape)
         if defect:
-            return f"imagine() with actions {form}: {defect}"
+            return f"predict() with actions {form}: {defect}"
     else:
-        defect = _best_action_defect(system, belief, candidates)
+        defect = capability_defect(system, seed)
         if defect:
             return defect
     if not _same(before, belief):
-        return "imagine() changed the public state that it was given"
+        return "predict() changed the belief that it was given"
     return _constants_defect(system, everything) or _mask_defect(system, belief, len(everything))
 
 
-def _imagined_defect(system: System, belief: Any, predicted: Any, shape: tuple[int, ...]) -> str | None:
+def _predicted_defect(system: System, belief: Any, predicted: Any, shape: tuple[int, ...]) -> str | None:
     for name, leaf in predicted._asdict().items():
         if isinstance(leaf, np.ndarray) and leaf.shape[: len(shape)] != shape:
             return f"{name} has shape {leaf.shape}, expected {shape} and its own axes"
@@ -62,24 +62,6 @@ def _imagined_defect(system: System, belief: Any, predicted: Any, shape: tuple[i
     if cost.shape != shape:
         return f"cost() returned shape {cost.shape}, expected {shape}"
     return None if np.isfinite(cost).all() else "cost() is not finite"
-
-
-def _best_action_defect(system: Any, belief: Any, candidates: Array) -> str | None:
-    """``best_action`` claims the least cost of all, nearly: a search sensor by sensor may miss it."""
-    if not hasattr(system, "best_action"):
-        return None
-    try:
-        best = np.asarray(system.best_action(belief))
-    except NotImplementedError:
-        return None
-    shape = (WORLDS, *candidates.shape[1:])
-    if best.shape != shape:
-        return f"best_action() returned shape {best.shape}, expected {shape}"
-    cost = system.cost(system.predict(belief, best))
-    others = system.cost(system.predict(belief, candidates[None])).min(axis=1)
-    if (cost > others + NEARLY * np.abs(others)).any():
-        return f"best_action() costs {cost.tolist()}, but candidates cost {others.tolist()}"
-    return None
 
 
 def _constants_defect(system: System, candidates: Array) -> str | None:

@@ -185,7 +185,7 @@ def test_setups_are_told_apart_by_their_delays():
     assert sorted(group.tolist() for group in groups) == [[0, 1, 4], [2, 3, 4]]
 
     class Undelayed(DelaySystem):
-        delay = property()  # none: hasattr is False
+        delay = None  # withdrawn
 
     assert [group.tolist() for group in setups(Undelayed(), delay_worlds(SYSTEM, 2))] == [[k] for k in range(5)]
 

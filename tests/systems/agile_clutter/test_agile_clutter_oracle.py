@@ -162,7 +162,7 @@ def test_sensor_costs_are_the_cost_of_imagine_sensor_after_sensor():
 
 
 def test_the_second_sensor_is_chosen_as_by_trying_all():
-    """With the first sensor's choice given, nothing is approximate: the second choice has the least cost of imagine."""
+    """With the first sensor's choice given, nothing is approximate: the second choice has the least predicted cost."""
     system = AgileClutter()
     count = len(system.actions)
     for belief in beliefs(system):

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Capability
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.schedulers.myopic import impossible
+from wavegym.schedulers.myopic import require
 
 
 class Heuristic:
@@ -24,13 +25,12 @@ class Heuristic:
     """
 
     name: str = "rule"
-    needs: tuple[str, ...] = ()
+    needs: tuple[type[Capability], ...] = ()
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where the system lacks what the rule needs."""
-        for method in self.needs:
-            if not hasattr(system, method):
-                raise impossible(self.name, system, f"it has no {method}")
+        for kind in self.needs:
+            require(self.name, system, kind)
         self.system: Any = system
         self.candidates = system.candidates()
 
@@ -86,10 +86,3 @@ def greatest(values: Array, mask: Array | None, burden: Array) -> Array:
     if mask is not None:
         is_best = is_best & mask
     return np.argmin(np.where(is_best, burden, np.inf), axis=1)
-
-
-def delays(system: Any, belief: Any) -> Array:
-    """The system's delays (env, candidate); 0 where it has none."""
-    if hasattr(system, "delay"):
-        return system.delay(belief)
-    return np.zeros((len(belief.step), len(system.actions.labels)), np.int64)

@@ -8,6 +8,7 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Delay, offers
 from wavegym.core.system import System
 from wavegym.schedulers.cycle import best_cycle
 from wavegym.schedulers.heuristics.tuning import log_cost
@@ -48,7 +49,7 @@ def setups(system: Any, worlds: Any) -> list[Array]:
     """
     candidates = system.candidates()
     count = len(candidates)
-    if not hasattr(system, "delay"):
+    if not offers(system, Delay):
         return list(candidates[:, None])
     belief = system.initial(trees.first(worlds, HELD_ON)).belief
     held = np.tile(np.arange(count), len(belief.step))

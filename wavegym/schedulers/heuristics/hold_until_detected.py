@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import GainByTarget, delays
 from wavegym.core.errors import check_int
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
-from wavegym.schedulers.heuristics.index_policies import delays
 
 FAR = 32  # steps out of sight that are told apart
 
@@ -18,8 +18,7 @@ class HoldUntilDetected(Heuristic):
     """The greatest gain, summed for each target over ``ahead`` steps and those in which it is hidden after the look.
 
     A look at a target that stays in sight has to last until its next turn, one before it hides until it is back. For
-    systems whose belief has ``visible``, (env, H, target), and whose ``gain`` takes a number of steps for every target,
-    which they tell by ``gain_by_target``.
+    systems that offer ``GainByTarget`` and whose belief has ``visible``, (env, H, target).
 
     Args:
         ahead: steps over which the gain of a look is summed where the target stays in sight.
@@ -29,7 +28,7 @@ class HoldUntilDetected(Heuristic):
     """
 
     name = "hold-until-detected"
-    needs = ("gain", "gain_by_target")
+    needs = (GainByTarget,)
 
     def __init__(self, ahead: int = 4) -> None:
         self.ahead = check_int("ahead", ahead, 1)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Delay, Gain, delays
 from wavegym.core.errors import check_int, check_non_negative
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Heuristic, delays, greatest
+from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
 
 class Greedy(Heuristic):
@@ -23,7 +24,7 @@ class Greedy(Heuristic):
     """
 
     name = "greedy"
-    needs = ("gain",)
+    needs = (Gain,)
 
     def __init__(self, ahead: int = 1) -> None:
         self.ahead = check_int("ahead", ahead, 1)
@@ -45,7 +46,7 @@ class AwareGreedy(Heuristic):
     """
 
     name = "aware-greedy"
-    needs = ("gain", "delay")
+    needs = (Gain, Delay)
 
     def __init__(self, kappa: float = 0.4, ahead: int = 1) -> None:
         self.kappa, self.ahead = check_non_negative("kappa", kappa), check_int("ahead", ahead, 1)
@@ -76,7 +77,7 @@ class CostOfDelay(Heuristic):
     """
 
     name = "cost-of-delay"
-    needs = ("gain",)
+    needs = (Gain,)
 
     def __init__(
         self, alpha: float = 0.6, later: int = 9, ahead: int = 14, power: float = 1.3, bonus: float = 0.3

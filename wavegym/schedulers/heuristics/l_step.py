@@ -8,6 +8,7 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import LinearCost
 from wavegym.core.errors import check_int
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.system import System
@@ -32,7 +33,7 @@ class Gain(Heuristic):
         InputError: fewer than one step.
     """
 
-    needs = ("transition_matrix", "weights")
+    needs = (LinearCost,)
 
     def __init__(self, ahead: int) -> None:
         self.ahead = check_int("ahead", ahead, 1)

@@ -9,8 +9,9 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Gain, Spending, delays
 from wavegym.core.errors import check_int, check_non_negative, check_positive
-from wavegym.schedulers.heuristics.base import Heuristic, delays, greatest
+from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
 PRICES = 8  # tried at a time
 STRIDES = (81, 9, 1)  # between them, on the ladder: each round divides one of the PRICES + 1 parts of the one before
@@ -36,7 +37,7 @@ class LagrangianPrice(Heuristic):
     """
 
     name = "lagrangian-price"
-    needs = ("gain", "spending")
+    needs = (Gain, Spending)
 
     def __init__(self, price: float = 1.0, ahead: int = 8, power: float = 0.0) -> None:
         self.price, self.ahead = check_non_negative("price", price), check_int("ahead", ahead, 1)
@@ -67,7 +68,7 @@ class AdaptiveLagrangianPrice(Heuristic):
     """
 
     name = "adaptive-lagrangian-price"
-    needs = ("gain", "spending")
+    needs = (Gain, Spending)
 
     def __init__(self, ahead: int = 8, thrift: float = 1.0) -> None:
         self.ahead, self.thrift = check_int("ahead", ahead, 1), check_positive("thrift", thrift)
@@ -159,7 +160,7 @@ class ConstantPace(Heuristic):
     """
 
     name = "constant-pace"
-    needs = ("gain", "spending")
+    needs = (Gain, Spending)
 
     def __init__(self, ahead: int = 1, share: float = 1.0) -> None:
         self.ahead, self.share = check_int("ahead", ahead, 1), check_positive("share", share)

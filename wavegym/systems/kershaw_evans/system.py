@@ -14,6 +14,7 @@ import numpy as np
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import BestSequence, ClosedForm, DeterministicRecursion, InnovationCovariance, LinearCost
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
 from wavegym.core.parameter_box import ParameterBox
@@ -42,7 +43,7 @@ MEASURED = 2  # range and range-rate
 
 
 @system_parameters
-class KershawEvans(System):
+class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, InnovationCovariance, ClosedForm):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
     Description

@@ -1,0 +1,223 @@
+"""Holds every capability of a system to the generic functions of the contract, on beliefs along random episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from wavegym.core import trees
+from wavegym.core.arrays import Array
+from wavegym.core.capabilities import (
+    CAPABILITIES,
+    BestAction,
+    BestSequence,
+    Capability,
+    Delay,
+    DeterministicRecursion,
+    Gain,
+    LinearCost,
+    MostInformation,
+    SensorBySensor,
+    SequencePlan,
+    Spending,
+    delays,
+    offers,
+    why_not,
+    withdrawn,
+)
+from wavegym.core.system import System
+from wavegym.schedulers.lookahead import Lookahead
+
+WORLDS = 3
+STEPS = (0, 1, 4)  # of the episodes, at which beliefs are sampled
+FEW = 64  # candidates compared one by one
+EXACT = 1e-6  # relative to the cost: what rounding may make of the same sum in another order
+NEARLY = 0.1  # relative: a search with shortcuts, such as sensor by sensor, may miss the best one, but not by much
+
+Check = Callable[[Any, Any, Array], str | None]  # (system, belief, some candidates) -> defect
+
+
+def capability_defect(system: System, seed: int = 0) -> str | None:
+    """The first capability that is declared wrongly or disagrees with the generic functions; None where all agree."""
+    defect = _declaration_defect(system)
+    if defect:
+        return defect
+    candidates = system.candidates()
+    candidates = candidates[:: -(-len(candidates) // FEW)]
+    for state, world in _episodes(system, candidates, seed):
+        for kind, check in CHECKS.items():
+            if offers(system, kind):
+                try:
+                    defect = check(system, state.belief, candidates)
+                except NotImplementedError:
+                    continue  # not for this form of the action set
+                if defect:
+                    return f"{kind.__name__} at step {int(state.belief.step[0])}: {defect}"
+        if offers(system, DeterministicRecursion):
+            defect = _recursion(system, world)
+            if defect:
+                return f"DeterministicRecursion: {defect}"
+    return None
+
+
+def _declaration_defect(system: System) -> str | None:
+    """A capability that has gone stale below an override, or one that is there and not declared."""
+    declared = {member for kind in CAPABILITIES if isinstance(system, kind) for member in kind.members}
+    for kind in CAPABILITIES:
+        named = set(kind.members) & getattr(kind, "__abstractmethods__", frozenset())
+        undeclared = any(hasattr(system, member) for member in named - declared)
+        if undeclared or (isinstance(system, kind) and not withdrawn(system, kind) and not offers(system, kind)):
+            return f"{kind.__name__}: {why_not(system, kind)}"
+    return None
+
+
+def _episodes(system: System, candidates: Array, seed: int) -> Iterator[tuple[Any, Any]]:
+    """States of a batch of worlds at ``STEPS``, after random candidates, and the worlds."""
+    rng = np.random.default_rng(seed)
+    world = trees.stack([system.draw_world(np.random.default_rng([seed, i])) for i in range(WORLDS)])
+    state = system.initial(world)
+    for step in range(min(max(STEPS), system.horizon - 1) + 1):
+        if step in STEPS:
+            yield state, world
+        mask = system.mask(state.belief) if candidates.ndim == 1 and candidates.dtype.kind in "iu" else None
+        if mask is None:
+            action = candidates[rng.integers(len(candidates), size=WORLDS)]
+        else:
+            action = np.array([rng.choice(np.flatnonzero(row)) for row in mask])
+        state = system.transition(state, action, world)
+
+
+def _costs(system: Any, belief: Any, candidates: Array) -> Array:
+    """The predicted cost of each candidate, (env, candidate)."""
+    return np.asarray(system.cost(system.predict(belief, candidates[None])))
+
+
+def _differ(got: Array, want: Array, scale: Array, tolerance: float = EXACT) -> bool:
+    """Whether two arrays (env, ...) differ by more than a share of ``scale`` (env,)."""
+    wide = np.abs(scale).reshape(-1, *[1] * (np.ndim(got) - 1))
+    return bool((np.abs(got - want) > tolerance * wide).any())
+
+
+def _best_action(system: Any, belief: Any, candidates: Array) -> str | None:
+    best = np.asarray(system.best_action(belief))
+    shape = (WORLDS, *candidates.shape[1:])
+    if best.shape != shape:
+        return f"best_action() returned shape {best.shape}, expected {shape}"
+    cost, others = system.cost(system.predict(belief, best)), _costs(system, belief, candidates).min(axis=1)
+    if (cost > others + NEARLY * np.abs(others)).any():
+        return f"best_action() costs {cost.tolist()}, but candidates cost {others.tolist()}"
+    return None
+
+
+def _best_sequence(system: Any, belief: Any, candidates: Array) -> str | None:
+    depth = 2 if len(system.candidates()) <= FEW * 2 else 1
+    first, cost = system.best_sequence(belief, depth)
+    search = Lookahead(depth, fused=False)
+    search.begin(system, WORLDS, np.random.default_rng(0))
+    values = search.values(belief)
+    least = values.min(axis=1)
+    if _differ(cost, least, least) or _differ(values[np.arange(WORLDS), first], least, least):
+        return f"best_sequence(depth {depth}) costs {cost.tolist()}, but the best of all costs {least.tolist()}"
+    return None
+
+
+def _plan(system: Any, belief: Any, candidates: Array) -> str | None:
+    first, cost = system.plan(belief, 1)
+    own, others = system.cost(system.predict(belief, first)), _costs(system, belief, candidates).min(axis=1)
+    if _differ(cost, own, own):
+        return f"plan(depth 1) says {cost.tolist()}, but its actions cost {own.tolist()}"
+    if (own > others + NEARLY * np.abs(others)).any():
+        return f"plan(depth 1) costs {own.tolist()}, but candidates cost {others.tolist()}"
+    return None
+
+
+def _linear_cost(system: Any, belief: Any, candidates: Array) -> str | None:
+    predicted = system.predict(belief, candidates[None])
+    if "covariance" not in getattr(predicted, "_fields", ()):
+        return None
+    cost = system.cost(predicted)
+    variances = np.diagonal(predicted.covariance, axis1=-2, axis2=-1) * np.asarray(system.weights)
+    trace = variances.reshape(*cost.shape, -1).sum(axis=2)
+    if _differ(cost - cost[:, :1], trace - trace[:, :1], np.abs(trace).max(axis=1)):
+        return "cost() and trace(Lambda P) of two candidates differ by different amounts"
+    return None
+
+
+def _gain(system: Any, belief: Any, candidates: Array) -> str | None:
+    everything = system.candidates()
+    gain = np.asarray(system.gain(belief, 0, 1))
+    if gain.shape != (WORLDS, len(everything)):
+        return f"gain() returned shape {gain.shape}, expected {(WORLDS, len(everything))}"
+    cost, ready = _costs(system, belief, everything), delays(system, belief) == 0
+    for env in range(WORLDS):
+        now = np.flatnonzero(ready[env])
+        if len(now):
+            total = gain[env, now] + cost[env, now]  # the cost of a step without a look, whatever the candidate
+            if np.ptp(total) > EXACT * np.abs(cost[env]).max():
+                return f"gain() of one step and the predicted cost add up to {total.min():.9g} ... {total.max():.9g}"
+    return None
+
+
+def _delay(system: Any, belief: Any, candidates: Array) -> str | None:
+    delay, shape = np.asarray(system.delay(belief)), (WORLDS, len(system.candidates()))
+    if delay.shape != shape or delay.dtype.kind not in "iu":
+        return f"delay() returned shape {delay.shape} of {delay.dtype}, expected {shape} of integers"
+    return "delay() is negative" if (delay < 0).any() else None
+
+
+def _spending(system: Any, belief: Any, candidates: Array) -> str | None:
+    spending, shape = np.asarray(system.spending), (len(system.candidates()),)
+    if spending.shape != shape or (spending < 0).any():
+        return f"spending has shape {spending.shape} and the least value {spending.min()}, expected {shape}, none < 0"
+    return None if "energy" in belief._fields else "the belief has no energy, from which spending could be taken"
+
+
+def _information(system: Any, belief: Any, candidates: Array) -> str | None:
+    actions, feasible = system.most_information(belief)
+    least = system.information(belief, actions).min(axis=1)
+    short = least < system.threshold * (1.0 - EXACT)
+    if (short & feasible).any():
+        return f"most_information() gives {least.tolist()}, less than the threshold {system.threshold:g}"
+    return None
+
+
+def _sensor_by_sensor(system: Any, belief: Any, candidates: Array) -> str | None:
+    C, ahead = system.action_set.unit_covariance(candidates), system.ahead(belief)  # C (candidate, sensor, 2, 2)
+    want = _costs(system, belief, candidates[:1])[:, 0]
+    *others, last = range(C.shape[1])
+    for sensor in others:
+        ahead = system.after_sensor(ahead, sensor, np.repeat(C[:1, sensor], WORLDS, axis=0))
+    got = system.sensor_costs(ahead, last, C[None, :1, last])[:, 0]
+    return f"sensor by sensor costs {got.tolist()}, predict() {want.tolist()}" if _differ(got, want, want) else None
+
+
+def _recursion(system: Any, world: Any) -> str | None:
+    """Two steps of the recursion against ``transition`` and ``cost``."""
+    found, state, candidates = system.deterministic_recursion(world), system.initial(world), system.candidates()
+    P = np.array(found.covariance)
+    for step, index in enumerate((0, len(candidates) - 1)):
+        state = system.transition(state, np.repeat(candidates[[index]], WORLDS, axis=0), world)
+        R = found.scale[:, step, None, None] * found.C[index]
+        ahead = found.F @ P @ found.F.T + found.Q
+        S = found.M @ ahead @ found.M.T + R
+        P = ahead - ahead @ found.M.T @ np.linalg.solve(S, found.M @ ahead)
+        cost = np.diagonal(P, axis1=1, axis2=2) @ found.weights
+        want = system.cost(state.belief)
+        if _differ(cost, want, want):
+            return f"step {step + 1} costs {cost.tolist()}, but transition() leads to {want.tolist()}"
+    return None
+
+
+CHECKS: dict[type[Capability], Check] = {
+    BestAction: _best_action,
+    BestSequence: _best_sequence,
+    SequencePlan: _plan,
+    LinearCost: _linear_cost,
+    Gain: _gain,
+    Delay: _delay,
+    Spending: _spending,
+    MostInformation: _information,
+    SensorBySensor: _sensor_by_sensor,
+}
