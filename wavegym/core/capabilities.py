@@ -239,9 +239,9 @@ def why_not(system: object, kind: type[Capability]) -> str:
     if missing:
         return f"it declares {kind.__name__}, but has no {missing[0]}"
     stale = overridden(cls, kind)
-    return (
-        f"it overrides {stale[0]}, but inherits {stale[1]} from {stale[2]}, which knows nothing of it" if stale else ""
-    )
+    if not stale:
+        return ""
+    return f"it overrides {stale[0]}, but inherits {stale[1]} from {stale[2]}, which knows nothing of it"
 
 
 def withdrawn(system: object, kind: type[Capability]) -> bool:

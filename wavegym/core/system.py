@@ -7,11 +7,13 @@ nothing else, so a system of your own is one dataclass in plain NumPy::
     class MySystem(System):
         ...parameters...
 
-Every array carries the environments on axis 0. Three kinds of data, each a NamedTuple of arrays:
+Axis 0 of every array is the environment. There are three kinds of data, each a NamedTuple of arrays:
 
-* **World**: every random number of one episode, drawn in advance and independent of what will be chosen (a tape);
-* **Hidden**: what no scheduler may see (true targets);
-* **Public**: the belief, resources, time and known map. It has at least the field ``step``: int array (env,).
+* **World**: every random number of one episode, drawn in advance and independent of all actions (a tape);
+* **Truth**: what no scheduler may see, such as the true targets;
+* **Belief**: the tracker's estimates, resources, time and the known map. Its field ``step`` is an int array (env,).
+
+What a system offers beyond this contract is declared by deriving from a class of ``wavegym.core.capabilities``.
 """
 
 from __future__ import annotations
@@ -26,14 +28,14 @@ from wavegym.core.parameter_box import ParameterBox
 
 
 class State(NamedTuple):
-    """All there is to know of a batch of episodes: NamedTuples of arrays with axis 0 = environment."""
+    """The state of a batch of episodes: two NamedTuples of arrays with axis 0 = environment."""
 
     truth: Any
     belief: Any
 
 
 class ObservationField(NamedTuple):
-    """One element of the observation, shown to agents as (value - centre) / scale."""
+    """One field of the observation. Agents see (value - centre) / scale."""
 
     name: str
     unit: str
@@ -48,14 +50,14 @@ class System:
     Attributes:
         horizon: steps in an episode.
         dt: time step in seconds.
-        actions: what may be transmitted: a Library, a JointLibrary or other finite set (action = index), a PerSensor
-            (action = one index for each sensor) or a ParameterBox (action in [-1, 1]^d).
-        elements: the observation's elements, in order.
-        terminates: True for a finite-horizon task (its end is a termination, the time left is observed), False for a
-            monitoring task cut off after ``horizon`` steps (its end is a truncation).
-        strict: whether the shells refuse an action that is masked. With False the system takes it, transmits something
-            allowed in its place, in ``transition`` and ``predict`` alike, and says so in the metric ``replaced``.
-        chances: the shape of the uniform draws that the outcome of one step takes in ``predict``; (0,) for none.
+        actions: the action set: a Library or a JointLibrary (an action is an index), a PerSensorLibrary (one index for
+            each sensor) or a ParameterBox (a point of [-1, 1]^d).
+        observation_fields: the fields of the observation, in order.
+        terminates: True for a finite-horizon task, whose end is a termination and which observes the time left; False
+            for a monitoring task, which is truncated after ``horizon`` steps.
+        strict: whether environments refuse a masked action. With False the system replaces a masked action by an
+            allowed one, in ``transition`` and ``predict`` alike, and reports ``replaced`` in ``state_info``.
+        outcome_shape: the shape of the uniform draws that decide one step's outcome in ``predict``; (0,) for none.
     """
 
     horizon: int
@@ -65,12 +67,12 @@ class System:
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
-        """The shape of one step's outcome."""
+        """The shape of the draws that decide one step's outcome."""
         return (0,)
 
     @property
     def target_of_action(self) -> Array | None:
-        """Which target each candidate looks at with each of its beams, (candidate, beam) int; None: at all alike."""
+        """The target of each beam of each candidate, (candidate, beam) int; None where no candidate selects targets."""
         return None
 
     @property
@@ -80,45 +82,45 @@ class System:
 
     @property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation's elements, in the order in which ``observe`` returns them."""
+        """The fields of the observation, in the order in which ``observe`` returns them."""
         raise NotImplementedError
 
     def draw_world(self, rng: np.random.Generator) -> Any:
-        """Draw every random number of one episode. Arrays without an environment axis; ``rng`` is used nowhere else."""
+        """Every random number of one episode, in arrays without an environment axis. Nothing else draws from ``rng``."""
         raise NotImplementedError
 
     def initial(self, world: Any) -> State:
-        """The state at step 0 of each world; world arrays have the environment axis from here on."""
+        """The state at step 0 of each world; the arrays of ``world`` have the environment axis."""
         raise NotImplementedError
 
     def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: move the targets, sense with the chosen waveform, track. Returns fresh arrays.
 
-        Reads the tape at [env, public.step]; environments may stand at different steps. ``action``: (env,), or
+        Reads the tape at [env, belief.step], since environments may be at different steps. ``action`` is (env,),
         (env, sensor) or (env, d).
         """
         raise NotImplementedError
 
     def predict(self, belief: Any, actions: Array, outcome: Any = None) -> Any:
-        """One step of the belief as a planner may predict it.
+        """The belief after one step, as far as it can be predicted from the belief alone.
 
         Args:
-            belief: the belief, axis 0 = environment.
-            actions: (env,), or (env, candidate) in which case every array of the result gains the axis ``candidate``;
-                axis 0 may be 1 where all environments share their candidates. A box adds its axis d at the end, a
-                PerSensor its axis sensor.
-            outcome: None for the expected outcome, or uniform draws in [0, 1], (env, *chances) or (env, candidate,
-                *chances): an event, such as a detection, happens where its draw is below its probability as the belief
-                predicts it. So 0 makes happen whatever can, 1 nothing.
+            belief: axis 0 = environment.
+            actions: (env,); or (env, candidate), and then every array of the result has the axis ``candidate`` too.
+                Axis 0 may be 1 where all environments share their candidates. A ParameterBox adds its axis d at the
+                end, a PerSensorLibrary its axis sensor.
+            outcome: None for the expected outcome; or uniform draws in [0, 1], (env, *outcome_shape) or
+                (env, candidate, *outcome_shape). An event such as a detection happens where its draw is below its
+                predicted probability: with draws of 0 every possible event happens, with draws of 1 none.
         """
         raise NotImplementedError
 
     def cost(self, belief: Any) -> Array:
-        """The cost of a belief, trace(Lambda P), (env,), or with whatever leading axes ``belief`` has."""
+        """The cost of a belief, trace(Lambda P), with the leading axes of ``belief``: (env,) or (env, candidate)."""
         raise NotImplementedError
 
     def observe(self, belief: Any) -> Array:
-        """The observation's elements in the units that ``observation_fields`` states, (env, elements)."""
+        """The observation in the units of ``observation_fields``, (env, fields)."""
         raise NotImplementedError
 
     def terminal(self, belief: Any) -> Array:
@@ -126,10 +128,10 @@ class System:
         return belief.step >= self.horizon
 
     def mask(self, belief: Any) -> Array:
-        """Which actions are allowed, (env, actions) bool; finite action sets only.
+        """Which actions are allowed, (env, actions) bool; for finite action sets only.
 
-        A PerSensor takes no mask: limits that couple sensors cannot be told sensor by sensor, so they go into the
-        joint form. What agents are shown for it is all True, (env, sensors * waveforms), sensor by sensor.
+        A PerSensorLibrary has no mask: limits that couple sensors need a JointLibrary. Agents are shown all True for
+        it, (env, sensors * waveforms), sensor after sensor.
         """
         actions = self.actions
         if isinstance(actions, PerSensorLibrary):
@@ -139,20 +141,19 @@ class System:
         return np.ones((len(belief.step), count), dtype=np.bool_)
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Key figures of the state, each (env, ...); may look at the truth, and is never observed.
+        """Key figures of the state, each (env, ...). They may use the truth; agents never observe them.
 
-        Evaluation knows ``position_error`` (m), ``nees``, and ``lost``: tracks lost, of which those at the episode's
-        end count. Those of several targets are (env, target). Where targets come and go, ``present``, (env, target)
-        bool, says which are there; the other figures of one that is not are 0, as Gymnasium's checker of environments
-        takes no NaN for equal.
+        Evaluation reads ``position_error`` (m), ``nees`` and ``lost`` (tracks lost; the value at the episode's end
+        counts), each (env,) or (env, target). Where targets come and go, ``present``, (env, target) bool, marks those
+        that are there; the figures of an absent target are 0, because Gymnasium's checker treats NaN as unequal.
         """
         return {}
 
     def candidates(self) -> Array:
         """The actions that enumerating schedulers try.
 
-        All indices (A,), or all combinations (A^sensors, sensors) of a PerSensor; a system with a box offers points,
-        (A, d).
+        By default all indices (A,), or all combinations (A^sensors, sensors) of a PerSensorLibrary. A system with a
+        ParameterBox returns points of the box, (A, d).
         """
         actions = self.actions
         if isinstance(actions, ParameterBox):
@@ -160,24 +161,24 @@ class System:
         return actions.combinations() if isinstance(actions, PerSensorLibrary) else np.arange(len(actions.labels))
 
     def constants(self) -> Array:
-        """The actions that schedules without a belief (fixed:K, best-fixed, round-robin) choose among, (C, ...).
+        """The actions that open-loop schedules (fixed:K, best-fixed, round-robin) choose among, (C, ...).
 
-        By default ``candidates()``. Fewer of them keep the search for the best one short; with a ``mask``, at least
-        one of them must always be allowed.
+        By default ``candidates()``. A shorter list shortens the search for the best constant. With a ``mask``, at
+        least one constant must always be allowed.
         """
         return self.candidates()
 
     def named_constants(self) -> dict[str, Array]:
-        """Constant actions that have a name, e.g. a paper's own setting; ``fixed:NAME`` transmits one. Default: none.
+        """Named constant actions, such as a paper's own setting; ``fixed:NAME`` transmits one. Default: none.
 
-        They need not be among ``constants()``. A name holds no comma, because policies are listed with commas, and is
-        no integer, because ``fixed:K`` is a number's.
+        They need not be among ``constants()``. A name has no comma, which separates policies, and is no integer,
+        which ``fixed:K`` takes for an index.
         """
         return {}
 
     def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
-        """Whole loops that have a name: a scheduler, and parameters of the system that differ from this one's.
+        """Named baselines: a scheduler, and the parameters in which its loop differs from this system.
 
-        A comparison plays them on the same worlds, e.g. a paper's baseline with a simpler tracker. Default: none.
+        A comparison plays them on the same worlds: a paper's baseline with a simpler tracker, for example.
         """
         return {}
