@@ -151,7 +151,7 @@ def test_a_restarting_environment_may_get_a_masked_action():
 def test_the_single_environment_refuses_masked_actions():
     env = WaveformEnv(Burner(fuel=1))
     env.reset(seed=0)
-    with pytest.raises(InputError, match="does not allow now"):
+    with pytest.raises(InputError, match="which is not allowed now"):
         env.step(2)
     assert env.belief.step.tolist() == [0]
     env.step(0)
@@ -189,3 +189,10 @@ def test_a_masked_action_reaches_only_a_system_that_replaces_it(strict):
             reader.read(np.array([1]), belief, None)
     else:
         assert reader.read(np.array([1]), belief, None) == 1
+
+
+def test_the_single_environment_speaks_of_no_batch_axis():
+    env = WaveformEnv("wavegym.systems.rf_eo.system:RfEo", horizon=3)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=r"^action has the shape \(2,\), expected \(6,\)$"):
+        env.step(np.zeros(2))

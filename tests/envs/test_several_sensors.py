@@ -158,7 +158,7 @@ def test_a_joint_mask_is_enforced():
     env = WaveformEnv(Coupled())
     env.reset(seed=0)
     assert env.action_masks().tolist() == [True, False, False, False]
-    with pytest.raises(InputError, match=r"action is 3, which environment 0 does not allow now \(nearest allowed: 0\)"):
+    with pytest.raises(InputError, match=r"action is 3, which is not allowed now \(nearest allowed: 0\)"):
         env.step(3)
     env.step(0)
     assert env.action_masks().tolist() == [True, True, True, False]
@@ -185,7 +185,7 @@ class Wrong(Quick):
 @pytest.mark.parametrize(
     ("promise", "message"),
     [
-        ("absent", r"metrics\(\)\['nees'\] is not finite, expected 0 where a target is absent"),
+        ("absent", r"state_info\(\)\['nees'\] is not finite, expected 0 where a target is absent"),
         ("flat", r"best_action\(\) returned shape \(3,\), expected \(3, 2\)"),
         ("not best", r"best_action\(\) costs .*, but candidates cost"),
         ("far", r"constants\(\) has an index that candidates\(\) lacks"),

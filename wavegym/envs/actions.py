@@ -148,4 +148,5 @@ def _check_mask(chosen: Array, mask: Array, ignored: Array | None) -> None:
         i = int(forbidden.argmax())
         action, open_ones = int(chosen[i]), np.flatnonzero(mask[i])
         nearest = int(open_ones[np.abs(open_ones - action).argmin()]) if open_ones.size else "none"
-        raise InputError(f"action is {action}, which environment {i} does not allow now (nearest allowed: {nearest})")
+        where = f"environment {i} does not allow" if len(chosen) > 1 else "is not allowed"
+        raise InputError(f"action is {action}, which {where} now (nearest allowed: {nearest})")

@@ -77,9 +77,10 @@ class WaveformEnv(gym.Env):
         """
         if self._over:
             raise InputError("the episode has ended, expected reset() before step()")
-        observation, reward, terminated, truncated, state_info, transition_info = self.batch.transmit(
-            np.asarray(action)[None], None
-        )
+        one = np.asarray(action)
+        if one.shape != self.action_space.shape:
+            raise InputError(f"action has the shape {one.shape}, expected {self.action_space.shape}")
+        observation, reward, terminated, truncated, state_info, transition_info = self.batch.transmit(one[None], None)
         over, late = terminated.item(), truncated.item()
         self._over = over or late
         return observation[0], reward.item(), over, late, {**_first(state_info), **_first(transition_info)}
