@@ -65,7 +65,7 @@ class SequencePlan(Capability, members=("plan",), shortcut_for=("predict", "cost
 
 
 class DeterministicRecursion(
-    Capability, members=("deterministic_recursion",), shortcut_for=("initial", "transition", "cost", "candidates")
+    Capability, members=("deterministic_recursion",), shortcut_for=("transition", "cost", "candidates")
 ):
     """A covariance that depends on nothing but the actions, so that finite-horizon optima can be computed."""
 
