@@ -53,7 +53,7 @@ def changed_default(base: type, name: str, default: Any) -> Any:
     return field
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(parameter, changed_default))
+@dataclass_transform(frozen_default=True)
 def system_parameters(cls: type[Made]) -> type[Made]:
     """A class whose fields are parameters: checked when made, closed to unknown names, finite, never changed.
 

@@ -1,4 +1,4 @@
-"""The camera that has to turn: one step in plain NumPy, prediction against what comes, delays and gains."""
+"""The camera that has to turn: one step in plain NumPy, prediction against transition, delays and gains."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def one_step(system, mean, P, pointing, settling, q, visible, action, seen):
 
 
 def test_one_step_is_that_of_plain_numpy():
-    """Foreseen means, covariances (to what inverting them in double precision leaves) and the camera."""
+    """Predicted means, covariances (to the precision of inverting them in doubles) and the camera."""
     system = CameraSlew(horizon=30)
     state, worlds = later(system, 6, 3)
     for _ in range(20):  # until the cameras follow a target each
@@ -55,24 +55,24 @@ def test_one_step_is_that_of_plain_numpy():
         belief = oracles.rows(state.belief, slice(e, e + 1))
         for action in range(4):
             for draw in (0.0, 1.0):
-                told = system.predict(belief, np.array([action]), np.full((1, 4), draw))
+                predicted = system.predict(belief, np.array([action]), np.full((1, 4), draw))
                 x, P, pointing, settling = one_step(
                     system, belief.mean[0], belief.covariance[0], belief.pointing[0], belief.settling[0],
                     belief.q[0], belief.visible[0, belief.step[0]], action, draw < system.detection
                 )  # fmt: skip
-                np.testing.assert_allclose(told.mean[0], x, rtol=1e-12, atol=1e-9)
-                np.testing.assert_allclose(told.covariance[0], P, rtol=1e-6, atol=1e-8)
-                np.testing.assert_allclose(told.pointing[0], pointing, atol=1e-12)
-                assert (told.settling[0], told.step[0]) == (settling, belief.step[0] + 1)
+                np.testing.assert_allclose(predicted.mean[0], x, rtol=1e-12, atol=1e-9)
+                np.testing.assert_allclose(predicted.covariance[0], P, rtol=1e-6, atol=1e-8)
+                np.testing.assert_allclose(predicted.pointing[0], pointing, atol=1e-12)
+                assert (predicted.settling[0], predicted.step[0]) == (settling, belief.step[0] + 1)
             found = system.predict(belief, np.array([action]), np.zeros((1, 4)))
-            some += not np.array_equal(found.covariance, told.covariance)
+            some += not np.array_equal(found.covariance, predicted.covariance)
     assert some >= 6  # looks that found something, and others
 
 
-def test_a_given_outcome_is_what_comes():
-    """Where the truth is on the same side of every field of view as the prediction, which is known by what was found.
+def test_prediction_with_a_given_outcome_is_the_transition():
+    """Compared where truth and prediction are on the same side of every edge: targets close to an edge are left out.
 
-    The filter linearises once, at the prediction. What is left out is a target at the image's very edge.
+    The filter linearises once, at the prediction.
     """
     system = CameraSlew(
         horizon=80, iterations=1, platforms=((-1e3, 0.0), (1e3, 0.0)), bandwidth=20e6, half_field=0.05, settle=1,
@@ -82,18 +82,18 @@ def test_a_given_outcome_is_what_comes():
     rng, action, agreed, found = np.random.default_rng(2), np.zeros(40, int), 0, 0
     for k in range(80):
         action = np.where(rng.random(40) < 0.15, rng.integers(4, size=40), action)
-        told = system.predict(state.belief, action, worlds.found[:, k])
+        predicted = system.predict(state.belief, action, worlds.found[:, k])
         if k % 2:  # also among several candidates
             every = system.predict(state.belief, np.arange(4)[None], worlds.found[:, None, k])
-            one = type(told)(*(part[np.arange(40), action] for part in every))
-            trees.tree_map(np.testing.assert_array_equal, one, told)
+            one = type(predicted)(*(part[np.arange(40), action] for part in every))
+            trees.tree_map(np.testing.assert_array_equal, one, predicted)
         true = np.arctan2(state.truth.targets[..., 0] + 1e3, state.truth.targets[..., 2])
         state = system.transition(state, action, worlds)
-        edge = np.abs(np.abs(wrap(true - told.pointing[:, None])) - system.half_field)
+        edge = np.abs(np.abs(wrap(true - predicted.pointing[:, None])) - system.half_field)
         clear = (edge > 0.02).all(axis=1)
         for name in ("covariance", "pointing", "settling", "step"):
             np.testing.assert_allclose(
-                getattr(told, name)[clear], getattr(state.belief, name)[clear], rtol=1e-9, atol=1e-8
+                getattr(predicted, name)[clear], getattr(state.belief, name)[clear], rtol=1e-9, atol=1e-8
             )
         agreed, found = agreed + clear.sum(), found + state.truth.seen[clear].sum()
     assert agreed > 2000
@@ -101,7 +101,7 @@ def test_a_given_outcome_is_what_comes():
 
 
 def test_the_expected_outcome_is_the_mean():
-    """Over detections, to five standard errors of 4000 draws, and far from what is predicted without any."""
+    """The mean over detections, to five standard errors of 4000 draws; far from the prediction without detection."""
     system, count = CameraSlew(horizon=60, iterations=1, detection=0.6, **OPEN), 4000
     state, worlds = later(system, 1, 5)
     for _ in range(20):  # until the camera is there
@@ -121,7 +121,7 @@ def test_the_expected_outcome_is_the_mean():
 
 @pytest.mark.parametrize("settle", SETTLES)
 def test_the_delay_is_how_long_it_takes(settle):
-    """Targets that do not move: the first step in which a look can do something, found by turning."""
+    """Targets at rest: the first step in which a look changes the covariance, found by turning the camera."""
     system = CameraSlew(
         horizon=60, q=(1e-12, 1e-12), speed=0.0, prior_variance=(1e-2, 1e-9, 1e-2, 1e-9), settle=settle, **OPEN
     )
@@ -139,7 +139,7 @@ def test_the_delay_is_how_long_it_takes(settle):
 
 
 def test_the_gain_at_once_is_the_difference_that_a_look_makes():
-    """trace(M (P without - P with)), M summed by hand; also at the episode's end, beyond which there is nothing."""
+    """trace(M (P without - P with)), M summed by hand; also at the episode's end, where fewer steps are left."""
     system = CameraSlew(horizon=40, **OPEN)
     state, worlds = later(system, 8, 10)
     for _ in range(28):

@@ -53,7 +53,7 @@ def same(a, b):
 
 
 def all_finite(system, state):
-    """The state, its figures, and everything that schedulers and agents ask of it."""
+    """Whether the state, its figures and all values that schedulers and agents compute from it are finite."""
     belief, some = state.belief, system.candidates()[None, :5]
     asked = [system.cost(belief), system.observe(belief), system.information(belief, some), system.best_action(belief)]
     asked += [*system.state_info(state).values(), system.most_information(belief)[0], *system.plan(belief, 2)]
@@ -77,7 +77,7 @@ def test_worlds_are_the_same_whatever_is_chosen_or_assumed():
 @pytest.mark.parametrize("platforms", [1, 2, 3])
 @pytest.mark.parametrize("targets", [1, 2, 3])
 def test_what_is_in_view_is_received(platforms, targets):
-    """Each quantity by itself, at the truth; of several targets each by itself."""
+    """Each quantity of each target by itself, at the truth."""
     looks = (0.3, -0.5, 3.0)[:platforms]
     system = RfEo(horizon=30, platforms=PLATFORMS[:platforms], starts=STARTS[:targets], looks=looks, q=50.0)
     states, actions = play(system, oracles.worlds(system, 4), at_random(system))
@@ -89,7 +89,7 @@ def test_what_is_in_view_is_received(platforms, targets):
         inside = ((view.low <= q) & (q <= view.high)).sum(axis=(-2, -1))
         np.testing.assert_array_equal(system.state_info(state)["received"], inside)
         counts += np.bincount(inside.ravel(), minlength=len(counts))
-    assert (counts > 0).sum() >= 3  # much and little was in view
+    assert (counts > 0).sum() >= 3  # different numbers of quantities were in view
     inflated = RfEo(**{**vars_of(system), "out_of_view": "inflated"})
     states, _ = play(inflated, oracles.worlds(inflated, 4), at_random(inflated))
     assert (states[-1].truth.received == 3 * platforms).all()
@@ -100,7 +100,7 @@ def vars_of(system):
 
 
 @pytest.mark.parametrize("kind", ["logistic", "hard", "deadzone", "log-barrier"])
-def test_inflated_errors_have_the_foreseen_covariance_where_the_truth_is_predicted(kind):
+def test_inflated_errors_have_the_predicted_covariance_where_the_truth_is_predicted(kind):
     system = RfEo(out_of_view="inflated", penalty=kind, q=0.0, iterations=1, horizon=4)
     worlds, choose = oracles.worlds(system, 3), at_random(system)
     state = system.initial(worlds)
@@ -134,7 +134,7 @@ def test_inflated_draws_have_the_penaltys_spread(kind):
 @pytest.mark.parametrize("as_printed", [False, True])
 @pytest.mark.parametrize("mode", MODES)
 def test_a_target_on_top_of_a_platform_is_not_measured_by_it(mode, as_printed):
-    """The first platform, where the target stays: it might as well not be there."""
+    """The target rests on the first platform: the episode is the one without that platform."""
     rest = {"q": 0.0, "starts": ((0.0,) * 4,), "horizon": 12, "out_of_view": mode, "as_printed": as_printed}
     both, far = RfEo(platforms=((0, 0), (2e3, 0)), **rest), RfEo(platforms=((2e3, 0),), **rest)
     worlds = oracles.worlds(both, 3)
@@ -154,7 +154,7 @@ def test_a_target_on_top_of_a_platform_is_not_measured_by_it(mode, as_printed):
     [((0.0, 0.0), (0.0, 0.0)), ((0.5, 0.2), (300.0, 9.0)), ((300.0, 9.0), (0.2, -0.9)), ((0.9, 0.0), (0.0, 0.9))],
 )
 def test_the_only_platform_measures_nothing_within_a_metre(mode, true_states, estimate):
-    """Of truth or prediction: the belief is the prediction, at 1.1 m it is not."""
+    """Within a metre of truth or prediction the belief is the prediction; at 1.1 m it is updated."""
     system = RfEo(platforms=((0.0, 0.0),), starts=((0.0,) * 4,), horizon=3, q=0.0, out_of_view=mode)
     worlds = oracles.worlds(system, 2)
 
@@ -191,7 +191,7 @@ def test_a_target_is_lost_after_more_than_ten_steps_without_a_measurement():
         assert not figures["lost"][:, 1].any()
 
 
-def test_metrics_are_errors_and_the_least_information():
+def test_state_info_is_errors_and_the_least_information():
     system = RfEo(horizon=5, threshold=3.0)
     (*_, before, state), (*_, action) = play(system, oracles.worlds(system, 40), at_random(system))
     figures, first = system.state_info(state), system.state_info(system.initial(oracles.worlds(system, 2)))

@@ -1,4 +1,4 @@
-"""What RF/EO platforms may be set to: the library, joint and box forms name the same settings."""
+"""Settings of RF/EO platforms: the library, joint and box forms name the same settings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.sensors import platform_view
-from wavegym.systems.rf_eo.actions import FEW, FINE, MANY, PlatformActions
+from wavegym.systems.rf_eo.actions import GRID_POINTS, MOST_ACTIONS, MOST_CANDIDATES, PlatformActions
 from wavegym.systems.rf_eo.system import RfEo
 
 RANGES = ((1e3, 1e5), (1e6, 2e7), (1e-5, 6e-3))
@@ -45,7 +45,7 @@ def test_labels_tell_settings_apart():
     assert labels[0] == "1 kHz 1 MHz 10 urad"
 
 
-def test_forms_are_what_they_say():
+def test_each_form_has_its_action_set():
     assert isinstance(make_set("library").actions, PerSensorLibrary)
     assert isinstance(make_set("joint").actions, JointLibrary)
     assert len(make_set("joint").actions) == 24**2
@@ -86,7 +86,7 @@ def test_encode_and_decode_are_inverse(seed, platforms):
     np.testing.assert_allclose(action_set.encode(action_set.settings(actions)), actions, atol=1e-12)
 
 
-def test_what_is_outside_is_refused():
+def test_values_outside_the_box_are_refused():
     with pytest.raises(InputError, match="value of prf_2 is 500, expected"):
         make_set("box").encode(np.array([[1e4, 1e7, 1e-3], [500.0, 1e7, 1e-3]]))
     with pytest.raises(InputError, match="action of pixel_angle_1 is nan"):
@@ -98,7 +98,7 @@ def test_what_is_outside_is_refused():
 def test_choose_takes_points_of_the_grid_at_the_greatest_bandwidth(form, points):
     action_set, rng = make_set(form, points), np.random.default_rng(1)
     prfs, angles = action_set.grid
-    assert action_set.sizes == ((FINE, FINE) if form == "box" else (points[0], points[2]))
+    assert action_set.sizes == ((GRID_POINTS, GRID_POINTS) if form == "box" else (points[0], points[2]))
     prf, angle = (rng.integers(size, size=(6, 2)) for size in action_set.sizes)
     got = action_set.settings(action_set.choose(prf, angle))
     want = np.stack([prfs[prf], np.full((6, 2), 2e7), angles[angle]], axis=-1)
@@ -113,8 +113,8 @@ def test_the_grid_of_the_box_spans_its_bounds():
 
 
 @pytest.mark.parametrize("as_printed", [False, True])
-def test_axes_are_what_grid_points_are_worth(as_printed):
-    """Of unequal lengths, the shorter one repeats its last point."""
+def test_axes_are_the_view_at_the_grid_points(as_printed):
+    """The shorter axis repeats its last point."""
     action_set = make_set("library", as_printed=as_printed)
     prfs, angles = action_set.grid
     want = platform_view(np.append(prfs, prfs[-1]), 2e7, angles, 0.03, 128, 1000, as_printed)
@@ -124,11 +124,11 @@ def test_axes_are_what_grid_points_are_worth(as_printed):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_candidates_are_all_combinations_or_the_same_everywhere(form):
-    """24^2 are few enough; of 24^3 only the same setting at every platform, unless they are the actions."""
+    """All 24^2; in place of 24^3 only the same setting at every platform, except in the joint form."""
     action_set = make_set(form)
     want = picked(action_set, np.array(list(product(range(24), repeat=2))))
     np.testing.assert_allclose(action_set.settings(action_set.candidates), want, rtol=1e-13)
-    assert FEW < 24**3
+    assert MOST_CANDIDATES < 24**3
     action_set = make_set(form, platforms=3)
     every = np.array(list(product(range(24), repeat=3)))
     want = picked(action_set, every if form == "joint" else np.repeat(np.arange(24)[:, None], 3, axis=1))
@@ -159,7 +159,7 @@ def test_view_is_the_sensors(as_printed):
         ("box", (0, 1, 4), 2, "points of prf is 0, expected an integer >= 1"),
         ("box", (4, -1, 4), 2, "points of bandwidth is -1"),
         ("library", (4, 1, 2.5), 2, "points of pixel_angle is 2.5"),
-        ("box", (10**6, 10**6, 4), 2, f"which makes 4000000000000 settings, expected at most {MANY}"),
+        ("box", (10**6, 10**6, 4), 2, f"which makes 4000000000000 settings, expected at most {MOST_ACTIONS}"),
         ("joint", (9, 9, 9), 2, r"joint actions are 729\^2.*nearest action: 'library'"),
         ("joint", POINTS, 64, r"joint actions are 24\^64"),
     ],

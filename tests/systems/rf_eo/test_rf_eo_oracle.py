@@ -87,7 +87,7 @@ def test_penalties(kind, share, low, sharpness):
     assert got == pytest.approx(want, rel=1e-9, abs=1e-15 * 1e6)
 
 
-def public_of(system, x, P):
+def belief_of(system, x, P):
     """A belief of one environment with the targets' states (target, 4) and covariances."""
     belief = system.initial(oracles.worlds(system, 1)).belief
     return belief._replace(mean=np.array(x)[None], covariance=np.array(P)[None])
@@ -119,7 +119,7 @@ def test_prediction_is_the_batch_information_form(name, margin, kind):
     """P_{k+1|k+1} and tr(P C' R~^-1 C) in 80 digits."""
     x, P = STATES[name]
     system = RfEo(penalty=kind, margin=margin, starts=ONE)
-    belief, (action, settings) = public_of(system, [before(x)], [P]), chosen(system, FIXED)
+    belief, (action, settings) = belief_of(system, [before(x)], [P]), chosen(system, FIXED)
     want, got = plain.predict_ahead(system, before(x), P, settings), system.predict(belief, action)
     assert oracles.covariance_distance(got.covariance[0, 0], want.covariance) < 1e-10
     np.testing.assert_allclose(got.mean[0, 0], want.mean, rtol=1e-15)
@@ -143,7 +143,7 @@ CLOSED = [
 
 
 @pytest.mark.parametrize("settings", CLOSED, ids=str)
-def test_advance_is_the_plain_step(settings):
+def test_transition_is_the_plain_step(settings):
     """From each state of the system's own episode; random settings of the whole box, so that much is out of view."""
     system, rng = RfEo(horizon=8, **settings), np.random.default_rng(3)
     worlds = oracles.worlds(system, 2, seed=4)
@@ -175,7 +175,7 @@ def test_the_finest_pixels_meet_the_widest_prior():
     system = RfEo(starts=ONE, looks=tuple(np.arctan2(*(ahead[[0, 2]] - place)) for place in SYSTEM.platforms))
     action, settings = chosen(system, [[1e3, 20e6, 1e-5]] * 2)
     want = plain.predict_ahead(system, before(ahead), WIDE, settings).covariance
-    got = system.predict(public_of(system, [before(ahead)], [WIDE]), action).covariance[0, 0]
+    got = system.predict(belief_of(system, [before(ahead)], [WIDE]), action).covariance[0, 0]
     limit = tolerance(system, before(ahead), WIDE, settings)
     assert 1e-6 < limit < 1e-4
     assert oracles.covariance_distance(got, want) < limit
@@ -193,7 +193,7 @@ def test_the_episode_begins_as_documented():
 
 def predicted(system, x, P, settings):
     """Weighted information (candidate, target) and covariances (candidate, target, 4, 4) of beliefs (target, ...)."""
-    belief, actions = public_of(system, x, P), system.action_set.encode(np.asarray(settings))[None]
+    belief, actions = belief_of(system, x, P), system.action_set.encode(np.asarray(settings))[None]
     return system.information(belief, actions)[0], system.predict(belief, actions).covariance[0]
 
 
@@ -219,7 +219,7 @@ def test_where_the_two_objectives_part():
     share, covariance = predicted(system, x, P, [[[20e3, 20e6, 1e-5]], [[20e3, 20e6, 2e-3]]])
     assert share[0].sum() > 1e3 * share[1].sum()
     assert np.linalg.slogdet(covariance).logabsdet.sum(axis=-1) @ [1, -1] > 2.0
-    assert system.cost(public_of(system, x, covariance[0])) > 1e3 * system.cost(public_of(system, x, covariance[1]))
+    assert system.cost(belief_of(system, x, covariance[0])) > 1e3 * system.cost(belief_of(system, x, covariance[1]))
     assert share.min() > 1e3 * system.threshold
 
 

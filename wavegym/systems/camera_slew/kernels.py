@@ -1,7 +1,7 @@
-"""A camera that has to turn, in compiled form: point, look, track, and what a look is worth after a turn.
+"""A camera that has to turn, in compiled form: turn, measure, track, and predict the value of a look.
 
-Shapes and arguments as in ``rf_eo_kernels.py``; c candidates. Of what a platform measures the azimuth, whose place in
-the image decides, belongs to the camera on platform 0: ``low`` and ``high`` (p, 3) have no azimuth in view at first.
+Shapes and arguments as in ``rf_eo/kernels.py``; c candidates. Only the camera on platform 0 measures azimuths, of
+targets in its image: ``low`` and ``high`` (p, 3) have no azimuth in view at first.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -25,13 +25,13 @@ class Mount(NamedTuple):
     """The camera's scalars."""
 
     half: float  # half the field of view, rad
-    turn: float  # the most that it turns in one step, rad
+    turn: float  # greatest turn in one step, rad
     settle: int  # steps
     detection: float  # probability that a target in view is found
 
 
 @inlined
-def swing(azimuth, pointing, settling, mount):
+def turn_towards(azimuth, pointing, settling, mount):
     """One step towards ``azimuth``: the pointing after it, the settle steps left, and whether the camera sees."""
     off = wrapped(azimuth - pointing)
     after = wrapped(pointing + min(max(off, -mount.turn), mount.turn))
@@ -42,13 +42,13 @@ def swing(azimuth, pointing, settling, mount):
 
 @inlined
 def in_image(azimuth, pointing, mount):
-    """Whether what lies at ``azimuth`` is in the field of view."""
+    """Whether ``azimuth`` is in the field of view."""
     return abs(wrapped(azimuth - pointing)) <= mount.half
 
 
 @inlined
 def share_of(e, k, t, visible, mount):
-    """Probability that target t is found where it is in the image in step k: 0 behind cover."""
+    """Probability that target t is found in step k if it is in the image: 0 behind cover."""
     return mount.detection if k < visible.shape[1] and visible[e, k, t] else 0.0
 
 
@@ -67,7 +67,7 @@ def transition(
 ):  # fmt: skip
     """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen, seen (e, t).
 
-    Q and its factor L are those of a process noise density of 1, density (e, t) the targets' own.
+    Q and its factor L belong to a process noise density of 1; density (e, t): the targets' own.
     """
     (count, targets, n), rows, flat = mean.shape, 3 * places.shape[0], mean.shape[0] * mean.shape[1]
     T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows)
@@ -82,7 +82,7 @@ def transition(
         for t in range(targets):
             predict_mean_one(e * targets + t, mean, F, 0, x, nn)
         towards = bearing(x[aim, 0] - places[0, 0], x[aim, 2] - places[0, 1])
-        pointing_out[e], settling_out[e], sees = swing(towards, pointing[e], settling[e], mount)
+        pointing_out[e], settling_out[e], sees = turn_towards(towards, pointing[e], settling[e], mount)
         places[0, 2] = pointing_out[e]
         for t in range(targets):
             i = e * targets + t
@@ -99,8 +99,8 @@ def transition(
 
 
 @inlined
-def absorb_foreseen(t, P, h, H, variance, low, high, rules, azimuth, v, nn):
-    """P[t] after what the radars see of target t where it is predicted, and the camera if ``azimuth``."""
+def absorb_predicted(t, P, h, H, variance, low, high, rules, azimuth, v, nn):
+    """Update P[t] with the radars' quantities of target t predicted in view, and with the camera's if ``azimuth``."""
     for a in range(h.shape[1]):
         j, q = a // 3, a % 3
         seen = azimuth if a == AZIMUTH else low[j, q] <= h[t, a] <= high[j, q]
@@ -114,48 +114,46 @@ def predict(
     step, mean, P, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount, variance,
     low, high, x, P_out, pointing_out, settling_out, nn
 ):  # fmt: skip
-    """Predicted means x (e, c, t, n), covariances P_out (e, c, t, n, n), and the camera (e, c).
+    """Fill predicted means x (e, c, t, n), covariances P_out (e, c, t, n, n), and the camera's state (e, c).
 
     actions (e or 1, c); draws (e, c or 1, t), used where ``sampled``.
     """
     (count, candidates, targets), n = x.shape[:3], len(nn)
     ahead, v, known = np.empty((targets, n)), np.empty(n), np.empty(targets, np.bool_)
-    unseen, seen = np.empty((targets, n, n)), np.empty((targets, n, n))
+    without_camera, with_camera = np.empty((targets, n, n)), np.empty((targets, n, n))
     h, H = np.empty((targets, 3 * places.shape[0])), np.empty((targets, 3 * places.shape[0], n))
     for e in range(count):
-        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, unseen, h, H, nn)
-        for t in range(targets):  # the noise predicted is that of a density of 1
+        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, without_camera, h, H, nn)
+        for t in range(targets):  # predict_ahead assumed a density of 1
             for a in range(n):
                 for b in range(n):
-                    unseen[t, a, b] += (density[e, t] - 1.0) * Q[0, a, b]
-        seen[:], known[:] = unseen, False
+                    without_camera[t, a, b] += (density[e, t] - 1.0) * Q[0, a, b]
+        with_camera[:], known[:] = without_camera, False
         for t in range(targets):
-            absorb_foreseen(t, unseen, h, H, variance, low, high, rules, False, v, nn)
+            absorb_predicted(t, without_camera, h, H, variance, low, high, rules, False, v, nn)
         for c in range(candidates):
             aim = actions[e if actions.shape[0] > 1 else 0, c]
-            after, left, sees = swing(h[aim, AZIMUTH], pointing[e], settling[e], mount)
+            after, left, sees = turn_towards(h[aim, AZIMUTH], pointing[e], settling[e], mount)
             pointing_out[e, c], settling_out[e, c] = after, left
             for t in range(targets):
-                x[e, c, t], P_out[e, c, t] = ahead[t], unseen[t]
+                x[e, c, t], P_out[e, c, t] = ahead[t], without_camera[t]
                 share = share_of(e, step[e], t, visible, mount)
                 if not (sees and in_image(h[t, AZIMUTH], after, mount)):
                     continue
                 if not known[t]:
-                    absorb_foreseen(t, seen, h, H, variance, low, high, rules, True, v, nn)
+                    absorb_predicted(t, with_camera, h, H, variance, low, high, rules, True, v, nn)
                     known[t] = True
                 if not sampled:
-                    P_out[e, c, t] = (1.0 - share) * unseen[t] + share * seen[t]
+                    P_out[e, c, t] = (1.0 - share) * without_camera[t] + share * with_camera[t]
                 elif draws[e, c if draws.shape[1] > 1 else 0, t] < share:
-                    P_out[e, c, t] = seen[t]
+                    P_out[e, c, t] = with_camera[t]
 
 
 @kernel
 def delay(step, mean, pointing, settling, visible, F, places, mount, out, off, nn):
-    """out (e, t): steps without sight before the camera sees each target, where it will be one step ahead.
+    """Fill out (e, t), the steps without sight before the camera sees each target where it will be one step ahead.
 
-    Until it has turned and settled, and until the target comes out of cover.
-
-    off (e, t): how far the camera is to turn.
+    They last until the camera has turned and settled and the target has come out of cover. off (e, t): the turn needed.
     """
     x = np.empty((mean.shape[1], len(nn)))
     for e in range(mean.shape[0]):
@@ -171,11 +169,11 @@ def delay(step, mean, pointing, settling, visible, F, places, mount, out, off, n
 
 @kernel
 def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, variance, low, high, out, nn):
-    """out (e, c): what one look at target c after ``wait`` (e, c) steps takes off the summed cost of the steps to come.
+    """Fill out (e, c), the reduction of the summed cost by one look at target c after ``wait`` (e, c) steps.
 
-    F, Q (w, n, n): transition of 1, 2, ... steps and noise of a density of 1; M (l, n, n): weights of as many steps.
-    All targets that will be in the image and in sight count. What the radars measure up to the look is taken for as
-    many looks at its end.
+    F, Q (w, n, n): transition of 1, 2, ... steps and noise of a density of 1; M (l, n, n): weights summed over as many
+    steps. All targets that will be in the image and in sight count. The radars' measurements up to the look count as if
+    all were taken with the look.
     """
     targets, n = mean.shape[1], len(nn)
     x, V, T, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty((n, n)), np.empty(n)

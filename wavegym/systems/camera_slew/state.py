@@ -1,31 +1,15 @@
-"""Targets before a camera that has to turn: tape, truth, belief, what an agent is shown of it, and what makes one."""
+"""Targets before a camera that has to turn: tape, truth, belief, and observation fields."""
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import check_non_negative, check_ordered, check_positive, check_within
-from wavegym.core.system import ObservationField, State
+from wavegym.core.system import ObservationField
 from wavegym.systems import visibility_windows as windows
-from wavegym.systems.rf_eo.kernels import measure
-from wavegym.systems.rf_eo.state import MOST
-from wavegym.systems.rf_eo.state import Belief as RfEoBelief
-from wavegym.systems.rf_eo.system import NN, RfEo
-from wavegym.systems.visibility_windows import given_windows, window_draws
-from wavegym.targets import MotionModel
-
-if TYPE_CHECKING:
-    from wavegym.systems.camera_slew.system import CameraSlew
-
+from wavegym.systems.rf_eo.state import Belief as PlatformBelief
 
 SOON = 10  # steps of visibility that are observed
-LONGEST = 10_000  # steps; as many matrices are kept
-FASTEST = 1e6  # rad/s
-LOST_AFTER = 30  # steps in which the camera has not found a target
 
 
 class World(NamedTuple):
@@ -36,9 +20,9 @@ class World(NamedTuple):
     start: Array  # (target, 4) normal: errors of the first estimates
     process: Array  # (H, target, 4) normal: manoeuvres
     error: Array  # (H, platform, target, 3) normal: measurement errors
-    density: Array  # (target,) uniform: how much each target manoeuvres
-    window: Array  # (target, draws) uniform: when each target is in sight
-    found: Array  # (H, target) uniform: the camera finds a target in view where below ``detection``
+    density: Array  # (target,) uniform: process noise density of each target
+    window: Array  # (target, draws) uniform: windows of visibility
+    found: Array  # (H, target) uniform: the camera finds a target in view where the draw is below ``detection``
 
 
 class Truth(NamedTuple):
@@ -47,26 +31,26 @@ class Truth(NamedTuple):
     targets: Array  # (env, target, 4)
     received: Array  # (env, target) int: measured quantities of the last step
     unseen: Array  # (env, target) int: steps since the camera found the target
-    seen: Array  # (env, target) bool: whether it did in the last step
+    seen: Array  # (env, target) bool: whether the camera found the target in the last step
 
 
 class Belief(NamedTuple):
-    """The belief, and the camera."""
+    """The belief, the camera's state, and the known windows of visibility."""
 
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
     pointing: Array  # (env,) rad, clockwise from +y
-    settling: Array  # (env,) int: steps that the camera still has to settle once it has arrived
+    settling: Array  # (env,) int: steps to settle that are left after the turn
     q: Array  # (env, target) m^2/s^3: process noise density
-    visible: Array  # (env, H, target) bool: whether the camera's line of sight to the target is free in each step
+    visible: Array  # (env, H, target) bool: whether the line of sight from camera to target is free
 
 
 def camera_fields(targets: int) -> tuple[ObservationField, ...]:
-    """Observation elements: time left, the camera, and of every target what it takes to look at it."""
+    """Observation elements: time left, the camera, and what a look at each target needs."""
     listed = [
         ObservationField("time_left", "1", 0.5, 0.5, "share of the episode's steps that are left"),
-        ObservationField("settling", "1", 0.5, 1.0, "steps that the camera still has to settle once it has arrived"),
+        ObservationField("settling", "1", 0.5, 1.0, "steps to settle that are left after the camera's turn"),
     ]
     for t in range(1, targets + 1):
         where = f"target {t}, as predicted one step ahead"
@@ -85,19 +69,10 @@ def camera_fields(targets: int) -> tuple[ObservationField, ...]:
     return tuple(listed)
 
 
-def starts(system: CameraSlew, world: World) -> Array:
-    """Where the tape has the targets at the beginning, (env, target, 4)."""
-    azimuth = system.sector[0] + (system.sector[1] - system.sector[0]) * world.place[..., 0]
-    r = system.ranges[0] + (system.ranges[1] - system.ranges[0]) * world.place[..., 1]
-    x, y = system.platforms[0]
-    vx, vy = system.speed * world.velocity[..., 0], system.speed * world.velocity[..., 1]
-    return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
-
-
 def coming(belief: Belief) -> tuple[Array, Array]:
-    """Whether each target is in sight in the step to come, and steps until that changes, at most SOON: (env, target).
+    """Whether each target is in sight in the next step, and steps until that changes, at most SOON: (env, target).
 
-    Beyond the episode's end nothing is in sight.
+    After the episode's end nothing is in sight.
     """
     ahead = windows.coming(belief.visible, belief.step, SOON + 1)
     other = ahead != ahead[:, :1]
@@ -105,70 +80,12 @@ def coming(belief: Belief) -> tuple[Array, Array]:
     return ahead[:, 0], other.argmax(axis=1)
 
 
-def platforms(system: CameraSlew) -> RfEo:
-    """The parent's loop at one setting, with a process noise density of 1."""
-    angle = 2.0 * system.half_field / system.pixels
-    return RfEo(
-        horizon=system.horizon, dt=system.dt, q=1.0, carrier_hz=system.carrier_hz, fft_length=system.fft_length,
-        pixels=system.pixels, platforms=system.platforms, starts=((0.0, 0.0, system.ranges[1], 0.0),) * system.targets,
-        prior_variance=system.prior_variance, prf=(system.prf, 2.0 * system.prf),
-        bandwidth=(0.5 * system.bandwidth, system.bandwidth), pixel_angle=(angle, 2.0 * angle), penalty="hard",
-        iterations=system.iterations, weights=system.weights, nearest_range=system.nearest_range,
-    )  # fmt: skip
+def platform_belief(belief: Belief, earlier_noise: Array) -> PlatformBelief:
+    """The belief for the platform system, whose noise density is 1, so that it predicts with each target's own density.
 
-
-def parents_belief(belief: Belief, undone: Array) -> RfEoBelief:
-    """The belief that the parent, which predicts with a noise density of 1, predicts as the targets' own have it.
-
-    ``undone`` (4, 4): F^-1 Q F'^-1.
+    Args:
+        belief: the belief.
+        earlier_noise: F^-1 Q F'^-1, (4, 4): one step's noise as if it had come a step earlier.
     """
-    extra = (belief.q - 1.0)[:, :, None, None] * undone
-    return RfEoBelief(belief.step, belief.mean, belief.covariance + extra)
-
-
-def powers(motion: MotionModel, steps: int) -> tuple[Array, Array]:
-    """Transition and noise of 1, 2, ... steps, (steps, 4, 4) each."""
-    F, Q = motion.F, motion.Q
-    transitions, noises = [F], [Q]
-    for _ in range(steps - 1):
-        transitions.append(F @ transitions[-1])
-        noises.append(F @ noises[-1] @ F.T + Q)
-    return np.stack(transitions), np.stack(noises)
-
-
-def check_camera(system: CameraSlew) -> None:
-    """InputError for a region or a camera that make no scenario; the parent checks the rest."""
-    check_within("targets", system.targets, 1, MOST)
-    check_within("horizon", system.horizon, 1, LONGEST)
-    for name, unit in (("half_field", "rad"), ("slew", "rad/s"), ("prf", "Hz"), ("bandwidth", "Hz")):
-        check_positive(name, getattr(system, name), unit)
-    check_within("half_field", system.half_field, 0.0, 0.5 * math.pi, "rad")
-    check_within("slew", system.slew, 0.0, FASTEST, "rad/s")
-    check_within("settle", system.settle, 0, 1000, "steps")
-    check_within("detection", system.detection, 0.0, 1.0)
-    check_non_negative("speed", system.speed)
-    check_ordered("sector", *system.sector)
-    check_ordered("ranges", *system.ranges)
-    for azimuth in system.sector:
-        check_within("azimuth in sector", azimuth, -math.pi, math.pi, "rad")
-    check_positive("least of ranges", system.ranges[0], "m")
-    check_ordered("q", *system.q)
-    check_positive("low of q", system.q[0], "m^2/s^3")
-    window_draws(system.horizon, system.shown, system.hidden)
-    given_windows(system.windows, system.targets, system.horizon)
-
-
-def key_figures(state: State) -> dict[str, Array]:
-    """What ``CameraSlew.metrics`` says of a state."""
-    truth, belief = state
-    position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
-    measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
-    return {
-        "position_error": position,
-        "nees": nees,
-        "received": truth.received.copy(),
-        "found": truth.seen.copy(),
-        "lost": truth.unseen > LOST_AFTER,
-        "pointing": belief.pointing.copy(),
-        "settling": belief.settling.copy(),
-    }
+    extra = (belief.q - 1.0)[:, :, None, None] * earlier_noise
+    return PlatformBelief(belief.step, belief.mean, belief.covariance + extra)

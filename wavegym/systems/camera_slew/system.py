@@ -4,113 +4,152 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
+from wavegym.core.errors import check_ordered
+from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS
 from wavegym.systems.camera_slew import kernels
-from wavegym.systems.camera_slew import state as parts
 from wavegym.systems.camera_slew.kernels import Mount
-from wavegym.systems.camera_slew.state import Belief, Truth, World
-from wavegym.systems.rf_eo.kernels import Rules
-from wavegym.systems.rf_eo.state import Pair, Quad
-from wavegym.systems.rf_eo.system import NN, RfEo
-from wavegym.systems.visibility_windows import Window, visibility, window_draws
+from wavegym.systems.camera_slew.state import Belief, Truth, World, camera_fields, coming, platform_belief
+from wavegym.systems.rf_eo.kernels import Rules, measure
+from wavegym.systems.rf_eo.system import (
+    FARTHEST,
+    GREATEST,
+    MOST,
+    NN,
+    Azimuth,
+    Position,
+    RfEo,
+    StateVariance,
+    StateWeights,
+)
+from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel
 
+LONGEST = 10_000  # steps: the system keeps a transition matrix for each number of steps
+FASTEST = 1e6  # rad/s
+LOST_AFTER = 30  # steps in which the camera has not found a target
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
+
+
+@system_parameters
 class CameraSlew(System):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
         Targets and tracker are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and
-        range-rate of every target, but no azimuth. The camera on the first platform measures azimuths, of what is in
-        its image. An action names the target to look at: the camera turns towards its predicted azimuth at ``slew``
-        rad/s at most. A turn of more than half the field of view blinds it until it has arrived and then settled for
-        ``settle`` steps; smaller ones, to follow a target, do not. A target in the image is found with the probability
-        ``detection`` (haze, foliage, glare). At times known from the beginning cover blocks the line of sight to it:
-        clouds, smoke and tree lines, which the radar sees through; their places and drift are on the map and forecast.
-        How much each target manoeuvres is known too. One waveform: r |rdot| stays below c lambda / 8, so one pulse
-        repetition frequency sees both range and range-rate without ambiguity, and no other would be chosen.
+        range-rate of every target, but no azimuth. The camera on the first platform measures the azimuths of the
+        targets in its image. An action names the target to look at: the camera turns towards its predicted azimuth at
+        ``slew`` rad/s at most. A turn of more than half the field of view blinds the camera until it has arrived and
+        then settled for ``settle`` steps; a smaller turn, to follow a target, does not. A target in the image is found
+        with the probability ``detection`` (haze, foliage, glare). In windows known from the beginning, clouds, smoke or
+        tree lines block the camera's line of sight to a target; the radar sees through them. The process noise density
+        of each target is known too. There is one waveform: r |rdot| stays below c lambda / 8, so a single pulse
+        repetition frequency measures both range and range-rate without ambiguity.
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
 
     Starting state
-        Targets uniform in azimuth and range over the region in front of the first platform, with velocities drawn with
-        the standard deviation ``speed`` in x and in y. The estimates are drawn around the truth with covariance P0 =
-        diag(prior_variance). The camera looks along +y, settled.
+        Targets are uniform in azimuth (``sector``) and range (``ranges``) around the first platform. Their velocities
+        in x and y are normal with the standard deviation ``speed``. Process noise densities are log-uniform in ``q``.
+        The estimates are drawn around the truth with covariance P0 = diag(prior_variance). The camera looks along +y,
+        settled.
 
     Episode end
         Terminated after ``horizon`` steps; the time left is observed.
 
-    Arguments
-        q: bounds of the process noise density, drawn log-uniformly (m^2/s^3): from a straight road to manoeuvres, so
-        targets differ in how soon they need a look. targets: how many. sector: least and greatest azimuth of their
-        starts (rad, clockwise from +y). ranges: least and greatest range of their starts (m). speed: standard deviation
-        of each velocity component (m/s). prior_variance: diagonal of P0. platforms: positions (x, y) in metres, each
-        with a radar; the first carries the camera. One radar leaves the cross-range to the camera alone. half_field:
-        half the camera's field of view (rad), wide enough for a track not looked at for a while. slew: the fastest it
-        turns (rad/s), as pan-tilt heads do. settle: steps to settle, focus and search the image after a turn.
-        detection: probability that a target in the image is found. shown, hidden: least and greatest number of steps in
-        the camera's sight and out of it, by turns. windows: (target, first, last), steps in which it is out of sight,
-        in place of drawn ones. pixels: across the image. carrier_hz: fc. prf: pulse repetition frequency (Hz).
-        bandwidth: B (Hz), narrow as a surveillance radar's. fft_length: Nfft, pulses integrated. iterations: at most so
-        many per update; 1 is the plain extended filter. weights: diagonal of W. nearest_range: a platform nearer to a
-        target than this gets nothing of it.
-
     References
         S. M. O'Rourke and A. L. Swindlehurst, "Adaptive RF/EO sensing with field-of-view constraints": the platforms
-        and what they measure. The turning camera is ours.
+        and their measurements. The turning camera is ours.
     """
 
-    horizon: int = 60
-    dt: float = 1.0
-    q: Pair = (0.02, 2.0)
-    targets: int = 4
-    sector: Pair = (-1.5, 1.5)
-    ranges: Pair = (2e3, 5e3)
-    speed: float = 5.0
-    prior_variance: Quad = (100.0, 1.0, 100.0, 1.0)
-    platforms: tuple[Pair, ...] = ((0.0, 0.0),)
-    half_field: float = 0.15
-    slew: float = math.radians(30.0)
-    settle: int = 3
-    detection: float = 0.7
-    shown: tuple[int, int] = (6, 14)
-    hidden: tuple[int, int] = (4, 10)
-    windows: tuple[Window, ...] = ()
-    pixels: int = 1000
-    carrier_hz: float = 10e9
-    prf: float = 10e3
-    bandwidth: float = 2e6
-    fft_length: int = 128
-    iterations: int = 10
-    weights: Quad = (1.0, 1.0, 1.0, 1.0)
-    nearest_range: float = 1.0
+    horizon: int = parameter(60, "steps in an episode", ge=1, le=LONGEST)
+    dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
+    q: tuple[Positive, Positive] = parameter(
+        (0.02, 2.0), "bounds of the process noise density: from a straight road to manoeuvres", unit="m^2/s^3"
+    )
+    targets: int = parameter(4, "number of targets", ge=1, le=MOST)
+    sector: tuple[Azimuth, Azimuth] = parameter(
+        (-1.5, 1.5), "least and greatest azimuth of the targets' starts, clockwise from +y", unit="rad"
+    )
+    ranges: tuple[Distance, Distance] = parameter(
+        (2e3, 5e3), "least and greatest range of the targets' starts", unit="m"
+    )
+    speed: float = parameter(5.0, "standard deviation of each velocity component at the start", unit="m/s", ge=0)
+    prior_variance: StateVariance = parameter((100.0, 1.0, 100.0, 1.0), "diagonal of P0", unit="m^2, m^2/s^2")
+    platforms: tuple[Position, ...] = parameter(
+        ((0.0, 0.0),),
+        "positions (x, y), each with a radar; the first carries the camera. With a single radar, only the camera "
+        "measures cross-range",
+        unit="m",
+    )
+    half_field: float = parameter(
+        0.15,
+        "half the camera's field of view, wide enough for a track without a look for some steps",
+        unit="rad",
+        gt=0,
+        le=0.5 * math.pi,
+    )
+    slew: float = parameter(
+        math.radians(30.0), "greatest turn rate of the camera, a pan-tilt head's", unit="rad/s", gt=0, le=FASTEST
+    )
+    settle: int = parameter(3, "steps to settle, focus and search the image after a turn", ge=0, le=1000)
+    detection: float = parameter(0.7, "probability that a target in the image is found", ge=0, le=1)
+    shown: tuple[int, int] = parameter((6, 14), "least and greatest number of steps in the camera's sight, by turns")
+    hidden: tuple[int, int] = parameter((4, 10), "least and greatest number of steps out of sight, by turns")
+    windows: tuple[Window, ...] = parameter(
+        (), "given windows out of sight, in place of drawn ones: (target, first step, last step)", unit=""
+    )
+    pixels: int = parameter(1000, "pixels across the image", ge=1, le=1_000_000)
+    carrier_hz: float = parameter(10e9, "carrier frequency fc", unit="Hz", gt=0, le=1e15)
+    prf: float = parameter(10e3, "pulse repetition frequency", unit="Hz", gt=0, le=0.5 * GREATEST)
+    bandwidth: float = parameter(2e6, "bandwidth B, narrow as a surveillance radar's", unit="Hz", gt=0, le=GREATEST)
+    fft_length: int = parameter(128, "Nfft, pulses integrated", ge=1, le=1_000_000)
+    iterations: int = parameter(
+        10, "most iterations of an update; 1 is the plain extended Kalman filter", ge=1, le=1_000_000
+    )
+    weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
+    nearest_range: float = parameter(
+        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", gt=0, le=FARTHEST
+    )
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
-        parts.check_camera(self)
-        self.loop  # noqa: B018  (what makes no platforms is reported here)
+        """Check what single fields cannot say."""
+        for name in ("sector", "ranges", "q"):
+            check_ordered(name, *getattr(self, name))
+        window_draws(self.horizon, self.shown, self.hidden)
+        given_windows(self.windows, self.targets, self.horizon)
+        self.loop  # noqa: B018  (invalid platforms are reported here)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
-        """One draw a target: whether the camera finds it."""
+        """One draw for each target: whether the camera finds it."""
         return (self.targets,)
 
     @cached_property
     def loop(self) -> RfEo:
-        """The platforms as the parent has them, at one setting: the model, the geometry and what is observed of it."""
-        return parts.platforms(self)
+        """The RF/EO system of these platforms at one setting and with a noise density of 1.
+
+        It supplies the motion model, the geometry and a part of the observation.
+        """
+        angle = 2.0 * self.half_field / self.pixels
+        return RfEo(
+            horizon=self.horizon, dt=self.dt, q=1.0, carrier_hz=self.carrier_hz, fft_length=self.fft_length,
+            pixels=self.pixels, platforms=self.platforms, starts=((0.0, 0.0, self.ranges[1], 0.0),) * self.targets,
+            prior_variance=self.prior_variance, prf=(self.prf, 2.0 * self.prf),
+            bandwidth=(0.5 * self.bandwidth, self.bandwidth), pixel_angle=(angle, 2.0 * angle), penalty="hard",
+            iterations=self.iterations, weights=self.weights, nearest_range=self.nearest_range,
+        )  # fmt: skip
 
     @property
     def motion(self) -> MotionModel:
@@ -119,7 +158,7 @@ class CameraSlew(System):
 
     @cached_property
     def actions(self) -> Library:
-        """The target that the camera is to look at."""
+        """The target to look at."""
         return Library(tuple(f"look at target {t + 1}" for t in range(self.targets)))
 
     @cached_property
@@ -128,14 +167,14 @@ class CameraSlew(System):
 
     @cached_property
     def _scene(self) -> tuple[Any, ...]:
-        """Kernel arguments: model, platforms, and the parent's scalars; nothing is penalised."""
+        """Kernel arguments: model, platforms, and the scalars of the RF/EO kernels; no penalties."""
         law = (self.loop.wavelength, self.fft_length, self.pixels, False, self.iterations)
         rules = Rules(KINDS["hard"], self.nearest_range, 0.0, False, *law)
         return self.motion.F[None].copy(), self.motion.Q[None].copy(), self.loop.places, rules
 
     @cached_property
     def _view(self) -> tuple[Array, Array, Array]:
-        """Variance, low and high of every platform's quantities, (platform, 3): no azimuth is in view by itself."""
+        """Variance, low and high of every platform's quantities, (platform, 3); only the kernels admit an azimuth."""
         one = self.loop.action_set.view(np.array([self.prf, self.bandwidth, 2.0 * self.half_field / self.pixels]))
         variance, low, high = (np.tile(part, (len(self.platforms), 1)) for part in one)
         low[:, kernels.AZIMUTH] = np.inf
@@ -143,15 +182,21 @@ class CameraSlew(System):
 
     @cached_property
     def _powers(self) -> tuple[Array, Array]:
-        return parts.powers(self.motion, self.horizon)
+        """Transition and noise of 1, 2, ..., ``horizon`` steps, (H, 4, 4) each."""
+        F, Q = self.motion.F, self.motion.Q
+        transitions, noises = [F], [Q]
+        for _ in range(self.horizon - 1):
+            transitions.append(F @ transitions[-1])
+            noises.append(F @ noises[-1] @ F.T + Q)
+        return np.stack(transitions), np.stack(noises)
 
     @cached_property
     def _weights(self) -> Array:
         return np.array(self.weights)
 
     @cached_property
-    def _undone(self) -> Array:
-        """F^-1 Q F'^-1: the noise of a step as if it had come a step before."""
+    def _earlier_noise(self) -> Array:
+        """F^-1 Q F'^-1: one step's noise as if it had come a step earlier."""
         back = np.linalg.inv(self.motion.F)
         return back @ self.motion.Q @ back.T
 
@@ -164,10 +209,18 @@ class CameraSlew(System):
         density, window = rng.random(T), rng.random((T, window_draws(H, self.shown, self.hidden)))
         return World(place, velocity, start, process, error, density, window, rng.random((H, T)))
 
+    def _starts(self, world: World) -> Array:
+        """First states of the targets, (env, target, 4)."""
+        azimuth = self.sector[0] + (self.sector[1] - self.sector[0]) * world.place[..., 0]
+        r = self.ranges[0] + (self.ranges[1] - self.ranges[0]) * world.place[..., 1]
+        x, y = self.platforms[0]
+        vx, vy = self.speed * world.velocity[..., 0], self.speed * world.velocity[..., 1]
+        return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
+
     def initial(self, world: World) -> State:
-        """Targets where the tape has them in the region, and the first estimates."""
+        """The targets' drawn starts, and the first estimates."""
         count, T = world.start.shape[:2]
-        true_states = parts.starts(self, world)
+        true_states = self._starts(world)
         mean = true_states + np.sqrt(self.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         nothing = np.zeros((count, T), np.int64)
@@ -178,7 +231,7 @@ class CameraSlew(System):
         return State(truth, Belief(step, mean, covariance, np.zeros(count), step.copy(), q, visible))
 
     def transition(self, state: State, action: Array, world: World) -> State:
-        """One step: move, turn the camera, measure what is in view, track."""
+        """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
         truth, belief = state
         mean, covariance = belief.mean, belief.covariance
         count, T = truth.unseen.shape
@@ -195,13 +248,13 @@ class CameraSlew(System):
         return State(Truth(moved, received, unseen, seen), fresh)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
-        """The belief one step ahead: predicted means, and covariances after what is in view where it is predicted.
+        """The belief one step ahead: predicted means, and covariances updated with the quantities predicted in view.
 
         Args:
             belief: the belief.
             actions: (env,) or (env or 1, candidate).
-            outcome: None for the mean of the covariance over detections, or uniform draws (env[, candidate], target): a
-                target in the image is found where its draw is below ``detection``.
+            outcome: None for the mean covariance over detections, or uniform draws (env[, candidate], target): a target
+                in the image is found where its draw is below ``detection``.
         """
         several = actions.ndim == 2
         actions = actions if several else actions[:, None]
@@ -223,7 +276,7 @@ class CameraSlew(System):
         return Belief(step, x, P, after, left, q, visible)
 
     def _turns(self, belief: Belief) -> tuple[Array, Array]:
-        """``delay``, and the azimuth of each target one step ahead, from where the camera points (rad)."""
+        """``delay``, and the azimuth of each target one step ahead relative to the camera's pointing (rad)."""
         delay, off = np.empty(belief.mean.shape[:2], np.int64), np.empty(belief.mean.shape[:2])
         F, _, places, _ = self._scene
         kernels.delay(
@@ -233,9 +286,9 @@ class CameraSlew(System):
         return delay, off
 
     def delay(self, belief: Belief) -> Array:
-        """Steps without sight before the camera sees each target, turning to it from now on, (env, candidate) int.
+        """Steps without sight before the camera sees each target, if it turns to it from now on, (env, candidate) int.
 
-        Until it has turned and settled, and until the target comes out of cover.
+        They last until the camera has turned and settled and the target has come out of cover.
         """
         return self._turns(belief)[0]
 
@@ -245,19 +298,19 @@ class CameraSlew(System):
         return self.candidates()[:, None]
 
     def gain(self, belief: Belief, wait: Array | int, ahead: int) -> Array:
-        """By how much a look at each target after ``wait`` steps lowers the summed cost of the ``ahead`` from it on.
+        """Reduction of the summed cost by one look at each target after ``wait`` steps.
 
-        Of all targets that will be in the image then, each with the probability of being found. What the radars measure
-        before the look counts as if they measured it all with the look: without, whatever is far away would seem worth
-        more than it is. What they measure after it is left out of account.
+        The sum runs over ``ahead`` steps from the look on, and over all targets in the image then, each weighted with
+        the probability of being found. The radars' measurements before the look count as if taken with it: without
+        them, a look at a distant target would seem worth more than it is. Their measurements after it are left out.
 
         Args:
             belief: the belief.
             wait: steps before the look, (env, candidate) or a number.
-            ahead: steps, the look's own included; fewer at the episode's end.
+            ahead: steps, including that of the look; fewer at the episode's end.
 
         Returns:
-            (env, candidate), 0 where the look would come after the end.
+            (env, candidate), 0 where the look would come after the episode's end.
         """
         out = np.empty(belief.mean.shape[:2])
         waits = np.ascontiguousarray(np.broadcast_to(np.asarray(wait, np.int64), out.shape))
@@ -274,21 +327,34 @@ class CameraSlew(System):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation: the parent's, time left, the camera, and of every target what it takes to look at it."""
-        return (*self.loop.observation_fields, *parts.camera_fields(self.targets))
+        """The observation: that of the RF/EO system, time left, the camera, and what a look at each target needs."""
+        return (*self.loop.observation_fields, *camera_fields(self.targets))
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         delay, off = self._turns(belief)
-        now, changes = parts.coming(belief)
+        now, changes = coming(belief)
         own = np.stack([off, delay, delay == 0, now, changes, np.log10(belief.q)], axis=-1).reshape(len(delay), -1)
-        parents = self.loop.observe(parts.parents_belief(belief, self._undone))
+        platforms = self.loop.observe(platform_belief(belief, self._earlier_noise))
         left = 1.0 - belief.step / self.horizon
-        return np.concatenate([parents, left[:, None], belief.settling[:, None], own], axis=1)
+        return np.concatenate([platforms, left[:, None], belief.settling[:, None], own], axis=1)
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Of each target ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
-        step), ``found`` (the camera found it in this step) and ``lost``: not found for more than thirty steps; and
-        ``pointing`` (rad) and ``settling`` (steps) of the camera.
+        """Figures of each target and of the camera.
+
+        For each target: ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
+        step), ``found`` (by the camera in this step) and ``lost`` (not found for more than thirty steps). For the
+        camera: ``pointing`` (rad) and ``settling`` (steps).
         """
-        return parts.key_figures(state)
+        truth, belief = state
+        position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
+        measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
+        return {
+            "position_error": position,
+            "nees": nees,
+            "received": truth.received.copy(),
+            "found": truth.seen.copy(),
+            "lost": truth.unseen > LOST_AFTER,
+            "pointing": belief.pointing.copy(),
+            "settling": belief.settling.copy(),
+        }

@@ -1,4 +1,4 @@
-"""What RF/EO platforms may be set to: a box of parameters, a library for each platform, or a joint library."""
+"""Settings of RF/EO platforms: a box of parameters, a library for each platform, or a joint library."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.units import quantity
 from wavegym.sensors import View, platform_view
 
-FINE = 64  # values of PRF and of pixel angle that the box's own search tries; 96 gain less than 1 % more
-FEW = 4096  # combinations of the platforms' settings that enumerating schedulers try
-MANY = 65536  # settings, or joint actions, that are listed one by one
+GRID_POINTS = 64  # PRFs, and pixel angles, that the search in a box tries; 96 lower the cost by less than 1 % more
+MOST_CANDIDATES = 4096  # combinations of the platforms' settings that enumerating schedulers try
+MOST_ACTIONS = 65536  # settings, or joint actions, in a library
 
 
 class Setting(NamedTuple):
-    """What one platform is set to."""
+    """The setting of one platform."""
 
     prf: float  # Hz
     bandwidth: float  # Hz
@@ -41,16 +41,16 @@ class PlatformActions:
 
     Args:
         ranges: least and greatest PRF (Hz), B (Hz) and alpha (rad).
-        points: how many of each, in equal ratios, are in the library; of a single one, the greatest value.
-        platforms: how many.
+        points: number of values of each in the library, in equal ratios; a single point is the greatest value.
+        platforms: number of platforms.
         form: "library" (an index per platform), "joint" (one index for all platforms) or "box".
         wavelength: in m.
         fft_length: pulses integrated.
-        pixels: of the image.
-        as_printed: the paper's misprinted field of view.
+        pixels: across the image.
+        as_printed: use the paper's misprinted field of view.
 
     Raises:
-        InputError: bounds that are reversed or not > 0, no points, or too many.
+        InputError: bounds that are reversed or not > 0, no points, or too many points.
     """
 
     ranges: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -92,15 +92,15 @@ class PlatformActions:
         for name, count in zip(self.one.names, self.points, strict=True):
             check_int(f"points of {name}", count, 1)
         count = math.prod(self.points)
-        if count > MANY:
-            raise InputError(f"points is {self.points}, which makes {count} settings, expected at most {MANY}")
-        if self.form == "joint" and count**self.platforms > MANY:
-            wanted = f"at most {MANY} (nearest action: 'library')"
+        if count > MOST_ACTIONS:
+            raise InputError(f"points is {self.points}, which makes {count} settings, expected at most {MOST_ACTIONS}")
+        if self.form == "joint" and count**self.platforms > MOST_ACTIONS:
+            wanted = f"at most {MOST_ACTIONS} (nearest action: 'library')"
             raise InputError(f"joint actions are {count}^{self.platforms}, of points {self.points}, expected {wanted}")
 
     @cached_property
     def library(self) -> Library:
-        """Every PRF with every bandwidth and pixel angle, the last fastest: what one platform may be set to."""
+        """The settings of one platform: every PRF with every bandwidth and pixel angle, the last fastest."""
         return Library(tuple(Setting(*values) for values in product(*(level.tolist() for level in self.levels))))
 
     @cached_property
@@ -110,7 +110,7 @@ class PlatformActions:
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
-        """What an action means."""
+        """The action set of ``form``."""
         if self.form == "box":
             return self.box
         return self.joint if self.form == "joint" else PerSensorLibrary(self.library, self.platforms)
@@ -120,7 +120,7 @@ class PlatformActions:
         return np.array(self.library.entries)
 
     def settings(self, actions: Array) -> Array:
-        """PRF, bandwidth and pixel angle of every platform, (..., platform, 3), that ``actions`` name."""
+        """PRF, bandwidth and pixel angle of every platform, (..., platform, 3), for ``actions``."""
         if self.form == "box":
             values = self.box.decode(actions)
             return values.reshape(*values.shape[:-1], self.platforms, 3)
@@ -132,7 +132,7 @@ class PlatformActions:
         return self.box.encode(settings.reshape(*settings.shape[:-2], -1))
 
     def view(self, settings: Array) -> View:
-        """What settings (..., 3) are worth."""
+        """Variances and field of view of settings (..., 3)."""
         prf, bandwidth, pixel_angle = settings[..., 0], settings[..., 1], settings[..., 2]
         return platform_view(
             prf, bandwidth, pixel_angle, self.wavelength, self.fft_length, self.pixels, self.as_printed
@@ -140,25 +140,24 @@ class PlatformActions:
 
     @cached_property
     def grid(self) -> tuple[Array, Array]:
-        """PRFs and pixel angles that a one-step search tries: fine ones of a box, else those of the library."""
+        """PRFs and pixel angles that a one-step search tries: a fine grid of the box, or the library's own."""
         if self.form != "box":
             return self.levels[0], self.levels[2]
         (f, F), _, (a, A) = self.ranges
-        return np.geomspace(f, F, FINE), np.geomspace(a, A, FINE)
+        return np.geomspace(f, F, GRID_POINTS), np.geomspace(a, A, GRID_POINTS)
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """How many PRFs and pixel angles the grid has."""
+        """Number of PRFs and of pixel angles in the grid."""
         prfs, angles = self.grid
         return len(prfs), len(angles)
 
     @cached_property
     def axes(self) -> Array:
-        """What the grid is worth, (3, point, 3): variance, low and high, of which the PRF sets (range, range-rate) and
-        the pixel angle the azimuth.
+        """Variance, low and high at the grid's points, (3, point, 3).
 
-        The field of view does not depend on the bandwidth, so the greatest is the best. The shorter axis repeats its
-        last point.
+        The PRF sets those of range and range-rate, the pixel angle those of the azimuth. The field of view does not
+        depend on the bandwidth, so the greatest bandwidth is best. The shorter axis repeats its last point.
         """
         longest = max(len(values) for values in self.grid)
         prfs, angles = (np.pad(values, (0, longest - len(values)), mode="edge") for values in self.grid)
@@ -166,7 +165,7 @@ class PlatformActions:
         return np.stack(self.view(np.stack([prfs, best, angles], axis=-1)))
 
     def choose(self, prf: Array, pixel_angle: Array) -> Array:
-        """Actions of one point of the grid for every platform: indices (..., platform) of PRF and pixel angle."""
+        """Actions for grid points: indices of PRF and of pixel angle, (..., platform) each."""
         prfs, angles = self.grid
         if self.form == "box":
             best = np.full(prf.shape, self.levels[1][-1])
@@ -175,18 +174,18 @@ class PlatformActions:
         return self.number((prf * bandwidths + bandwidths - 1) * len(angles) + pixel_angle)
 
     def number(self, indices: Array) -> Array:
-        """Actions of one setting of the library for every platform, (..., platform) int."""
+        """Actions for one library index per platform, (..., platform) int."""
         if self.form == "box":
             return self.encode(self._library_settings[indices])
         return self.joint.encode(indices) if self.form == "joint" else indices
 
     @cached_property
     def candidates(self) -> Array:
-        """Every combination of the library's settings; of very many, the same one at all platforms.
+        """Every combination of the library's settings; the same setting at all platforms where there are too many.
 
-        All of them in the joint form, whose actions they are.
+        In the joint form always every combination: they are its actions.
         """
         count = len(self.library)
-        if count**self.platforms <= FEW or self.form == "joint":
+        if count**self.platforms <= MOST_CANDIDATES or self.form == "joint":
             return self.number(PerSensorLibrary(self.library, self.platforms).combinations())
         return self.number(np.repeat(np.arange(count)[:, None], self.platforms, axis=1))

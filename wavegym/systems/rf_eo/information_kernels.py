@@ -1,7 +1,7 @@
-"""The paper's scheduler in compiled form: the most weighted information of which every target has its share.
+"""The paper's scheduler in compiled form: the most weighted information that leaves every target its threshold.
 
-Shapes and arguments as in ``rf_eo_search_kernels.py``. Weighted with the predicted covariance, information adds up over
-platforms and quantities, so a platform's settings are worth the same whatever the others do.
+Shapes and arguments as in ``search_kernels.py``. Information weighted with the predicted covariance is a sum over
+platforms and quantities, so the information of one platform's settings does not depend on the other platforms.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -13,14 +13,14 @@ from wavegym.core.kernels import kernel
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.systems.rf_eo.search_kernels import SWEEPS, tabulate
 
-STARTS = 12  # platforms' own best, forwards from nothing, backwards, and own best for other weights of the targets
+STARTS = 12  # each platform's own optimum; forwards and backwards from nothing; own optima for other target weights
 FORWARDS, BACKWARDS = 1, 2
-LEAST_SHARE = 1e-6  # a target with less counts as one with this much
+LEAST_SHARE = 1e-6  # a smaller share of a target counts as this much
 
 
 @kernel
 def worth(totals, threshold):
-    """Least share and sum of the targets' totals (t,): what is compared, the least share only up to the threshold."""
+    """Least share, at most ``threshold``, and sum of the targets' totals (t,): the two values that are compared."""
     least, total = np.inf, 0.0
     for t in range(totals.shape[0]):
         least = min(least, totals[t])
@@ -30,9 +30,9 @@ def worth(totals, threshold):
 
 @kernel
 def best_addition(others, radar, camera, sizes, threshold, totals):
-    """The points of one platform's axes that are best beside ``others`` (t,): feasible first, then the greatest sum.
+    """Best grid point of one platform, added to ``others`` (t,): feasibility first, then the greatest sum.
 
-    radar, camera (t, g): information of range and range-rate, and of the azimuth.
+    radar (t, g): information of range and range-rate; camera (t, g): of the azimuth.
     """
     share, gain, prf, angle = -np.inf, -np.inf, 0, 0
     for f in range(sizes[0]):
@@ -47,7 +47,7 @@ def best_addition(others, radar, camera, sizes, threshold, totals):
 
 @kernel
 def sums(radar, camera, chosen, without, totals):
-    """totals (t,): every target's information from the platforms that have chosen, ``without`` one of them."""
+    """Fill totals (t,): every target's information from all platforms that have chosen, except platform ``without``."""
     totals[:] = 0.0
     for j in range(chosen.shape[0]):
         if j != without and chosen[j, 0] >= 0:
@@ -57,7 +57,7 @@ def sums(radar, camera, chosen, without, totals):
 
 @kernel
 def own_best(radar, camera, sizes, weights, chosen):
-    """Every platform's greatest weighted sum, which PRF and pixel angle settle apart: ``chosen`` (p, 2)."""
+    """Fill ``chosen`` (p, 2) with each platform's greatest weighted sum; PRF and pixel angle contribute separately."""
     for j in range(chosen.shape[0]):
         for axis, table in enumerate((radar, camera)):
             most = -np.inf
@@ -71,9 +71,9 @@ def own_best(radar, camera, sizes, weights, chosen):
 
 @kernel
 def ascend(radar, camera, sizes, threshold, backwards, chosen, others, totals):
-    """Platform after platform, each best given the others, until none changes: ``chosen`` (p, 2), -1 for not yet.
+    """Choose platform after platform, each best given the others, until none changes.
 
-    radar, camera (p, t, g).
+    chosen (p, 2): -1 where a platform has not chosen yet; radar, camera (p, t, g).
     """
     platforms = chosen.shape[0]
     for _ in range(SWEEPS):
@@ -90,10 +90,10 @@ def ascend(radar, camera, sizes, threshold, backwards, chosen, others, totals):
 
 @kernel
 def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, totals):
-    """The best ``chosen`` (p, 2) of all STARTS; returns its least share, up to the threshold.
+    """Fill ``chosen`` (p, 2) with the best of all STARTS; returns its least share, at most ``threshold``.
 
-    The first start has the greatest sum that there is, so nothing else is tried where that is feasible. The later ones
-    give more weight to targets that got less before (a Lagrangian's multipliers, by and by).
+    The first start has the greatest possible sum, so no other is tried where it is feasible. Later starts give more
+    weight to targets that received less before, as a Lagrangian's multipliers do.
     """
     share, gain = -np.inf, -np.inf
     weights[:] = 1.0
@@ -118,9 +118,9 @@ def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, tota
 
 @kernel
 def most_information(mean, P, axes, sizes, threshold, F, Q, places, fence, rules, chosen, feasible, nn):
-    """chosen (e, p, 2): nearly the most information among what gives every target ``threshold`` of it.
+    """Fill ``chosen`` (e, p, 2): nearly the most information that gives every target at least ``threshold``.
 
-    ``feasible`` (e,): whether such a choice was found. Where none was, what gives the worst-off target most.
+    feasible (e,): whether such a choice was found; where not, the choice favours the worst-off target.
     """
     (count, platforms), targets, n = chosen.shape[:2], mean.shape[1], len(nn)
     rows, points = 3 * platforms, axes.shape[1]

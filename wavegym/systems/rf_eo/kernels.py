@@ -1,9 +1,9 @@
-"""The RF/EO loop in compiled form: move, look, track.
+"""The RF/EO loop in compiled form: move the targets, measure them, track them.
 
 Shapes: e environments, t targets, p platforms, a = 3 p measured quantities, (r, rdot, azimuth) of platform after
-platform. ``settings`` (e, p, 3) are PRF, bandwidth and pixel angle; variance, low and high (p, 3) are what those of one
-environment are worth. ``places`` (p, 3): platforms and look directions; ``fence`` (2, 3): sharpness and height of the
-penalties; ``rules``: the scalars of ``Rules``.
+platform. ``settings`` (e, p, 3): PRF, bandwidth and pixel angle; variance, low and high (p, 3): measurement variances
+and field of view of one environment's settings. ``places`` (p, 3): positions and look directions; ``fence`` (2, 3):
+sharpness and height of the penalties; ``rules``: the scalars of ``Rules``.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -18,11 +18,11 @@ from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, vie
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
 
-SECOND_ORDER = 0.1  # of a standard deviation: what linearising may leave out before the update is iterated
-CONVERGED = 1e-3  # of a standard deviation: how little the estimate moves when the iteration ends
-PLACE = (0, 2)  # of [x xdot y ydot], what range and azimuth depend on
-ALL = (0, 1, 2, 3)  # and range-rate
-FAINT = 1e-6  # the least that is observed of a quantity or its spread: log10 has to end somewhere
+SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate
+CONVERGED = 1e-3  # standard deviations: the iteration ends when the estimate moves by less
+PLACE = (0, 2)  # elements of [x xdot y ydot] that range and azimuth depend on
+ALL = (0, 1, 2, 3)  # elements that the range-rate depends on
+FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
 
 
 class Rules(NamedTuple):
@@ -41,7 +41,7 @@ class Rules(NamedTuple):
 
 @inlined
 def view_all(e, settings, rules, variance, low, high):
-    """What the settings of environment e are worth."""
+    """Fill variance, low and high for the settings of environment e."""
     for j in range(settings.shape[1]):
         view_one(
             settings[e, j, 0], settings[e, j, 1], settings[e, j, 2], rules.wavelength, rules.fft_length, rules.pixels,
@@ -61,19 +61,19 @@ def look_one(i, x, places, rules, h, H):
 
 @inlined
 def spread_of(q, i, P, H, a):
-    """h'P[i] h of row a, which is a range, range-rate or azimuth by q."""
+    """h'P[i] h for row h of H, number a; q: range, range-rate or azimuth."""
     return spread_one(i, P, H, a, ALL) if q == 1 else spread_one(i, P, H, a, PLACE)
 
 
 @inlined
 def gain_of(q, i, P, H, a, v, nn):
-    """The same, and v (n,) = P[i] h."""
+    """As ``spread_of``; fills v (n,) = P[i] h."""
     return gain_one(i, P, H, a, v, nn, ALL) if q == 1 else gain_one(i, P, H, a, v, nn, PLACE)
 
 
 @inlined
-def foreseen_variance(value, spread, variance, low, high, q, fence, rules):
-    """R~ of quantity q: plain variance and penalty at the predicted value, ``margin`` deviations nearer to the edge."""
+def predicted_variance(value, spread, variance, low, high, q, fence, rules):
+    """R~ of quantity q: variance plus penalty at the predicted value, moved ``margin`` deviations towards the edge."""
     if rules.margin == 0.0:
         return variance + penalty_one(rules.penalty, value, low, high, fence[0, q], fence[1, q])
     reach = rules.margin * np.sqrt(spread)
@@ -84,22 +84,22 @@ def foreseen_variance(value, spread, variance, low, high, q, fence, rules):
 
 @inlined
 def information_one(i, P, h, H, variance, low, high, fence, rules):
-    """tr(P C' R~^-1 C) of target i as predicted: the information that the settings bring, weighted with P[i]."""
+    """tr(P C' R~^-1 C) of target i as predicted: the information of the settings, weighted with P[i]."""
     total = 0.0
     for j in range(variance.shape[0]):
         if h[3 * j] >= rules.nearest:
             for q in range(3):
                 a = 3 * j + q
                 g = spread_of(q, i, P, H, a)
-                total += g / foreseen_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                total += g / predicted_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
     return total
 
 
 @inlined
 def measure_one(e, k, t, i, truth, h, error, places, variance, low, high, fence, rules, z, R):
-    """Measure truth[i]: z (a,) and the variances R (a,) that the tracker takes, infinite for what is out of view.
+    """Measure truth[i]: fills z (a,) and the tracker's variances R (a,), infinite for quantities out of view.
 
-    Returns how many quantities were received; h (a,) are the predicted ones.
+    h (a,): predicted quantities. Returns the number of quantities received.
     """
     received = 0
     for j in range(places.shape[0]):
@@ -122,10 +122,10 @@ def measure_one(e, k, t, i, truth, h, error, places, variance, low, high, fence,
 
 @inlined
 def curved_one(i, x, P, h, R):
-    """Whether the measurement's second-order terms matter over the prior's spread: then the update is iterated.
+    """Whether the measurement's second-order terms matter over the prior's spread, so that the update has to iterate.
 
-    Over a displacement d across the line of sight, r bends by d^2 / 2r and the azimuth by as much per r; the range-rate
-    by d times the velocity's spread per r, and by the speed times d^2 / 2 r^2.
+    For a displacement d across the line of sight, the second-order term of the range is d^2 / 2r, that of the azimuth
+    d^2 / 2r^2, those of the range-rate d / r times the velocity's spread and d^2 / 2r^2 times the speed.
     """
     spread = P[i, 0, 0] + P[i, 2, 2]
     restless = P[i, 1, 1] + P[i, 3, 3]
@@ -144,7 +144,7 @@ def curved_one(i, x, P, h, R):
 
 @inlined
 def absorb_one(i, P, H, y, R, d, v, nn):
-    """d (n,) = K y and P[i] = [P[i]^-1 + H' R^-1 H]^-1, row after row of those received."""
+    """d (n,) = K y and P[i] = [P[i]^-1 + H' R^-1 H]^-1, one received row after another."""
     for k in range(len(nn)):
         d[k] = 0.0
     for j in range(R.shape[0] // 3):
@@ -167,9 +167,9 @@ def residual_one(z, h, y):
 
 @kernel
 def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
-    """Gauss-Newton: linearise at the estimate again and again, from the prediction x[i], P[i] and h, H there.
+    """Gauss-Newton update: linearise again at each new estimate, starting from the prediction x[i], P[i] with h, H.
 
-    Until the estimate moves by less than CONVERGED of its standard deviations, or ``rules.iterations`` are spent.
+    Ends when the estimate moves by less than CONVERGED standard deviations, or after ``rules.iterations``.
     """
     n = len(nn)
     prior, at = P[i].copy(), x[i : i + 1].copy()
@@ -194,7 +194,7 @@ def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
 
 @inlined
 def move_one(e, k, t, i, truth, F, L, process, truth_out, nn):
-    """truth_out[i] = F truth[i] + L process[e, k, t]: target t moves."""
+    """Move target t: truth_out[i] = F truth[i] + L process[e, k, t]."""
     predict_mean_one(i, truth, F, 0, truth_out, nn)
     for a in range(len(nn)):
         for b in range(a + 1):
@@ -203,7 +203,7 @@ def move_one(e, k, t, i, truth, F, L, process, truth_out, nn):
 
 @inlined
 def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
-    """Update the prediction x[i], P[i], whose measurements would be h with Jacobian H, with z and variances R (a,)."""
+    """Update the prediction x[i], P[i] with measurements z and variances R (a,); h, H: predicted ones and Jacobian."""
     residual_one(z, h, y)
     if rules.iterations > 1 and curved_one(i, x, P, h, R):
         iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn)
@@ -238,17 +238,17 @@ def transition(
             predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
             look_one(i, x, places, rules, h, H)
             share[e] = min(share[e], information_one(i, P_out, h, H, variance, low, high, fence, rules))
-            count_in = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
-            received[e, t], unseen_out[e, t] = count_in, 0 if count_in > 0 else unseen[e, t] + 1
+            got = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
+            received[e, t], unseen_out[e, t] = got, 0 if got > 0 else unseen[e, t] + 1
             track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
 
 
 @kernel
 def observe(mean, P, F, Q, places, rules, out, nn):
-    """out (e, elements): what is observed, before its logarithm is taken; variances where it is a spread.
+    """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
 
-    Of every target the position's and velocity's variance, and of each platform |(r, rdot, azimuth)|, each followed by
-    its variance, as predicted one step ahead.
+    For every target, as predicted one step ahead: variances of position and velocity, then for each platform
+    |(r, rdot, azimuth)|, each followed by its variance.
     """
     n, rows = len(nn), 3 * places.shape[0]
     T, H, h = np.empty((n, n)), np.empty((rows, n)), np.empty(rows)
@@ -272,7 +272,7 @@ def observe(mean, P, F, Q, places, rules, out, nn):
 
 @kernel
 def measure(mean, P, truth, position, nees, nn):
-    """Of every target (e, t): position error, and e' P^-1 e by Cholesky factors."""
+    """Fill position error and NEES e' P^-1 e of every target, (e, t) each."""
     L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
     for e in range(mean.shape[0]):
         for t in range(mean.shape[1]):

@@ -21,11 +21,11 @@ PLANE = slice(0, None, 2)  # x and y among [x xdot y ydot]
 IMAGE: dict[str, Any] = {"alpha": 0.16, "linewidth": 0.8}
 UNAMBIGUOUS: dict[str, Any] = {"linewidth": 1.1, "linestyle": (0, (1.5, 1.5))}
 POINTS = 181  # of a circle
-DART = np.array([[0.0, 1.0], [0.65, -0.9], [0.0, -0.5], [-0.65, -0.9], [0.0, 1.0]])  # a platform that looks along +y
+DART = np.array([[0.0, 1.0], [0.65, -0.9], [0.0, -0.5], [-0.65, -0.9], [0.0, 1.0]])  # platform that looks along +y
 
 
 def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
-    """Targets with their trails, platforms and what they see; x and y to the same scale, in km."""
+    """Draw targets with their trails, platforms and their fields of view; x and y to the same scale, in km."""
     now = moment.states[-1]
     truth = KILO * np.array([state.truth.targets[0, :, PLANE] for state in moment.states])  # (step, target, 2)
     mean = KILO * np.array([state.belief.mean[0, :, PLANE] for state in moment.states])
@@ -45,10 +45,10 @@ def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
 
 
 def _draw_fields(axes: Axes, system: RfEo, moment: Moment, places: Array) -> None:
-    """Of each platform the camera's sector, out to the map's end, and the circle of its unambiguous range.
+    """Draw each platform's camera sector, out to the map's edge, and the circle of its unambiguous range.
 
-    A target's azimuth may be measured where its range is not, and the other way round: so the sector does not end at
-    the circle. (The mirror image that the printed arcsine takes for what is in front is left out.)
+    The sector does not end at the circle: azimuth and range are measured independently of each other. With
+    ``as_printed`` the arcsine also accepts the sector's mirror image behind the platform; it is not drawn.
     """
     if not moment.actions:
         return

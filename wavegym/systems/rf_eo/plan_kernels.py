@@ -1,6 +1,6 @@
 """A plan of several steps for RF/EO platforms in compiled form.
 
-Shapes and arguments as in ``rf_eo_search_kernels.py``; s steps ahead, ``chosen`` (s, p, 2).
+Shapes and arguments as in ``search_kernels.py``; s steps ahead; ``chosen`` (s, p, 2).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -13,12 +13,12 @@ from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.systems.rf_eo.search_kernels import SWEEPS, absorb_platform, best_of_two, tabulate
 from wavegym.trackers.kernels import predict_covariance_one
 
-BETTER = 1e-9  # relative: by how much a change has to improve the plan to be made
+BETTER = 1e-9  # least relative improvement for which the plan is changed
 
 
 @kernel
 def follow(U, H, R, chosen, s, last, weights, F, Q, bound, T, v, nn):
-    """Cost of the steps s to ``last`` from U[s] (t, n, n); fills U[s + 1], ... Given up where it reaches ``bound``."""
+    """Cost of the steps s to ``last`` from U[s] (t, n, n); fills U[s + 1], ...; stops where it reaches ``bound``."""
     total = 0.0
     for k in range(s, last + 1):
         for t in range(U.shape[1]):
@@ -35,14 +35,14 @@ def follow(U, H, R, chosen, s, last, weights, F, Q, bound, T, v, nn):
 
 @kernel
 def improve(U, H, R, chosen, sizes, weights, F, Q, T, v, nn):
-    """Change one point of one platform at one step at a time, as long as the whole plan gets better.
+    """Change one grid point of one platform at one step at a time, as long as the plan's cost falls.
 
     U (s + 1, t, n, n) holds the covariances of the plan so far. Returns the plan's cost.
     """
     depth, platforms = chosen.shape[:2]
     total = follow(U, H, R, chosen, 0, depth - 1, weights, F, Q, np.inf, T, v, nn)
     for _ in range(SWEEPS):
-        before, spent = total, 0.0  # spent: by the steps ahead of k
+        before, spent = total, 0.0  # spent: cost of the steps before k
         for k in range(depth):
             for j in range(platforms):
                 for axis in range(2):
@@ -61,9 +61,9 @@ def improve(U, H, R, chosen, sizes, weights, F, Q, T, v, nn):
 
 @kernel
 def plan(mean, P, step, horizon, axes, sizes, weights, F, Q, places, fence, rules, chosen, cost, nn):
-    """A plan from the one-step scheduler's own, improved: ``chosen`` (e, s, p, 2) and its predicted cost (e,).
+    """Fill ``chosen`` (e, s, p, 2), the one-step scheduler's plan improved, and its predicted cost (e,).
 
-    Fewer steps at the episode's end. Penalties see the predicted spread of the one-step plan.
+    The plan is shorter at the episode's end. Penalties use the predicted spread of the one-step plan.
     """
     (count, depth, platforms), targets, n = chosen.shape[:3], mean.shape[1], len(nn)
     rows, points = 3 * platforms, axes.shape[1]

@@ -1,6 +1,6 @@
-"""What settings of RF/EO platforms will be worth, in compiled form.
+"""Predicted beliefs and information for settings of RF/EO platforms, in compiled form.
 
-Shapes and arguments as in ``rf_eo_kernels.py``; c candidates.
+Shapes and arguments as in ``kernels.py``; c candidates.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.kernels import foreseen_variance, gain_of, information_one, look_one, spread_of, view_all
+from wavegym.systems.rf_eo.kernels import gain_of, information_one, look_one, predicted_variance, spread_of, view_all
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rank_one_kernels import shrink_one
 
@@ -26,7 +26,7 @@ def predict_ahead(mean, P, F, Q, places, rules, x, V, h, H, nn):
 
 @kernel
 def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
-    """Predicted means x (e, c, t, n), updated covariances P_out (e, c, t, n, n), settings (e or 1, c, p, 3)."""
+    """Fill predicted means x (e, c, t, n) and updated covariances P_out (e, c, t, n, n); settings (e or 1, c, p, 3)."""
     (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
@@ -45,7 +45,7 @@ def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
                         continue
                     if rules.margin > 0.0:
                         spread = spread_of(q, t, V, H[t], a)
-                    R = foreseen_variance(h[t, a], spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                    R = predicted_variance(h[t, a], spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
                     s = gain_of(q, t, out, H[t], a, v, nn) + R
                     shrink_one(t, out, v, s, nn)
 

@@ -1,4 +1,4 @@
-"""The scene of RF/EO platforms: map, position errors, what each platform sees and how it was set."""
+"""The scene of RF/EO platforms: map, position errors, and each platform's field of view and settings."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 SHOWN = 2  # platforms that have a panel of their own
 ROWS = (("range", "m"), ("rate", "m/s"), ("azimuth", "rad"))
-DECADE = 0.35  # of the distance from the centre to the edge: how far apart 1, 10, 100 are drawn
-MOST = 1000.0  # times the edge: what lies farther out is drawn here
+DECADE = 0.35  # distance between 1, 10 and 100 in the drawing, relative to that from the centre to the edge
+MOST = 1000.0  # times the edge: values farther out are drawn here
 TICKS = np.array([-100.0, -1.0, 0.0, 1.0, 100.0])
-LEAST = 1e-3  # m: where an error of exactly 0 stands on a logarithmic axis
+LEAST = 1e-3  # m: smaller errors, 0 included, are drawn here on the logarithmic axis
 INSIDE, EDGE = "0.92", "0.6"
 SCALES = (1e-3, 1e3)  # Hz -> kHz, rad -> mrad
 SEEN: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 4.5, "markeredgewidth": 1.1}
@@ -46,7 +46,7 @@ LEGEND: dict[str, dict[str, Any]] = {
 
 
 class PlatformScene:
-    """Map, position errors, what the first platforms see, and all platforms' PRFs and pixel angles.
+    """Map, position errors, fields of view of the first platforms, and all platforms' PRFs and pixel angles.
 
     Args:
         system: the closed loop.
@@ -98,7 +98,7 @@ class PlatformScene:
                 draw_view(axes, sight, settings[-1], j)
 
     def _draw_errors(self, moment: Moment) -> None:
-        """Distance from the estimate to the truth, and its root mean square as the belief has it."""
+        """Distance from the estimate to the truth, and its root mean square according to the belief."""
         errors = [state.belief.mean[0] - state.truth.targets[0] for state in moment.states]
         distance = np.maximum(np.hypot(*np.array(errors)[..., PLANE].T), LEAST)  # (target, step)
         variances = np.array([np.diagonal(state.belief.covariance[0], axis1=1, axis2=2) for state in moment.states])
@@ -119,7 +119,7 @@ class PlatformScene:
 
 
 class Sight(NamedTuple):
-    """What every platform's field of view held in the last step, at the truth."""
+    """True quantities at every platform in the last step, and its field of view."""
 
     value: Array  # (platform, target, 3): range in m, range-rate in m/s, azimuth from the look direction in rad
     low: Array  # (platform, 3): edges of the field of view
@@ -128,7 +128,7 @@ class Sight(NamedTuple):
 
 
 def in_view(system: RfEo, moment: Moment) -> Sight:
-    """Where each target truly was before each platform in the last step, and which quantities were in view."""
+    """True quantities of each target at each platform in the last step, and which of them were in view."""
     places = system.places
     value = platform_measurement(moment.states[-1].truth.targets[0], places[:, None], system.as_printed)
     _, low, high = system.action_set.view(system.action_set.settings(moment.actions[-1])[0])
@@ -145,9 +145,9 @@ def draw_view(axes: Axes, sight: Sight, settings: Array, platform: int) -> None:
 
     Args:
         axes: the platform's panel.
-        sight: of all platforms.
+        sight: quantities and fields of view of all platforms.
         settings: PRF in Hz, bandwidth in Hz and pixel angle in rad of every platform, (platform, 3).
-        platform: which.
+        platform: number of the platform.
     """
     prf, bandwidth, angle = settings[platform].tolist()
     words = f"PRF {quantity(prf, 'Hz')}, B {quantity(bandwidth, 'Hz')}, α {quantity(angle, 'rad')}"
@@ -171,13 +171,13 @@ def draw_view(axes: Axes, sight: Sight, settings: Array, platform: int) -> None:
 
 
 def place_of(ratio: Any) -> Any:
-    """Where a share of the edge is drawn: in proportion up to the edge, logarithmically beyond."""
+    """Drawing position of a quantity relative to the edge: linear up to the edge, logarithmic beyond."""
     size = np.clip(np.abs(ratio), 1e-12, MOST)
     return np.sign(ratio) * np.where(size <= 1.0, size, 1.0 + DECADE * np.log10(size))
 
 
 def _prepare_view(axes: Axes) -> None:
-    """What stays the same in all frames."""
+    """Draw the parts of a field-of-view panel that stay the same in all frames."""
     reach = 1.05 * float(place_of(MOST))
     caption(axes, "")
     axes.title.set_x(0.36)
@@ -187,7 +187,7 @@ def _prepare_view(axes: Axes) -> None:
 
 
 def received_caption(system: RfEo, moment: Moment) -> str:
-    """How much of each target was measured in this step, and since when nothing was."""
+    """Quantities measured of each target in this step, or the steps since the last measurement."""
     if not moment.actions:
         return ""
     truth, most = moment.states[-1].truth, 3 * len(system.platforms)

@@ -1,8 +1,8 @@
-"""Search over the grid of RF/EO settings in compiled form: the best one step ahead, or for several.
+"""Search over the grid of RF/EO settings in compiled form: the best settings one step ahead.
 
-Shapes and arguments as in ``rf_eo_kernels.py``; g points of a platform's grid on each of two axes, PRF (which sets
-range and range-rate) and pixel angle (azimuth), at the greatest bandwidth; ``sizes``: how many of each. ``chosen``
-(p, 2) holds every platform's points.
+Shapes and arguments as in ``kernels.py``; g points on each of the two axes of a platform's grid: PRF (sets
+range and range-rate) and pixel angle (sets the azimuth), at the greatest bandwidth. ``sizes``: points on each axis.
+``chosen`` (p, 2): every platform's grid point.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -11,18 +11,19 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.kernels import foreseen_variance, gain_of, spread_of
+from wavegym.systems.rf_eo.kernels import gain_of, predicted_variance, spread_of
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.trackers.rank_one_kernels import shrink_one
 
-SWEEPS = 10  # over all platforms, after which a search that still improves is left
+SWEEPS = 10  # most passes of a search over all platforms
 
 
 @kernel
 def tabulate(V, h, H, axes, fence, rules, R, spread):
-    """R (t, a, g): predicted variance of every quantity at every point of its axis; spread (t, a) of its prediction.
+    """Fill R (t, a, g), the predicted variance of every quantity at every point of its axis, and spread (t, a).
 
-    axes (3, g, 3): variance, low and high of the points, PRF and pixel angle side by side.
+    spread: variance of the quantity's prediction. axes (3, g, 3): variance, low and high at the points; columns 0 and 1
+    belong to the PRF, column 2 to the pixel angle.
     """
     variance, low, high = axes[0], axes[1], axes[2]
     for t in range(h.shape[0]):
@@ -32,14 +33,14 @@ def tabulate(V, h, H, axes, fence, rules, R, spread):
             for g in range(axes.shape[1]):
                 R[t, a, g] = np.inf
                 if h[t, a - q] >= rules.nearest:
-                    R[t, a, g] = foreseen_variance(
+                    R[t, a, g] = predicted_variance(
                         h[t, a], spread[t, a], variance[g, q], low[g, q], high[g, q], q, fence, rules
                     )
 
 
 @kernel
 def absorb_platform(V, H, R, j, prf, angle, v, nn):
-    """V (t, n, n) after platform j has looked with the points ``prf`` and ``angle`` of its axes."""
+    """Update V (t, n, n) with the measurements of platform j at the points ``prf`` and ``angle`` of its axes."""
     for t in range(V.shape[0]):
         for q in range(3):
             a = 3 * j + q
@@ -49,10 +50,10 @@ def absorb_platform(V, H, R, j, prf, angle, v, nn):
 
 @kernel
 def best_platform(V, H, R, j, sizes, weights, W, v, nn):
-    """The best points (prf, angle) of platform j's axes when it looks last, and the cost after it.
+    """Cost and best points (prf, angle) of platform j's axes, where all others have already measured.
 
-    PRF after PRF the covariance is updated with range and range-rate (in W); what an azimuth then takes off the trace
-    is v' Lambda v / (h' P h + R), the same v for every pixel angle.
+    For each PRF the covariance is updated with range and range-rate (in W). An azimuth then lowers the trace by
+    v' Lambda v / (h' P h + R), with the same v for every pixel angle.
     """
     targets, n, azimuth = V.shape[0], len(nn), 3 * j + 2
     least, prf, angle = np.inf, 0, 0
@@ -80,9 +81,9 @@ def best_platform(V, H, R, j, sizes, weights, W, v, nn):
 
 @kernel
 def search(V, H, R, sizes, weights, backwards, chosen, W, rest, v, nn):
-    """Platform after platform, each best given the others, until none changes: ``chosen`` (p, 2); returns the cost.
+    """Fill ``chosen`` (p, 2) platform after platform, each best given the others, until none changes.
 
-    In the first sweep a platform knows only those before it.
+    In the first sweep a platform takes account only of those before it. Returns the cost.
     """
     platforms, cost = chosen.shape[0], np.inf
     chosen[:] = -1
@@ -104,7 +105,7 @@ def search(V, H, R, sizes, weights, backwards, chosen, W, rest, v, nn):
 
 @kernel
 def best_of_two(V, H, R, sizes, weights, chosen, other, W, rest, v, nn):
-    """The better of the searches forwards and backwards: ``chosen`` (p, 2); returns the cost."""
+    """Fill ``chosen`` (p, 2) by the better of a forward and a backward search; returns the cost."""
     cost = search(V, H, R, sizes, weights, False, chosen, W, rest, v, nn)
     if chosen.shape[0] > 1:
         second = search(V, H, R, sizes, weights, True, other, W, rest, v, nn)
@@ -115,7 +116,7 @@ def best_of_two(V, H, R, sizes, weights, chosen, other, W, rest, v, nn):
 
 @kernel
 def best_settings(mean, P, axes, sizes, weights, F, Q, places, fence, rules, chosen, nn):
-    """chosen (e, p, 2): points of the axes with nearly the least trace one step ahead."""
+    """Fill ``chosen`` (e, p, 2), the grid points with nearly the least trace one step ahead."""
     (count, platforms), targets, n = chosen.shape[:2], mean.shape[1], len(nn)
     rows = 3 * platforms
     x, V = np.empty((targets, n)), np.empty((targets, n, n))

@@ -1,20 +1,20 @@
-"""O'Rourke and Swindlehurst's RF/EO platforms. PRF, bandwidth and much else is not published: see docs/errata.md."""
+"""O'Rourke and Swindlehurst's RF/EO platforms. The paper leaves PRF, bandwidth and more open: see docs/errata.md."""
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import Field
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems.rf_eo import kernels
@@ -24,7 +24,7 @@ from wavegym.systems.rf_eo.information_kernels import most_information
 from wavegym.systems.rf_eo.kernels import Rules
 from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.search_kernels import best_settings
-from wavegym.systems.rf_eo.state import Belief, Pair, Quad, Triple, Truth, World, check_scenario, platform_elements
+from wavegym.systems.rf_eo.state import Belief, Truth, World, platform_fields
 from wavegym.targets import MotionModel, constant_velocity
 from wavegym.waveforms import SPEED_OF_LIGHT
 
@@ -32,45 +32,45 @@ NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
 PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 
+MOST = 64  # targets, and platforms
+FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
+GREATEST = 1e12  # PRF and bandwidth in Hz, pixel angle in rad
+MOST_RATIO = 1e12  # of the prior variance to a measurement variance
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Position = tuple[Coordinate, Coordinate]
+TargetState = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+Azimuth = Annotated[float, Field(ge=-math.pi, le=math.pi, allow_inf_nan=False)]
+Bound = Annotated[float, Field(gt=0, le=GREATEST, allow_inf_nan=False)]
+Range = tuple[Bound, Bound]  # least and greatest
+StateVariance = tuple[Positive, Positive, Positive, Positive]
+StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
+
+
+@system_parameters
 class RfEo(System):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
     Description
-        Each target's state is [x xdot y ydot] (m, m/s), x_{k+1} = A x_k + w_k, white acceleration of density q (eq. 2).
-        Platform j measures range, range-rate and azimuth of every target (eqs. 4 to 6) with the variances
-        (c / 2B)^2 / 12, (lambda PRF / (2 Nfft))^2 / 12 and alpha^2 / 12, as far as they are in its field of view:
-        r <= c / (2 PRF), |rdot| <= lambda PRF / 4, |azimuth| <= Npix alpha / 2. So a high PRF sees fast targets, a low
-        one distant targets, and a wide image is a coarse one. An extended Kalman filter in information form (eqs. 8 to
-        11) updates each target with what was in view, iterated where the prior is so wide that the linearised
-        measurement would mislead. Schedulers predict the covariance with a variance that grows at the edge of the
-        field of view (eqs. 12 and 13).
+        Each target's state is [x xdot y ydot] (m, m/s). It moves as x_{k+1} = A x_k + w_k with white-noise acceleration
+        of density q (eq. 2). Platform j measures range, range-rate and azimuth of every target (eqs. 4 to 6) with the
+        variances (c / 2B)^2 / 12, (lambda PRF / (2 Nfft))^2 / 12 and alpha^2 / 12. It receives only quantities inside
+        its field of view: r <= c / (2 PRF), |rdot| <= lambda PRF / 4, |azimuth| <= Npix alpha / 2. So a high PRF covers
+        fast targets, a low PRF distant targets, and a wide image has coarse pixels. An extended Kalman filter in
+        information form (eqs. 8 to 11) updates each target with the quantities received. It iterates where the prior is
+        so wide that a single linearisation would mislead. Schedulers predict the covariance with a variance that grows
+        at the edge of the field of view (eqs. 12 and 13).
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
 
     Starting state
-        True targets start at ``starts``; ``first_estimate="halfway"``: the estimates at half the true coordinates, with
-        zero velocity (the paper's "about midway"); ``"drawn"``: around the truth with covariance P0. P0 =
-        diag(prior_variance).
+        True targets start at ``starts``. With ``first_estimate="halfway"`` the estimates lie at half the true
+        coordinates and have zero velocity (the paper's "about midway"); with ``"drawn"`` they are drawn around the
+        truth with covariance P0. P0 = diag(prior_variance).
 
     Episode end
         Truncated after ``horizon`` steps: tracking goes on, no resource runs out.
-
-    Arguments
-        q: process noise density (m^2/s^3). carrier_hz: fc. fft_length: Nfft, pulses integrated. pixels: Npix.
-        platforms: positions (x, y) in metres. looks: look direction of each in rad clockwise from +y; none: all 0.
-        starts: [x xdot y ydot] of each target. prior_variance: diagonal of P0. prf, bandwidth, pixel_angle: least and
-        greatest PRF (Hz), B (Hz) and alpha (rad). points: values of each in the library. penalty: "logistic", "hard",
-        "deadzone" or "log-barrier". sharpness: nu relative to the edge, for range, range-rate and azimuth; by default
-        100, of the log-barrier 1e8. height: gamma of each (m^2, m^2/s^2, rad^2). out_of_view: "missing", or "inflated":
-        drawn with the variance and penalty at the truth, the paper's. iterations: at most so many per update; 1 is the
-        plain extended filter, the paper's. margin: how far a prediction keeps a quantity inside the field of view, in
-        standard deviations. threshold: t, the least weighted information of any target that the paper's
-        scheduler asks for. weights: diagonal of W. nearest_range: a platform nearer to a target than this gets nothing
-        of it. as_printed: the paper's misprinted equations. action: "box" (log PRF, B and alpha of every platform),
-        "library" (an index per platform) or "joint" (one index for all platforms).
 
     References
         S. M. O'Rourke and A. L. Swindlehurst, "Adaptive RF/EO sensing with field-of-view constraints".
@@ -78,37 +78,95 @@ class RfEo(System):
 
     terminates = False
 
-    horizon: int = 1000
-    dt: float = 1.0
-    q: float = 0.01
-    carrier_hz: float = 10e9
-    fft_length: int = 128
-    pixels: int = 1000
-    platforms: tuple[Pair, ...] = ((-1e3, -1e3), (1e3, -1e3))
-    looks: tuple[float, ...] = ()
-    starts: tuple[Quad, ...] = ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0))
-    first_estimate: Literal["halfway", "drawn"] = "halfway"
-    prior_variance: Quad = (1e6, 25.0, 1e6, 25.0)
-    prf: Pair = (1e3, 100e3)
-    bandwidth: Pair = (1e6, 20e6)
-    pixel_angle: Pair = (1e-5, 2e-3 * math.pi)
-    points: tuple[int, int, int] = (4, 1, 4)
-    penalty: Penalty = "logistic"
-    sharpness: Triple | None = None
-    height: Triple = (1e8, 1e6, 10.0)
-    out_of_view: Literal["missing", "inflated"] = "missing"
-    iterations: int = 10
-    margin: float = 0.0
-    threshold: float = 0.5
-    weights: Quad = (1.0, 1.0, 1.0, 1.0)
-    nearest_range: float = 1.0
-    as_printed: bool = False
-    action: Literal["box", "library", "joint"] = "box"
+    horizon: int = parameter(1000, "steps in an episode", ge=1, le=1_000_000)
+    dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
+    q: float = parameter(0.01, "process noise density", unit="m^2/s^3", ge=0, le=1e12)
+    carrier_hz: float = parameter(10e9, "carrier frequency fc", unit="Hz", gt=0, le=1e15)
+    fft_length: int = parameter(128, "Nfft, pulses integrated", ge=1, le=1_000_000)
+    pixels: int = parameter(1000, "Npix, pixels across the image", ge=1, le=1_000_000)
+    platforms: tuple[Position, ...] = parameter(((-1e3, -1e3), (1e3, -1e3)), "positions (x, y)", unit="m")
+    looks: tuple[Azimuth, ...] = parameter(
+        (), "look direction of each platform, clockwise from +y; by default all look along +y", unit="rad"
+    )
+    starts: tuple[TargetState, ...] = parameter(
+        ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0)), "first state [x xdot y ydot] of each target", unit="m, m/s"
+    )
+    first_estimate: Literal["halfway", "drawn"] = parameter("halfway", "first estimates; see Starting state", unit="")
+    prior_variance: StateVariance = parameter((1e6, 25.0, 1e6, 25.0), "diagonal of P0", unit="m^2, m^2/s^2")
+    prf: Range = parameter((1e3, 100e3), "least and greatest pulse repetition frequency", unit="Hz")
+    bandwidth: Range = parameter((1e6, 20e6), "least and greatest bandwidth B", unit="Hz")
+    pixel_angle: Range = parameter((1e-5, 2e-3 * math.pi), "least and greatest pixel angle alpha", unit="rad")
+    points: tuple[int, int, int] = parameter((4, 1, 4), "number of PRFs, bandwidths and pixel angles in the library")
+    penalty: Penalty = parameter("logistic", "growth of a predicted variance at the edge of the field of view", unit="")
+    sharpness: tuple[Positive, Positive, Positive] | None = parameter(
+        None,
+        "nu of the penalty relative to the edge, for range, range-rate and azimuth; by default 100, for the "
+        "log-barrier 1e8",
+    )
+    height: tuple[NonNegative, NonNegative, NonNegative] = parameter(
+        (1e8, 1e6, 10.0), "gamma of the penalty, for range, range-rate and azimuth", unit="m^2, m^2/s^2, rad^2"
+    )
+    out_of_view: Literal["missing", "inflated"] = parameter(
+        "missing",
+        "quantities outside the field of view: not received, or (the paper's) drawn with variance and penalty",
+        unit="",
+    )
+    iterations: int = parameter(
+        10, "most iterations of an update; 1 is the plain extended Kalman filter, the paper's", ge=1, le=1_000_000
+    )
+    margin: float = parameter(
+        0.0, "standard deviations that a predicted quantity has to be inside the field of view", ge=0
+    )
+    threshold: float = parameter(
+        0.5, "t, the least weighted information that the paper's scheduler demands for every target", ge=0
+    )
+    weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
+    nearest_range: float = parameter(
+        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", gt=0, le=FARTHEST
+    )
+    as_printed: bool = parameter(False, "use the paper's misprinted equations", unit="")
+    action: Literal["box", "library", "joint"] = parameter(
+        "box",
+        "log PRF, B and alpha of every platform; an index for each platform; or one index for all platforms",
+        unit="",
+    )
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
-        check_scenario(self)
-        self.action_set.levels  # noqa: B018  (points that make no library are reported here)
+        """Check what single fields cannot say."""
+        check_positive("sum of weights", sum(self.weights))
+        for name in ("platforms", "starts"):
+            check_within(f"number of {name}", len(getattr(self, name)), 1, MOST)
+        if self.looks and len(self.looks) != len(self.platforms):
+            raise InputError(f"looks is {self.looks}, expected {len(self.platforms)} angles, one for each platform")
+        for name in ("prf", "bandwidth", "pixel_angle"):
+            low, high = getattr(self, name)
+            check_ordered(name, low, high)
+            if low == high:
+                raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
+        self._check_camera()
+        self._check_radar()
+        self.action_set.levels  # noqa: B018  (invalid points are reported here)
+
+    def _check_camera(self) -> None:
+        """InputError for an image wider than the full circle."""
+        widest = 2.0 * math.pi / self.pixels
+        if self.pixel_angle[1] > widest * (1.0 + 1e-9):
+            wanted = f"at most 2 pi / pixels, the full circle (nearest: {widest:.6g})"
+            raise InputError(f"high of pixel_angle is {self.pixel_angle[1]:g} rad, expected {wanted}")
+
+    def _check_radar(self) -> None:
+        """InputError for a range variance below the filter's precision, or pulses that do not fit into a step."""
+        finest = 0.5 * SPEED_OF_LIGHT / self.bandwidth[1]
+        ratio = max(self.prior_variance) / (finest * finest / 12.0)
+        if ratio > MOST_RATIO:  # an update loses this ratio times 1e-16 of its precision
+            least = max(self.prior_variance) * MOST_RATIO / ratio
+            wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
+            raise InputError(f"prior_variance is up to {max(self.prior_variance):g}, expected {wanted}")
+        dwell = self.fft_length / self.prf[0]
+        if dwell > self.dt:
+            wanted = f"at most dt = {self.dt:g} s (nearest prf: {self.fft_length / self.dt:g} Hz)"
+            given = f"dwell of {self.fft_length} pulses at {self.prf[0]:g} Hz is {dwell:g} s"
+            raise InputError(f"{given}, expected {wanted}")
 
     @property
     def wavelength(self) -> float:
@@ -122,22 +180,22 @@ class RfEo(System):
 
     @cached_property
     def action_set(self) -> PlatformActions:
-        """What the platforms may be set to."""
+        """The settings that the platforms may take."""
         ranges = (self.prf, self.bandwidth, self.pixel_angle)
         optics = (self.wavelength, self.fft_length, self.pixels, self.as_printed)
         return PlatformActions(ranges, self.points, len(self.platforms), self.action, *optics)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
-        """What an action means."""
+        """The action set: per platform, joint, or a box."""
         return self.action_set.actions
 
     def candidates(self) -> Array:
-        """Every combination of the library's settings; in a box of very many, the same setting at all platforms."""
+        """See ``PlatformActions.candidates``."""
         return self.action_set.candidates
 
     def named_constants(self) -> dict[str, Array]:
-        """``proposed``: the non-adaptive settings, in a box that holds them."""
+        """``proposed``: the non-adaptive settings, where the box contains them."""
         if self.action != "box" or len(self.platforms) != len(PROPOSED):
             return {}
         settings = np.array(PROPOSED)
@@ -184,16 +242,16 @@ class RfEo(System):
         return State(truth, Belief(np.zeros(count, np.int64), mean, covariance))
 
     def transition(self, state: State, action: Array, world: World) -> State:
-        """One step: move, set the platforms, measure what is in view, track."""
+        """One step: targets move, platforms take their settings and measure, the filter updates."""
         (true_states, _, unseen, _), (step, mean, covariance) = state
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
-        received, without, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
+        received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
         F, Q, *scene = self._scene
         kernels.transition(
             step, mean, covariance, true_states, unseen, world.process, world.error, self.action_set.settings(action),
-            F, Q, self.motion.noise_factor, *scene, x, P, moved, received, without, share, NN
+            F, Q, self.motion.noise_factor, *scene, x, P, moved, received, missed, share, NN
         )  # fmt: skip
-        return State(Truth(moved, received, without, share), Belief(step + 1, x, P))
+        return State(Truth(moved, received, missed, share), Belief(step + 1, x, P))
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances."""
@@ -212,12 +270,12 @@ class RfEo(System):
         return gain if several else gain[:, 0]
 
     def _settings(self, actions: Array) -> tuple[bool, Array]:
-        """Whether actions are (env, candidate, ...) rather than (env, ...), and their settings as of the former."""
+        """Whether actions have the axis ``candidate``, and their settings (env, candidate, platform, 3)."""
         several = actions.ndim == (2 if self.action == "joint" else 3)
         return several, self.action_set.settings(actions if several else actions[:, None])
 
     def best_action(self, belief: Belief) -> Array:
-        """The one-step scheduler's choice, platform after platform until none changes; in a box on a finer grid."""
+        """The one-step scheduler's choice, platform after platform until none changes; for a box, on a fine grid."""
         chosen = np.empty((len(belief.step), len(self.platforms), 2), np.int64)
         best_settings(
             belief.mean,
@@ -232,14 +290,18 @@ class RfEo(System):
         return self.action_set.choose(chosen[..., 0], chosen[..., 1])
 
     def most_information(self, belief: Belief, threshold: float | None = None) -> tuple[Array, Array]:
-        """The paper's choice on the same grid: the greatest information of which every target has the threshold t.
+        """The paper's choice on the same grid: the greatest total information that gives every target at least t.
 
         Args:
             belief: the belief.
-            threshold: t; None for the system's own.
+            threshold: t; None for the system's ``threshold``.
 
         Returns:
-            Actions (env, ...), and whether t was reached, (env,) bool; where not, the worst-off target gets most.
+            Actions (env, ...), and whether t was reached, (env,) bool. Where it was not, the choice maximises the
+            information of the worst-off target.
+
+        Raises:
+            InputError: a threshold that is negative or not a number.
         """
         feasible = np.empty(len(belief.step), np.bool_)
         chosen = np.empty((len(feasible), len(self.platforms), 2), np.int64)
@@ -260,7 +322,7 @@ class RfEo(System):
         return self.action_set.choose(chosen[..., 0], chosen[..., 1]), feasible
 
     def plan(self, belief: Belief, depth: int) -> tuple[Array, Array]:
-        """A good sequence of ``depth`` choices: the one-step scheduler's, improved one point of the grid at a time.
+        """A good sequence of ``depth`` choices: the one-step scheduler's, improved by one grid point at a time.
 
         Returns:
             The first actions (env, ...), and the predicted cost of the whole sequence (env,).
@@ -279,28 +341,29 @@ class RfEo(System):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation: of every target how well it is known, and what each platform will meet of it."""
-        return platform_elements(len(self.starts), len(self.platforms))
+        """The observation: each target's uncertainty, and the predicted measurements of it at each platform."""
+        return platform_fields(len(self.starts), len(self.platforms))
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self.observation_fields)))
         F, Q, places, _, rules = self._scene
         kernels.observe(belief.mean, belief.covariance, F, Q, places, rules, out, NN)
-        logs: Array = np.log(out, out=out)  # in one go for all: several times faster than one by one
+        logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
         return logs
 
     @cached_property
     def _decades(self) -> Array:
-        """From natural logarithms to the elements: a spread is the root of its variance."""
+        """Factors from natural logarithms to log10, halved where the kernel fills a variance for a sigma."""
         return np.array([0.5 if "sigma" in e.name else 1.0 for e in self.observation_fields]) / np.log(10.0)
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Of each target ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
-        step) and ``lost``: nothing received for more than ten steps. Of the settings that were chosen
-        ``information``, the least weighted information of any target as predicted, and whether it is
-        ``below_threshold``; before the first choice 0 and False.
+        """Figures of each target and of the last settings.
+
+        For each target: ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this step)
+        and ``lost`` (nothing received for more than ten steps). For the settings: ``information``, the least weighted
+        information of any target as predicted, and ``below_threshold``; 0 and False before the first choice.
         """
         truth, belief = state
         position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
