@@ -9,8 +9,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from wavegym.core.capabilities import BestAction
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.capabilities import BestAction
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.system import ObservationField, State, System
 from wavegym.waveforms import SPEED_OF_LIGHT, gaussian_chirp_library

@@ -86,7 +86,7 @@ class System:
         raise NotImplementedError
 
     def draw_world(self, rng: np.random.Generator) -> Any:
-        """Every random number of one episode, in arrays without an environment axis. Nothing else draws from ``rng``."""
+        """Every random number of one episode, arrays without an environment axis. Nothing else draws from ``rng``."""
         raise NotImplementedError
 
     def initial(self, world: Any) -> State:

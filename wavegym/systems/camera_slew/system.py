@@ -11,6 +11,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Delay, Gain, LinearCost
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import check_ordered
 from wavegym.core.parameters import Positive, parameter, system_parameters
@@ -42,7 +43,7 @@ Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
 @system_parameters
-class CameraSlew(System):
+class CameraSlew(System, LinearCost, Gain, Delay):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description

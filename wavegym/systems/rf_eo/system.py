@@ -11,6 +11,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import BestAction, LinearCost, Margin, MostInformation, SequencePlan
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
@@ -48,7 +49,7 @@ StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 
 
 @system_parameters
-class RfEo(System):
+class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
     Description
