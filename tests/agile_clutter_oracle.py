@@ -1,4 +1,4 @@
-"""One step of the agile-clutter loop in plain NumPy, from the paper's equations; only clutter's draws are shared."""
+"""One step of the agile-clutter loop in plain NumPy, from the paper's equations; the draws of clutter are shared."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wavegym.core.counter_rng_kernels import stream
 from wavegym.sensors.clutter_kernels import add_clutter
 from wavegym.trackers import information_reduction
 
-LAWS = {  # frequency over the share u of the pulse gone by, per sweep (Table 1, mended)
+LAWS = {  # frequency at the fraction u of the pulse, per sweep (Table 1, mended)
     "lfm": lambda u, _: u,
     "pfm": lambda u, kappa: u ** (kappa - 1),
     "hfm": lambda u, g: -g * (g + 1) / (g + u),
@@ -61,7 +61,7 @@ def strength(system, r):
 
 
 def marginals(W):
-    """(T, M+1) by summing over every association: a T-dimensional table with the infeasible ones struck out."""
+    """(T, M+1) by a sum over all associations: a T-dimensional table in which infeasible ones are 0."""
     T, columns = W.shape
     table = np.ones((1,) * T)
     index = np.indices((columns,) * T, sparse=True)
@@ -122,7 +122,7 @@ def distances(points, centre, S):
 
 
 def jpda(system, scan, x, P, z, S, G, pd, here):
-    """The JPDA update with the scan (m, 2) of the targets that are there."""
+    """The JPDA update of the targets present with the scan (m, 2)."""
     slots = np.flatnonzero(here)
     share = 1 - np.exp(-(system.gate**2) / 2)
     W = np.empty((len(slots), len(scan) + 1))
@@ -139,7 +139,7 @@ def jpda(system, scan, x, P, z, S, G, pd, here):
 
 
 def received(system, world, e, k, i, site, C, truth, z, S, here):
-    """The targets' returns inside a gate, how many were detected, which fell outside their own target's gate."""
+    """Returns inside a gate, number of detections, number of returns outside their own target's gate (target,)."""
     scan, outside, detections = [], np.zeros(len(truth), int), 0
     for t in np.flatnonzero(here):
         h = measure(truth[t], site)
@@ -155,7 +155,7 @@ def received(system, world, e, k, i, site, C, truth, z, S, here):
 
 
 def step(system, world, e, belief, path, C):
-    """Environment e one step on: ``belief`` (mean, covariance, step), true paths (target, age, 4), C (sensor, 2, 2)."""
+    """One step of environment e: ``belief`` (mean, covariance, step), true paths (target, age, 4), C (sensor, 2, 2)."""
     k = int(belief.step[e]) + 1
     here = np.array(present(system, k))
     x, P = predicted(system, k, belief.mean[e], belief.covariance[e])
@@ -178,8 +178,7 @@ def step(system, world, e, belief, path, C):
 def predicted_after(system, step, mean, covariance, C, outcome=None):
     """Eqs. (13) and (14), mended: P - q2 Pxz (Pzz + N)^-1 Pxz', sensor after sensor; outcome (sensor, target) bool.
 
-    Averaged over a detection with probability Pd, a given outcome leaves q2: a miss takes nothing away, a detection
-    q2 / Pd.
+    The factor of a detection is q2 / Pd and that of a miss 0; their mean, with probability Pd of a detection, is q2.
     """
     here = np.array(present(system, step + 1))
     x, P = predicted(system, step + 1, mean, covariance)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic.dataclasses import dataclass as checked_dataclass
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.capabilities import BestAction
 from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.core.parameters import changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.waveforms import SPEED_OF_LIGHT, gaussian_chirp_library
 
@@ -37,25 +36,21 @@ class Belief(NamedTuple):
     variance: Any  # (env, target)
 
 
-@dataclass(frozen=True)
+@system_parameters
 class TwoSensors(System):
     """Two targets on a line drift between two ranging sensors, each of which chooses its pulse length.
 
     Description
         A pulse of length k measures a distance d with variance (c k / 2)^2 + (d / 1 km)^2 10^-4 / k: short pulses for
-        what is near, long ones for what is far. The second target is there from step ``appears`` on.
-
-    Arguments
-        horizon: steps in an episode. dt: s. durations: pulse lengths k, s; the joint form has the first ``few``.
-        appears: see above. action: "library", "joint" or "box".
+        near targets, long ones for far targets. The second target is present from step ``appears`` on.
     """
 
-    horizon: int = 6
-    dt: float = 1.0
-    durations: tuple[float, ...] = (1e-7, 1e-6, 3e-7)
-    few: int = 2
-    appears: int = 2
-    action: str = "library"
+    horizon: int = parameter(6, "steps in an episode")
+    dt: float = parameter(1.0, "time step", unit="s")
+    durations: tuple[float, ...] = parameter((1e-7, 1e-6, 3e-7), "pulse lengths k", unit="s")
+    few: int = parameter(2, "number of pulse lengths in the joint form")
+    appears: int = parameter(2, "first step of the second target")
+    action: str = parameter("library", '"library", "joint" or "box"', unit="")
 
     @cached_property
     def library(self):
@@ -146,9 +141,9 @@ def variances(pulses, positions):
     return length * length + km * km * 1e-4 / k
 
 
-@dataclass(frozen=True)
+@system_parameters
 class Quick(TwoSensors, BestAction):
-    """With its own search: the sensors' information is tabulated once and added up in pairs."""
+    """Has a search of its own, which tabulates each sensor's information once and adds pairs."""
 
     def best_action(self, belief):
         if self.action != "library":
@@ -163,19 +158,19 @@ class Quick(TwoSensors, BestAction):
         return np.stack([best // count, best % count], axis=1)
 
 
-@dataclass(frozen=True)
+@system_parameters
 class Coupled(TwoSensors):
     """Only one of the sensors may send the second pulse at a time, and not in the first step."""
 
-    action: str = "joint"
+    action: str = changed_default(TwoSensors, "action", "joint")
 
     def mask(self, belief):
         used = (self.actions.indices == 1).sum(axis=1)
         return (used == 0) | ((belief.step > 0)[:, None] & (used < 2))
 
 
-@checked_dataclass(frozen=True)
+@system_parameters
 class Strict(TwoSensors):
     """Has no joint form."""
 
-    action: Literal["library", "box"] = "library"
+    action: Literal["library", "box"] = parameter("library", "form of the actions", unit="")

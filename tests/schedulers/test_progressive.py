@@ -53,11 +53,11 @@ def test_it_finds_what_a_fine_grid_finds(beliefs):
     """Its last grid is as fine as 17 points an axis; it may only miss another valley, by less than a grid step."""
     C = fine_grid(BOX, 17)
     for belief in beliefs:
-        ahead = BOX.ahead(belief)
+        targets = BOX.predicted_targets(belief)
         for i in range(2):
-            cost = BOX.sensor_costs(ahead, i, C[None])
+            cost = BOX.sensor_costs(targets, i, C[None])
             if i == 0:
-                ahead = BOX.after_sensor(ahead, 0, C[cost.argmin(axis=1)])
+                targets = BOX.after_sensor(targets, 0, C[cost.argmin(axis=1)])
         best = cost.min(axis=1)
         found = predicted(BOX, belief, chosen(BOX, belief))
         np.testing.assert_array_less(found, best * 1.01)

@@ -190,16 +190,16 @@ class SensorBySensor(Capability, members=("sensor_costs",), shortcut_for=("predi
     """
 
     @abstractmethod
-    def ahead(self, belief: Any) -> Any:
-        """The belief that the next pulse meets."""
+    def predicted_targets(self, belief: Any) -> Any:
+        """The belief at the time of the next pulse, before any sensor measures."""
 
     @abstractmethod
-    def sensor_costs(self, ahead: Any, sensor: int, C: Array) -> Array:
+    def sensor_costs(self, predicted: Any, sensor: int, C: Array) -> Array:
         """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
 
     @abstractmethod
-    def after_sensor(self, ahead: Any, sensor: int, C: Array) -> Any:
-        """The belief that the next sensor's pulse meets, after this sensor's with C (env, 2, 2) at unit SNR."""
+    def after_sensor(self, predicted: Any, sensor: int, C: Array) -> Any:
+        """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, before the next sensor's pulse."""
 
 
 CAPABILITIES: tuple[type[Capability], ...] = (

@@ -1,4 +1,4 @@
-"""The paper's search: a progressively finer rectangular grid over the whole chirp space, sensor by sensor."""
+"""Sira et al.'s search: progressively finer rectangular grids over the whole chirp space, sensor by sensor."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from wavegym.core.system import System
 class Progressive:
     """The chirps with the least predicted trace one step ahead (Sira et al., section 5).
 
-    For every sensor in turn, and every phase law and direction: a grid over log duration and log sweep, then ever finer
-    ones around each group's best point, reaching to that point's neighbours. For systems that offer
-    ``SensorBySensor``, with ``action="box"``.
+    For every sensor in turn, and every phase law and direction: a grid over log duration and log sweep, then finer
+    grids around the best point, out to its neighbours. For systems
+    that offer ``SensorBySensor``, with ``action="box"``.
 
     Args:
-        points: grid points an axis, at least 3.
-        levels: how many grids, at least 1.
+        points: grid points per axis, at least 3.
+        levels: number of grids, at least 1.
 
     Raises:
-        InputError: fewer.
+        InputError: too few points or levels.
     """
 
     def __init__(self, points: int = 5, levels: int = 3) -> None:
@@ -40,18 +40,18 @@ class Progressive:
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
         system = self._system
-        ahead, chosen = system.ahead(belief), []
+        predicted, chosen = system.predicted_targets(belief), []
         for i in range(system.action_set.sensors):
-            chirp, C = self._search(ahead, i)
+            chirp, C = self._search(predicted, i)
             chosen.append(chirp)
             if i + 1 < system.action_set.sensors:
-                ahead = system.after_sensor(ahead, i, C)
+                predicted = system.after_sensor(predicted, i, C)
         law, duration, sweep = (np.stack(parts, axis=1) for parts in zip(*chosen, strict=True))
         return system.action_set.encode_chirps(law, duration, sweep)
 
-    def _search(self, ahead: Any, sensor: int) -> tuple[tuple[Array, Array, Array], Array]:
+    def _search(self, predicted: Any, sensor: int) -> tuple[tuple[Array, Array, Array], Array]:
         """The best chirp for one sensor, (env,) each of law, duration and signed sweep, and its C (env, 2, 2)."""
-        action_set, count = self._system.action_set, len(ahead.mean)
+        action_set, count = self._system.action_set, len(predicted.mean)
         law = np.repeat(np.arange(len(action_set.laws)), 2)  # (group,)
         sign = np.tile([1.0, -1.0], len(action_set.laws))
         low = np.log([min(action_set.durations), min(action_set.sweeps)])
@@ -67,7 +67,7 @@ class Progressive:
             sweeps = chirp[..., 1] * sign[:, None]
             laws = np.broadcast_to(law[:, None], sweeps.shape)
             C = action_set.chirp_covariance(laws, chirp[..., 0], sweeps)
-            cost = self._system.sensor_costs(ahead, sensor, C.reshape(count, -1, 2, 2)).reshape(sweeps.shape)
+            cost = self._system.sensor_costs(predicted, sensor, C.reshape(count, -1, 2, 2)).reshape(sweeps.shape)
             best = cost.argmin(axis=2)
             centre = np.take_along_axis(share, best[:, :, None, None], axis=2)[:, :, 0]
             reach *= 2.0 / (self.points - 1)

@@ -150,7 +150,7 @@ def _gain(system: Any, belief: Any, candidates: Array) -> str | None:
     gain = np.asarray(system.gain(belief, 0, 1))
     if gain.shape != (WORLDS, len(everything)):
         return f"gain() returned shape {gain.shape}, expected {(WORLDS, len(everything))}"
-    cost, ready = _costs(system, belief, everything), delays(system, belief) == 0
+    cost, ready = _costs(system, belief, everything), (delays(system, belief) == 0) & system.mask(belief)
     for env in range(WORLDS):
         now = np.flatnonzero(ready[env])
         if len(now):
@@ -184,12 +184,15 @@ def _information(system: Any, belief: Any, candidates: Array) -> str | None:
 
 
 def _sensor_by_sensor(system: Any, belief: Any, candidates: Array) -> str | None:
-    C, ahead = system.action_set.unit_covariance(candidates), system.ahead(belief)  # C (candidate, sensor, 2, 2)
+    C, predicted = (
+        system.action_set.unit_covariance(candidates[:1]),
+        system.predicted_targets(belief),
+    )  # (1, sensor, 2, 2)
     want = _costs(system, belief, candidates[:1])[:, 0]
     *others, last = range(C.shape[1])
     for sensor in others:
-        ahead = system.after_sensor(ahead, sensor, np.repeat(C[:1, sensor], WORLDS, axis=0))
-    got = system.sensor_costs(ahead, last, C[None, :1, last])[:, 0]
+        predicted = system.after_sensor(predicted, sensor, np.repeat(C[:, sensor], WORLDS, axis=0))
+    got = system.sensor_costs(predicted, last, C[None, :, last])[:, 0]
     return f"sensor by sensor costs {got.tolist()}, predict() {want.tolist()}" if _differ(got, want, want) else None
 
 

@@ -25,7 +25,7 @@ THERE = np.array([[1 <= k <= 25, 8 <= k <= 32] for k in range(33)])  # the paper
 
 
 def play(system, worlds, choose=None):
-    """States at k = 0, 1, ...; ``choose`` (public) -> actions, the myopic ones by default."""
+    """States at k = 0, 1, ...; ``choose`` maps a belief to actions, by default the myopic ones."""
     states = [system.initial(worlds)]
     for _ in range(system.horizon):
         actions = (choose or system.best_action)(states[-1].belief)
@@ -39,7 +39,7 @@ def at_random(system, seed=0):
 
 
 def figures(system, states, name):
-    """(k, env, ...) of one of the metrics."""
+    """One key figure, (k, env, ...)."""
     return np.array([system.state_info(state)[name] for state in states])
 
 
@@ -81,7 +81,7 @@ def test_worlds_are_the_same_whatever_is_transmitted_or_tracked():
 
 @pytest.mark.parametrize("tracker", TRACKERS)
 def test_targets_come_and_go_at_their_steps(tracker):
-    """Target 1 is measured at k = 1..25, target 2 at k = 8..32; what is absent costs nothing and is not updated."""
+    """Target 1 is measured at k = 1..25, target 2 at k = 8..32; an absent target costs nothing and is not updated."""
     system = AgileClutter(tracker=tracker, particles=50)
     states = play(system, oracles.worlds(system, 3), at_random(system))
     np.testing.assert_array_equal(figures(system, states, "present"), np.repeat(THERE[:, None], 3, axis=1))
@@ -182,8 +182,8 @@ def test_trackers_are_consistent_without_clutter(tracker, reference):
 
 
 @pytest.mark.parametrize("tracker", TRACKERS)
-def test_nobody_knows_an_estimate_before_it_is_handed_over(tracker):
-    """Another first estimate of target 2 changes nothing public before k = 7, and its slot at k = 7."""
+def test_the_belief_holds_no_estimate_before_birth(tracker):
+    """Another first estimate of target 2 changes no belief before k = 7, and the slot of target 2 at k = 7."""
     system = AgileClutter(tracker=tracker, particles=20)
     worlds = oracles.worlds(system, 4)
     other = worlds._replace(start=worlds.start + np.array([[0.0], [1.0]]))
@@ -236,30 +236,34 @@ def test_does_what_gymnasiums_vector_environment_does(action, tracker):
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"false_alarm": 0.0}, "false_alarm is 0.0"),
-        ({"false_alarm": 1.0}, "false_alarm is 1.0"),
+        ({"false_alarm": 0.0}, "false_alarm is 0.0, expected a finite number > 0"),
+        ({"false_alarm": 1.0}, "false_alarm is 1.0, expected a finite number < 1"),
         ({"false_alarm": np.nan}, "false_alarm is nan"),
-        ({"gate": 0.0}, "gate is 0.0"),
-        ({"gate": -1.0}, "gate is -1.0"),
-        ({"reference_range": 0.0}, "reference_range is 0.0"),
-        ({"reference_range": -5e4}, "reference_range is -50000.0"),
-        ({"nearest_range": 0.0}, "nearest_range is 0.0"),
+        ({"gate": 0.0}, "gate is 0.0, expected a finite number > 0"),
+        ({"gate": -1.0}, "gate is -1.0, expected a finite number > 0"),
+        ({"reference_range": 0.0}, "reference_range is 0.0 m, expected a finite number > 0"),
+        ({"reference_range": -5e4}, "reference_range is -50000.0 m, expected a finite number > 0"),
+        ({"nearest_range": 0.0}, "nearest_range is 0.0 m, expected a finite number > 0"),
         ({"births": (0,)}, "expected 2 steps"),
-        ({"births": (-1, 7)}, "least of births is -1"),
+        ({"births": (32, 33), "horizon": 32}, "least of births is 32, expected .*nearest: 31"),
+        ({"births": (-1, 7)}, "births.0 is -1, expected an integer >= 0"),
         ({"starts": ((0.0,) * 4,) * 11, "births": (0,) * 11}, "number of targets .* is 11.*nearest: 10"),
         ({"sensors": ()}, "number of sensors is 0"),
+        ({"sensors": ((0.0, np.inf),)}, "sensors.0.1 is inf m, expected a finite number"),
+        ({"q": -1.0}, "q is -1.0 m.2/s.3, expected a finite number >= 0 .nearest: 0."),
+        ({"weights": (0.0,) * 4}, "sum of weights is 0.0"),
         ({"laws": ("hfn",)}, "did you mean 'hfm'"),
         ({"laws": ("hfm", "hfm:0.5")}, "2 times"),
         ({"laws": ("pfm:1",)}, "shape kappa of 'pfm' is 1.0.*folds"),
         ({"laws": ("hfm:-1",)}, "shape g of 'hfm' is -1.0"),
-        ({"sweeps": (0.0,)}, "sweep is 0.0 Hz"),
-        ({"sweeps": (-1e6,)}, "sweep is -1000000.0 Hz"),
+        ({"sweeps": (0.0,)}, "sweeps.0 is 0.0 Hz, expected a finite number > 0"),
+        ({"sweeps": (-1e6,)}, "sweeps.0 is -1000000.0 Hz, expected a finite number > 0"),
         ({"carrier_hz": 1e6}, "folds through zero"),
         ({"durations": ()}, "library is empty"),
-        ({"particles": 1}, "particles is 1,"),
+        ({"particles": 1}, "particles is 1, expected an integer >= 2 .nearest: 2."),
         ({"horizon": 33}, "horizon is 33 steps.*nearest: 32"),
-        ({"clutter_density": 1e6}, "clutter_density is 1000000.0 per m"),
-        ({"prior_variance": (0.0, 1.0, 1.0, 1.0)}, "prior_variance is 0.0"),
+        ({"clutter_density": 1e6}, "clutter_density is 1000000.0 s/m\\^2, expected .*nearest: "),
+        ({"prior_variance": (0.0, 1.0, 1.0, 1.0)}, "prior_variance.0 is 0.0, expected a finite number > 0"),
         ({"clutter_densty": 1.0}, "did you mean 'clutter_density'"),
     ],
 )

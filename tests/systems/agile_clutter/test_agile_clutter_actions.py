@@ -1,4 +1,4 @@
-"""What the agile-clutter sensors may transmit: order, forms, encodings, covariances."""
+"""Actions of the agile-clutter sensors: order, forms, encodings, covariances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scene of targets before several sensors: what its panels show, for every form of action and both trackers."""
+"""The scene of several targets and sensors: its panels, for every form of action and both trackers."""
 
 from itertools import pairwise
 
@@ -66,7 +66,7 @@ def test_the_map_shows_the_targets_that_the_tracker_knows(step):
         assert (str(t + 1) in names) == bool(of_target(axes.lines, t)) == (t in present)
 
 
-def test_the_map_is_to_scale_and_holds_truth_ellipse_and_the_way_to_the_sensors():
+def test_the_map_is_to_scale_and_holds_truth_ellipse_and_directions_to_the_sensors():
     scene, moment = drawn(SYSTEM, 5)
     axes, now = scene._map, moment.states[-1]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -101,10 +101,10 @@ def test_a_gate_holds_its_targets_true_measurement_and_the_pulses_own_ellipse():
     held = []
     for seed in range(6):
         scene, moment = drawn(SYSTEM, 1, seed)
-        ahead, truth = SYSTEM.ahead(moment.states[0].belief), moment.states[-1].truth.targets[0, 0]
+        targets, truth = SYSTEM.predicted_targets(moment.states[0].belief), moment.states[-1].truth.targets[0, 0]
         for axes, sensor in zip(scene._gates, SYSTEM.sensors, strict=True):
             gate, pulse, cross = axes.lines
-            expected = range_and_rate(truth, sensor) - range_and_rate(ahead.mean[0, 0], sensor)
+            expected = range_and_rate(truth, sensor) - range_and_rate(targets.mean[0, 0], sensor)
             np.testing.assert_allclose(np.array(cross.get_data())[:, 0], expected)
             points = np.array(gate.get_data())[:, :-1]
             S = 2.0 * (points @ points.T) / points.shape[1]  # of points evenly around an ellipse: its shape matrix
@@ -117,8 +117,8 @@ def test_a_gate_holds_its_targets_true_measurement_and_the_pulses_own_ellipse():
 def test_gates_have_the_moments_of_the_true_measurement_function():
     """Sampled through the function that the drawing linearises."""
     scene, moment = drawn(SYSTEM, 1)
-    ahead, rng = SYSTEM.ahead(moment.states[0].belief), np.random.default_rng(0)
-    states = rng.multivariate_normal(ahead.mean[0, 0], ahead.covariance[0, 0], size=200_000)
+    targets, rng = SYSTEM.predicted_targets(moment.states[0].belief), np.random.default_rng(0)
+    states = rng.multivariate_normal(targets.mean[0, 0], targets.covariance[0, 0], size=200_000)
     C = SYSTEM.action_set.unit_covariance(moment.actions[-1])[0]
     for i, axes in enumerate(scene._gates):
         z = range_and_rate(states, SYSTEM.sensors[i])

@@ -1,4 +1,4 @@
-"""Beam allocation as its tests play it: choices by sensor, chirps by quadrature, beliefs after random actions."""
+"""Helpers of the tests of beam allocation: choices by sensor, chirps by quadrature, beliefs after random actions."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from wavegym.systems.beam_allocation.system import BeamAllocation
 
 SYSTEM = BeamAllocation()
-TARGET = np.repeat(np.arange(3), 2)  # looked at by each of a sensor's six choices
+TARGET = np.repeat(np.arange(3), 2)  # target of each of a sensor's six choices
 CHIRPS = np.array([plain.unit_covariance("pfm", 3.0, *chirp) for chirp in ((50e-6, 40e6), (2e-3, 1e6))])
 
 
 def choices(action):
-    """What each of two sensors does, (..., sensor): from the order of the joint actions."""
+    """The choice of each of two sensors, (..., sensor), from the order of the joint actions."""
     return np.stack(np.divmod(np.asarray(action), 6), axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""Beam allocation: who is detected, worlds, what agents see, batches, bad input."""
+"""Beam allocation: detections, worlds, observations, batches, bad input."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ ID = "wavegym/BeamAllocation-v0"
 
 
 @pytest.mark.parametrize("steps", [60_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
-def test_only_what_is_in_a_visible_beam_is_ever_detected(steps):
-    """Detections are the tape's draws below Pd at the true ranges; of all else nothing is learned, nothing received."""
+def test_only_visible_targets_in_a_beam_are_detected(steps):
+    """Detections are the tape's draws below Pd at the true ranges; other targets have no return and no update."""
     rng, rows = np.random.default_rng(0), np.arange(500)
     worlds, total = oracles.worlds(SYSTEM, 500), 0
     F = plain.transition(SYSTEM)[0]
@@ -134,18 +134,18 @@ def test_does_what_gymnasiums_vector_environment_does():
         ({"lifetime": 59}, "horizon is 60 steps.*nearest: 59"),
         ({"births": (0, 0)}, "expected 3 steps"),
         ({"horizon": 61}, "horizon is 61 steps.*nearest: 60"),
-        ({"spread": (-1.0, 0.0, 0.0, 0.0)}, "spread is -1.0"),
+        ({"spread": (-1.0, 0.0, 0.0, 0.0)}, "spread.0 is -1.0, expected a finite number >= 0"),
         ({"durations": (1e-4,)}, r"durations is \(0.0001,\) and sweeps is .*as many"),
         ({"windows": ((3, 0, 5),)}, r"target of hidden window \(3, 0, 5\) is 3.*nearest: 2"),
         ({"windows": ((0, 50, 60),)}, r"last step of hidden window \(0, 50, 60\) is 60.*nearest: 59"),
         ({"windows": ((0, -1, 5),)}, r"first step of hidden window .* is -1.*nearest: 0"),
-        ({"shown": (0, 5)}, "shown is 0"),
+        ({"shown": (0, 5)}, "shown.0 is 0, expected an integer >= 1 .nearest: 1."),
         ({"hidden": (9, 5)}, r"hidden is \(9, 5\).*nearest: \(5, 9\)"),
         (
             {"durations": (1e-4,) * 40, "sweeps": tuple(1e6 * k for k in range(1, 41))},
             "number of joint actions is 14400",
         ),
-        ({"gate": 0.0}, "gate is 0.0"),
+        ({"gate": 0.0}, "gate is 0.0, expected a finite number > 0"),
         ({"spred": (0.0,) * 4}, "did you mean 'spread'"),
     ],
 )

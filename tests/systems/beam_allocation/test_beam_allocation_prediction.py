@@ -15,15 +15,15 @@ from wavegym.systems.beam_allocation.system import BeamAllocation
 
 
 def lit_by(belief, e, i, action):
-    """Which target of environment e sensor i lights, if that can be seen: (target,) bool, and the chirp's C."""
+    """The visible target of environment e that sensor i illuminates, (target,) bool; the chirp's C."""
     choice = choices(action)[i]
     lit = np.zeros(3, bool)
     lit[TARGET[choice]] = belief.visible[e, belief.step[e], TARGET[choice]]
     return lit, CHIRPS[choice % 2]
 
 
-def test_advance_and_imagine_are_the_plain_loop():
-    """The parent's equations in plain NumPy, of the targets that are lit."""
+def test_transition_and_predict_are_the_plain_loop():
+    """AgileClutter's equations in plain NumPy, of the illuminated targets."""
     worlds, rng = oracles.worlds(SYSTEM, 4, seed=5), np.random.default_rng(6)
     for steps in (0, 7, 30):
         state = played(SYSTEM, worlds, steps)
@@ -53,11 +53,8 @@ def test_advance_and_imagine_are_the_plain_loop():
             assert (np.abs(after.belief.mean[e] - x) / sigma).max() < 1e-9
 
 
-def test_a_given_outcome_is_what_the_world_makes_of_it():
-    """Without clutter, of targets that one sensor looks at; to 1e-12 of the predicted standard deviations.
-
-    Prediction counts LIMIT of a detection: what a gate of four standard deviations keeps.
-    """
+def test_a_given_outcome_is_predicted_as_the_world_updates_it():
+    """Without clutter, of targets that one sensor illuminates; to 1e-12 of the predicted standard deviations."""
     system, rng, seen = BeamAllocation(clutter_density=0.0, gate=8.0), np.random.default_rng(3), 0
     worlds = oracles.worlds(system, 50, 2)
     calm = {name: 0.1 * getattr(worlds, name) for name in ("start", "process", "error")}  # nothing near a gate's edge
@@ -71,14 +68,14 @@ def test_a_given_outcome_is_what_the_world_makes_of_it():
         learned = np.diagonal(coasted(system, before.belief) - after.belief.covariance, axis1=2, axis2=3).sum(axis=2)
         updated = learned > 1e-9 * np.diagonal(after.belief.covariance, axis1=2, axis2=3).sum(axis=2)
         draws = np.where(updated, 0.0, 1.0)[:, None].repeat(2, axis=1)  # (env, sensor, target)
-        told = system.predict(before.belief, action, draws)
+        given = system.predict(before.belief, action, draws)
         wide = coasted(system, before.belief)
-        whole, sigma = told.covariance, np.sqrt(np.diagonal(wide, axis1=2, axis2=3))
+        whole, sigma = given.covariance, np.sqrt(np.diagonal(wide, axis1=2, axis2=3))
         apart = (after.belief.covariance - whole) / (sigma[..., None] * sigma[..., None, :])
         assert np.abs(apart).max() < 1e-12
         np.testing.assert_array_equal(system.state_info(after)["detections"], updated.sum(axis=1))
-        np.testing.assert_array_equal(told.visible, after.belief.visible)
-        np.testing.assert_array_equal(told.step, after.belief.step)
+        np.testing.assert_array_equal(given.visible, after.belief.visible)
+        np.testing.assert_array_equal(given.step, after.belief.step)
         seen, state = seen + updated.sum(), after
     assert seen > 2000
 
@@ -119,11 +116,11 @@ def normal(rng, count):
 def test_candidates_are_a_loop_over_them_bit_for_bit():
     belief = played(SYSTEM, oracles.worlds(SYSTEM, 3), 12).belief
     everything, rng = SYSTEM.candidates(), np.random.default_rng(1)
-    for told in (None, rng.random((3, 36, 2, 3))):
-        shared = SYSTEM.predict(belief, everything[None], told)
-        many = SYSTEM.predict(belief, np.repeat(everything[None], 3, axis=0), told)
+    for given in (None, rng.random((3, 36, 2, 3))):
+        shared = SYSTEM.predict(belief, everything[None], given)
+        many = SYSTEM.predict(belief, np.repeat(everything[None], 3, axis=0), given)
         for c in everything:
-            one = SYSTEM.predict(belief, np.full(3, c), None if told is None else told[:, c])
+            one = SYSTEM.predict(belief, np.full(3, c), None if given is None else given[:, c])
             for a, b, d in zip(one, trees.tree_map(lambda x, c=c: x[:, c], many), shared, strict=True):
                 assert a is None or (np.array_equal(a, b) and np.array_equal(a, d[:, c]))
 

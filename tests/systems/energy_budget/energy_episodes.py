@@ -12,7 +12,7 @@ BOTH = (EnergyBudget, EnergyBudgetKnown)
 
 
 def states(system, worlds, choose):
-    """States at k = 0, 1, ...; ``choose`` (public) -> actions."""
+    """States at k = 0, 1, ...; ``choose`` maps a belief to actions."""
     found = [system.initial(worlds)]
     for _ in range(system.horizon):
         found.append(system.transition(found[-1], choose(found[-1].belief), worlds))
@@ -25,12 +25,12 @@ def at_random(system, seed=0):
 
 
 def beliefs(system, count=4, steps=(0, 5, 30)):
-    """Public states of episodes in which little is spent, so that all actions can be paid from .27 a step."""
+    """Beliefs of episodes in which little is spent, so that the account pays all actions from .27 a step."""
     rng = np.random.default_rng(1)
     played = states(system, oracles.worlds(system, count, 1), lambda p: rng.choice([0, 1, 4], size=len(p.step)))
     return [played[k].belief for k in steps]
 
 
 def clear(kind):
-    """What makes the first slots clear and the account large enough for what is played in them."""
+    """Settings that make the first slots clear and the account large enough for their actions."""
     return {"windows": ((60, 71),), "budget": 0.27} if kind is EnergyBudgetKnown else {}

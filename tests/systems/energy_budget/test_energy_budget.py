@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.schedulers import Myopic
-from wavegym.systems.energy_budget.account import Account, PulseActions
+from wavegym.systems.energy_budget.account import Account
+from wavegym.systems.energy_budget.actions import PulseActions
 from wavegym.systems.energy_budget.known import FAR, EnergyBudgetKnown
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.testing.model_check import prediction_defect
@@ -24,21 +25,25 @@ IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
 
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=3, unique=True), st.integers(1, 2), st.data())
 def test_whatever_is_asked_the_account_pays_what_it_has(units, sensors, data):
-    """The dearest affordable action within what was asked, by a loop over all; and what is left, exactly."""
+    """The dearest affordable action within the action asked, by a loop over all; the energy left, exactly."""
     action_set = PulseActions("lfm", tuple(2e-6 * u for u in units), 1e6, "up", 1e10, sensors)
-    account = Account(action_set.takes, action_set.actions.indices, action_set.quanta)
+    account = Account(action_set.action_quanta, action_set.actions.indices, action_set.quanta)
     unit = np.array([0, *sorted(units)]) * action_set.quanta // max(units)
-    np.testing.assert_array_equal(action_set.takes, unit[action_set.actions.indices].sum(axis=1))
+    np.testing.assert_array_equal(action_set.action_quanta, unit[action_set.actions.indices].sum(axis=1))
     left = data.draw(st.integers(0, 3 * action_set.quanta))
-    asked = data.draw(st.integers(0, len(action_set.takes) - 1))
+    asked = data.draw(st.integers(0, len(action_set.action_quanta) - 1))
     used, energy = account.pay(np.array([left / action_set.quanta]), np.array([asked]))
     options = action_set.actions.indices
-    within = [a for a in range(len(options)) if (options[a] <= options[asked]).all() and action_set.takes[a] <= left]
+    within = [
+        a for a in range(len(options)) if (options[a] <= options[asked]).all() and action_set.action_quanta[a] <= left
+    ]
     assert used[0] in within
-    assert action_set.takes[used[0]] == max(action_set.takes[a] for a in within)
-    assert (used[0] == asked) == (action_set.takes[asked] <= left)
-    assert energy[0] == (left - action_set.takes[used[0]]) / action_set.quanta >= 0.0
-    np.testing.assert_array_equal(account.affordable(np.array([left / action_set.quanta]))[0], action_set.takes <= left)
+    assert action_set.action_quanta[used[0]] == max(action_set.action_quanta[a] for a in within)
+    assert (used[0] == asked) == (action_set.action_quanta[asked] <= left)
+    assert energy[0] == (left - action_set.action_quanta[used[0]]) / action_set.quanta >= 0.0
+    np.testing.assert_array_equal(
+        account.affordable(np.array([left / action_set.quanta]))[0], action_set.action_quanta <= left
+    )
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(7000, marks=pytest.mark.slow)])
@@ -101,7 +106,7 @@ def test_spells_have_the_lengths_of_their_chain():
     np.testing.assert_allclose(belief.occluded, share, rtol=1e-9)
 
 
-def test_known_spells_are_public_from_the_start_and_are_lived_through():
+def test_known_spells_are_in_the_belief_from_the_start_and_occur():
     system = EnergyBudgetKnown(shown=(3, 5), hidden=(2, 4))
     worlds = oracles.worlds(system, 50, 5)
     played = states(system, worlds, at_random(system))
@@ -130,7 +135,7 @@ def test_targets_start_all_over_their_region_and_off_the_radars_line():
 
 
 @pytest.mark.parametrize("kind", BOTH)
-def test_the_observation_tells_what_a_planner_knows(kind):
+def test_the_observation_shows_the_belief_of_a_planner(kind):
     system = kind()
     played = states(system, oracles.worlds(system, 6, 9), at_random(system, 9))
     names = [element.name for element in system.observation_fields]
@@ -189,17 +194,17 @@ def test_myopic_spends_all_it_can():
 @pytest.mark.parametrize(
     ("kind", "settings", "says"),
     [
-        (EnergyBudget, {"budget": -0.1}, "budget is -0.1 a step, expected"),
-        (EnergyBudget, {"budget": 0.003}, "cheapest pulse"),
-        (EnergyBudget, {"budget": float("nan")}, "budget is nan"),
+        (EnergyBudget, {"budget": -0.1}, "budget is -0.1, expected a finite number > 0"),
+        (EnergyBudget, {"budget": 0.003}, "budget is 0.003 a step, expected .*cheapest pulse"),
+        (EnergyBudget, {"budget": float("nan")}, "budget is nan, expected a finite number > 0"),
         (EnergyBudget, {"budget": 2.1}, "nearest: 2"),
-        (EnergyBudget, {"mean_clear": 0.5}, "mean_clear is 0.5"),
-        (EnergyBudget, {"mean_occluded": float("inf")}, "mean_occluded is inf"),
+        (EnergyBudget, {"mean_clear": 0.5}, "mean_clear is 0.5, expected a finite number >= 1"),
+        (EnergyBudget, {"mean_occluded": float("inf")}, "mean_occluded is inf, expected a finite number >= 1"),
         (EnergyBudget, {"durations": (1e-5, 3.1415926535e-5)}, "multiples of one unit"),
-        (EnergyBudget, {"durations": (1e-5, -3e-5)}, "duration"),
+        (EnergyBudget, {"durations": (1e-5, -3e-5)}, "durations.1 is -3e-05 s, expected a finite number > 0"),
         (EnergyBudget, {"laws": ("lfm", "pfm:3")}, "laws is"),
         (EnergyBudget, {"births": (3,)}, "births is"),
-        (EnergyBudget, {"spread": (1.0, -1.0, 0.0, 0.0)}, "spread is -1.0"),
+        (EnergyBudget, {"spread": (1.0, -1.0, 0.0, 0.0)}, "spread.1 is -1.0, expected a finite number >= 0"),
         (EnergyBudget, {"tracker": "particle"}, "tracker is 'particle'"),
         (EnergyBudget, {"action": "box"}, "action is 'box'"),
         (EnergyBudget, {"windows": ((1, 2),)}, "'windows' is unknown"),
@@ -207,12 +212,12 @@ def test_myopic_spends_all_it_can():
         (EnergyBudgetKnown, {"windows": ((-1, 2),)}, "first step of hidden window"),
         (EnergyBudgetKnown, {"windows": ((5, 2),)}, "last step of hidden window"),
         (EnergyBudgetKnown, {"windows": ((0, 71),)}, "at least one step"),
-        (EnergyBudgetKnown, {"shown": (0, 3)}, "shown"),
-        (EnergyBudgetKnown, {"hidden": (5, 3)}, "hidden"),
+        (EnergyBudgetKnown, {"shown": (0, 3)}, "shown.0 is 0, expected an integer >= 1"),
+        (EnergyBudgetKnown, {"hidden": (5, 3)}, "hidden is (5, 3), expected"),
     ],
 )
 def test_bad_input_is_one_line(kind, settings, says):
-    with pytest.raises(InputError, match=says.replace("(", r"\(")) as error:
+    with pytest.raises(InputError, match=says.replace("(", r"\(").replace(")", r"\)")) as error:
         make_checked(kind, settings)
     assert "\n" not in str(error.value)
 

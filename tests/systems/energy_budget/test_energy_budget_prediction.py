@@ -1,4 +1,4 @@
-"""Two radars on one account of energy: what is predicted is what comes, or its mean."""
+"""Two radars on one account of energy: predictions against single steps and their means."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_prediction_carries_the_account_as_the_world_does(kind):
 
 
 def centred(system, state, worlds, sensor, action):
-    """The tape changed so that ``sensor`` detects just what it predicts, the others nothing, and the slot is clear."""
+    """The tape with clear slots in which ``sensor`` detects exactly its prediction, the others nothing."""
     step, (x, P) = int(state.belief.step[0]), (state.belief.mean, state.belief.covariance)
     C = system.action_set.sensor_covariances[system.actions.indices[action, sensor]]
     error, detection = worlds.error.copy(), np.ones_like(worlds.detection)
@@ -47,7 +47,7 @@ def centred(system, state, worlds, sensor, action):
 
 @pytest.mark.parametrize("kind", BOTH)
 @pytest.mark.parametrize("sensor", [0, 1])
-def test_a_given_outcome_is_what_the_world_makes_of_it(kind, sensor):
+def test_a_given_outcome_is_predicted_as_the_world_updates_it(kind, sensor):
     """Without clutter, of a detection where it is predicted."""
     system = kind(clutter_density=0.0, gate=6.0, reference_range=100e3, **clear(kind))
     count = 3
@@ -61,11 +61,11 @@ def test_a_given_outcome_is_what_the_world_makes_of_it(kind, sensor):
         outcome[:, sensor] = 0.0
         if kind is EnergyBudget:
             outcome[:, -1] = 0.0
-        told = system.predict(state.belief, np.full(count, action), outcome)
+        given = system.predict(state.belief, np.full(count, action), outcome)
         silent = system.predict(state.belief, np.full(count, 0), outcome)
-        assert oracles.covariance_distance(told.covariance, ahead.belief.covariance) < 1e-12
-        for name in set(told._fields) - {"mean", "covariance", "particles"}:
-            np.testing.assert_array_equal(getattr(told, name), getattr(ahead.belief, name))
+        assert oracles.covariance_distance(given.covariance, ahead.belief.covariance) < 1e-12
+        for name in set(given._fields) - {"mean", "covariance", "particles"}:
+            np.testing.assert_array_equal(getattr(given, name), getattr(ahead.belief, name))
         missed = system.predict(state.belief, np.full(count, action), np.ones_like(outcome))
         lost = system.transition(state, np.full(count, action), blind(kind, tape))
         np.testing.assert_allclose(missed.covariance, silent.covariance, rtol=1e-12)
@@ -74,7 +74,7 @@ def test_a_given_outcome_is_what_the_world_makes_of_it(kind, sensor):
 
 
 def blind(kind, tape):
-    """Nothing is detected, and the slot is occluded where that is up to chance."""
+    """The tape without detections, every drawn slot occluded."""
     return tape._replace(detection=np.ones_like(tape.detection), occlusion=np.ones_like(tape.occlusion))
 
 
@@ -124,10 +124,10 @@ def test_sampled_outcomes_are_as_likely_as_the_worlds(kind):
     state, worlds = repeated(system, count)
     costs = system.cost(system.transition(state, np.full(count, action), worlds).belief)
     draws = np.random.default_rng(8).random((count, *system.outcome_shape))
-    told = system.cost(system.predict(state.belief, np.full(count, action), draws))
+    given = system.cost(system.predict(state.belief, np.full(count, action), draws))
     silent = system.cost(system.predict(trees.take(state.belief, np.arange(1)), np.array([0])))[0]
-    error = 4 * np.hypot(costs.std(), told.std()) / np.sqrt(count)
-    assert abs(costs.mean() - told.mean()) < 0.03 * (silent - told.mean()) + error
+    error = 4 * np.hypot(costs.std(), given.std()) / np.sqrt(count)
+    assert abs(costs.mean() - given.mean()) < 0.03 * (silent - given.mean()) + error
 
 
 @pytest.mark.parametrize("kind", BOTH)
@@ -135,10 +135,10 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(kind):
     system = kind(budget=0.27)
     for belief in beliefs(system):
         draws = np.random.default_rng(1).random((4, 16, *system.outcome_shape))
-        for told in (None, draws):
-            many = system.predict(belief, system.candidates()[None], told)
+        for given in (None, draws):
+            many = system.predict(belief, system.candidates()[None], given)
             for a in system.candidates():
-                one = system.predict(belief, np.full(4, a), None if told is None else told[:, a])
+                one = system.predict(belief, np.full(4, a), None if given is None else given[:, a])
                 for x, y in zip(many, one, strict=True):
                     assert x is None or np.array_equal(x[:, a], y)
         gain = system.gain(belief, 3, 6)

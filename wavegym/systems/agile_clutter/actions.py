@@ -1,4 +1,4 @@
-"""What radars with generalised FM chirps may transmit: a library per sensor, a joint sub-library, or a box."""
+"""Action sets of radars with generalised FM chirps: a library per sensor, a joint library, or a box."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class ChirpActions:
     """Every phase law with every duration, sweep and direction, at each of several sensors.
 
     Args:
-        laws: phase functions: ``"lfm"``, ``"pfm:3"``, ``"hfm:0.5"``, ``"efm:0.5"``; the shape may be left out.
-        durations: lam in seconds.
-        sweeps: in Hz, > 0.
-        carrier_hz: fc.
-        sensors: how many.
+        laws: phase functions: ``"lfm"``, ``"pfm:3"``, ``"hfm:0.5"``, ``"efm:0.5"``; the shape is optional.
+        durations: s.
+        sweeps: Hz, > 0.
+        carrier_hz: carrier frequency fc, Hz.
+        sensors: number of sensors.
         form: "library" (an index per sensor), "joint" (one index for all sensors, over every law and direction at the
             longest duration and the widest sweep) or "box" (the parameters of every sensor).
     """
@@ -58,7 +58,7 @@ class ChirpActions:
 
     @cached_property
     def box(self) -> ParameterBox:
-        """Per sensor: the law (rounded down to an index; left out where there is one only), duration, signed sweep."""
+        """Per sensor: the law's index, rounded down (left out for a single law), duration and signed sweep."""
         widest = max(self.sweeps)
         parameters = []
         for i in range(1, self.sensors + 1):
@@ -70,29 +70,29 @@ class ChirpActions:
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
-        """What an action means."""
+        """The action set of this form."""
         if self.form == "box":
             return self.box
         return self.joint if self.form == "joint" else PerSensorLibrary(self.library, self.sensors)
 
     @property
     def sensor_library(self) -> Library:
-        """What one sensor may transmit in an enumerating scheduler's eyes."""
+        """The waveforms of one sensor that enumerating schedulers try."""
         return self.widest if self.form == "joint" else self.library
 
     @cached_property
     def sensor_covariances(self) -> Array:
-        """C (option, 2, 2): measurement covariances of ``sensor_library`` at unit SNR."""
+        """C (waveform, 2, 2): measurement covariances of ``sensor_library`` at unit SNR."""
         return measurement_covariances(self.sensor_library, self.carrier_hz)
 
     @cached_property
     def _sensor_chirps(self) -> Array:
-        """(3, option): law, duration and signed sweep of the library, as ``encode_chirps`` takes them."""
+        """(3, waveform): law, duration and signed sweep of the library, as ``encode_chirps`` takes them."""
         chirps = product(range(len(self.laws)), self.durations, self.sweeps, (1.0, -1.0))
         return np.array([(law, duration, sign * sweep) for law, duration, sweep, sign in chirps]).T
 
     def encode(self, choices: Array) -> Array:
-        """Actions of one option per sensor, (..., sensor) int."""
+        """Actions that transmit one waveform of ``sensor_library`` per sensor, (..., sensor) int."""
         if self.form == "library":
             return choices
         if self.form == "joint":
@@ -100,7 +100,7 @@ class ChirpActions:
         return self.encode_chirps(*self._sensor_chirps[:, choices])
 
     def encode_chirps(self, law: Array, duration: Array, sweep: Array) -> Array:
-        """Box actions of any chirps, each (..., sensor): index of the law, s, signed Hz."""
+        """Box actions of any chirps, each (..., sensor): index of the law, duration (s), signed sweep (Hz)."""
         parts = [law + 0.5, duration, sweep] if len(self.laws) > 1 else [duration, sweep]
         values = np.stack(parts, axis=-1)
         return self.box.encode(values.reshape(*values.shape[:-2], -1))
@@ -114,7 +114,7 @@ class ChirpActions:
 
     @cached_property
     def constants(self) -> Array:
-        """Fixed schedules worth trying: one law, duration and sweep for all sensors, each sensor up or down."""
+        """Fixed schedules: one law, duration and sweep for all sensors, each sensor up or down."""
         pairs = len(self.sensor_library) // 2
         directions = np.array(list(product((0, 1), repeat=self.sensors)))
         choices = 2 * np.arange(pairs)[:, None, None] + directions
@@ -122,7 +122,7 @@ class ChirpActions:
 
     @cached_property
     def candidates(self) -> Array:
-        """Every combination of one option per sensor, as actions."""
+        """Every combination of one waveform per sensor, as actions."""
         return self.encode(PerSensorLibrary(self.sensor_library, self.sensors).combinations())
 
     def unit_covariance(self, actions: Array) -> Array:
@@ -139,5 +139,5 @@ class ChirpActions:
 
     @cached_property
     def _moments(self) -> Array:
-        """(law, 4)."""
+        """Moments of each law, (law, 4)."""
         return np.array([chirp_law(*parse_law(law)).moments for law in self.laws])

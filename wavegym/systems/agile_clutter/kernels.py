@@ -4,8 +4,8 @@ Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (`
 ``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
 ``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability);
 ``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
-``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0 that multiplies the SNR, chance (e, i, t) that a sensor
-looks at a target and can see it); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
+``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
+visible target); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -26,14 +26,14 @@ from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_
 from wavegym.trackers.ukf_kernels import foresee_measurement_one
 
 MOST_CLUTTER = 1e6
-"""Points in one gate; a step that would need more is not made, and its clutter count is NaN."""
+"""Expected points in one gate; a step that exceeds this limit stops, and its clutter count is NaN."""
 LEAST_DENSITY = 1e-20
-"""The tracker's clutter density where there is none: every return must then be a target's, if one can explain it."""
+"""The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
 
 @inlined
 def row(e, array):
-    """Where ``array`` holds what belongs to environment e."""
+    """The row of ``array`` that belongs to environment e."""
     return e if len(array) > 1 else 0
 
 
@@ -45,7 +45,7 @@ def weakness_one(e, i, r, strength, radar):
 
 @kernel
 def is_lit(e, i, present, chance, lit):
-    """lit (t,): whether sensor i looks at each slot and a target may be seen there."""
+    """lit (t,): whether each slot holds a target that sensor i illuminates and may detect."""
     for t in range(len(present)):
         lit[t] = present[t] and chance[row(e, chance), i, t] > 0.0
 
@@ -75,7 +75,7 @@ def predict_targets(e, mean, covariance, present, F, Q, x, P, nn):
 
 @kernel
 def workspace(count_t, nn):
-    """Arrays of one sensor's scan: (predicted measurement, S, its factor L, Pxz, N, Pd, scratch), t first."""
+    """Arrays of one sensor's scan, axis t first: (predicted measurement, S, its factor L, Pxz, N, Pd, scratch)."""
     n = len(nn)
     return (
         np.empty((count_t, 2)), np.empty((count_t, 2, 2)), np.empty((count_t, 2, 2)), np.empty((count_t, n, 2)),
@@ -84,8 +84,8 @@ def workspace(count_t, nn):
 
 
 @kernel
-def foresee_scan(e, i, x, P, lit, pulse, radar, work, nn):
-    """Fill ``work`` with what sensor i expects of its pulse: S = Pzz + N, N = C / eta, at predicted ranges."""
+def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
+    """Fill ``work`` with sensor i's predicted measurements: S = Pzz + N, N = C / eta, at predicted ranges."""
     centre, S, L, G, N, pd, scratch = work
     sensors, log_pf = radar[0], radar[3]
     C, strength, chance = pulse
@@ -103,10 +103,10 @@ def foresee_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 @kernel
 def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan):
-    """Fill z with the targets' returns that lie in a gate; how many.
+    """Fill z with the targets' returns that lie in a gate; returns their number.
 
-    outside[e, t] counts returns outside their own target's gate, scan[e, 0] detections. The truth sets eta, Pd and
-    the error's covariance.
+    outside[e, t] counts returns outside their own target's gate, scan[e, 0] detections. eta, Pd and the error's
+    covariance are those at the true range.
     """
     sensors, log_pf, gate = radar[0], radar[3], radar[5]
     centre, L = work[0], work[2]
@@ -147,9 +147,9 @@ def transition(step, mean, covariance, X, V, path, first, uniform, error, key, p
             mean_out, covariance_out, X_out, V_out, truth, outside, scan, nn):  # fmt: skip
     """One step of every environment, sensor after sensor; tapes read at [e, step].
 
-    X (e, particle, t, n), V (e, particle, t, n, n): where there are particles they are the tracker, and mean and
-    covariance are their moments; otherwise JPDA is. outside (e, t) is counted up; scan (e, 4): detections, clutter
-    points (NaN for too many), effective sample size, distinct ancestors.
+    X (e, particle, t, n), V (e, particle, t, n, n): with particles, they are the tracker, and mean and covariance are
+    their moments; without, the tracker is JPDA. outside (e, t) is counted up; scan (e, 4): detections, clutter points
+    (NaN for too many), effective sample size, distinct ancestors.
     """
     (birth, lifetime), sensors = targets, radar[0]
     count_t, particles, n = len(birth), X.shape[1], len(nn)
@@ -167,7 +167,7 @@ def transition(step, mean, covariance, X, V, path, first, uniform, error, key, p
         log_weight = np.zeros(particles)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
-            foresee_scan(e, i, x, P, lit, pulse, radar, work, nn)
+            predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             z = room(z, count_t)
             returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan)
             if not most_clutter(lit, work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
@@ -190,7 +190,7 @@ def transition(step, mean, covariance, X, V, path, first, uniform, error, key, p
 
 @kernel
 def hand_over(e, t, first, mean, X, nn):
-    """The first estimate of target t, first[e, t], becomes the belief's mean and every particle's."""
+    """Set the mean of the belief and of every particle to the first estimate of target t, first[e, t]."""
     for a in range(len(nn)):
         mean[e, t, a] = first[e, t, a]
         for j in range(X.shape[1]):
@@ -199,7 +199,7 @@ def hand_over(e, t, first, mean, X, nn):
 
 @kernel
 def most_clutter(present, L, gate, density):
-    """The greatest number of clutter points expected in a present gate; NaN where a gate's volume is."""
+    """The greatest expected number of clutter points in an open gate; NaN if a gate's volume is NaN."""
     most = 0.0
     for t in range(len(present)):
         if present[t]:
@@ -210,7 +210,7 @@ def most_clutter(present, L, gate, density):
 
 @kernel
 def track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn):
-    """Update the belief x (t, n), P (t, n, n) with sensor i's scan z[: count]; particles Y, U if there are any."""
+    """Update the belief x (t, n), P (t, n, n), and particles Y, U if there are any, with sensor i's scan z[: count]."""
     centre, S, L, G, N, pd, _ = work
     sensors, density, gate, gate_probability = radar[0], max(radar[4], LEAST_DENSITY), radar[5], radar[6]
     if len(weight):

@@ -1,4 +1,4 @@
-"""The map of agile clutter: known targets with their trails, and the lines of sight to distant sensors."""
+"""The map of agile clutter: known targets with their trails, and lines of sight to the sensors."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 def known_targets(system: AgileClutter, step: int) -> list[int]:
-    """Targets of which the tracker has an estimate: those that it has just been handed are measured a step later."""
+    """Targets of which the tracker has an estimate; the first measurement comes a step after birth."""
     return [t for t, birth in enumerate(system.births) if birth <= step <= birth + system.lifetime]
 
 
 def draw_map(axes: Axes, system: AgileClutter, moment: Moment) -> None:
-    """Known targets with their trails, and where the sensors are; x and y to the same scale, in km."""
+    """Known targets with their trails, and directions to the sensors; x and y to the same scale, in km."""
     now = moment.states[-1]
     known = known_targets(system, len(moment.actions))
     centre = _fit(axes, system, now, known)
@@ -44,7 +44,7 @@ def _outline(now: State, target: int) -> Array:
 
 
 def _fit(axes: Axes, system: AgileClutter, now: State, known: list[int]) -> Array:
-    """Limits around all of the episode's true paths and the present ellipses; the centre of what is known, km."""
+    """Set limits around all true paths of the episode and the current ellipses; the centre of the estimates, km."""
     until = [min(system.lifetime, max(system.horizon - birth, 0)) + 1 for birth in system.births]
     paths = [KILO * now.truth.path[0, t, :end, PLANE].T for t, end in enumerate(until)]
     middle = to_scale(axes, np.concatenate([*paths, *(_outline(now, t) for t in known)], axis=1))
@@ -52,13 +52,13 @@ def _fit(axes: Axes, system: AgileClutter, now: State, known: list[int]) -> Arra
 
 
 def _draw_lines_of_sight(axes: Axes, system: AgileClutter, now: State, known: list[int], centre: Array) -> None:
-    """From each target to each sensor, whose name stands where the line from ``centre`` leaves the map."""
+    """Lines from each target to each sensor; the label stands where the line from ``centre`` leaves the map."""
     low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
     for i, position in enumerate(system.sensors):
         sensor = KILO * np.array(position)
         targets = KILO * now.belief.mean[0, known, PLANE]
-        ways = np.stack([targets, 0.0 * targets + sensor, 0.0 * targets + np.nan], axis=1)  # (target, end, 2)
-        axes.plot(*ways.reshape(-1, 2).T, color=f"C{i}", linewidth=0.7, linestyle=(0, (4, 3)), alpha=0.7)
+        lines = np.stack([targets, 0.0 * targets + sensor, 0.0 * targets + np.nan], axis=1)  # (target, end, 2)
+        axes.plot(*lines.reshape(-1, 2).T, color=f"C{i}", linewidth=0.7, linestyle=(0, (4, 3)), alpha=0.7)
         step = sensor - centre
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.nanmin(np.where(step > 0, high - centre, low - centre) / step)

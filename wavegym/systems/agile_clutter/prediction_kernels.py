@@ -1,7 +1,7 @@
-"""What a scheduler of the agile-clutter loop predicts: covariances by the unscented transform, sensors in sequence.
+"""Prediction of the agile-clutter loop for schedulers: unscented covariances, sensor after sensor.
 
 Sira et al., eqs. (13) and (14) with the bracket mended: P - q2 Pxz (Pzz + N)^-1 Pxz', N = C / eta at the predicted
-range, q2 the information reduction factor. Axes and argument groups as in ``agile_clutter_kernels``; c candidate.
+range, q2 the information reduction factor. Axes and argument groups as in ``kernels``; c candidate.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -21,9 +21,9 @@ from wavegym.trackers.ukf_kernels import foresee_measurement_one
 
 @kernel
 def reduction(pd, S, radar, q2):
-    """The factor q2 where S is the innovation covariance, a tuple of its three entries.
+    """The factor q2 for the innovation covariance S, given as its three entries.
 
-    It belongs to the clutter's density: the table, made for one gate, holds for others with that gate's area.
+    The table was made for one gate. q2 belongs to the clutter density, so any gate's q2 is read at that gate's area.
     """
     area = np.pi * GATE * GATE * np.sqrt(S[0] * S[2] - S[1] * S[1])
     return reduction_one(pd, np.log(radar[4] * area), q2[0], q2[1], q2[2])
@@ -31,9 +31,10 @@ def reduction(pd, S, radar, q2):
 
 @kernel
 def information(pd, chance, S, radar, q2, draw):
-    """The share of the full update predicted: q2 times the chance to see, or, of a uniform draw, q2 / Pd or nothing.
+    """The share of the full update that is predicted.
 
-    Without clutter a detection is the whole update: q2 / Pd is less by what a gate loses on average.
+    Expected (draw < 0): q2 times the chance to see the target. With a uniform draw: q2 / Pd for a detection, 0 for a
+    miss. Without clutter a detection counts 1, not q2 / Pd, which includes the average loss outside the gate.
     """
     if draw < 0.0:
         return chance * reduction(pd, S, radar, q2)
@@ -43,8 +44,8 @@ def information(pd, chance, S, radar, q2, draw):
 
 
 @kernel
-def foresee_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
-    """P (t, n, n) after sensor i's pulse; draws[e, i, t]: uniform, or negative for the expected outcome."""
+def predict_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
+    """Update P (t, n, n) by sensor i's pulse; draws[e, i, t]: uniform, or negative for the expected outcome."""
     sensors, log_pf = radar[0], radar[3]
     C, strength, chance = pulse
     for t in range(len(lit)):
@@ -75,7 +76,7 @@ def predict(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_ou
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
         for i in range(len(radar[0])):
             is_lit(e, i, present, pulse[2], lit)
-            foresee_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn)
+            predict_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn)
         for t in range(count_t):
             for a in range(n):
                 x_out[e, t, a] = x[t, a]
@@ -85,7 +86,7 @@ def predict(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_ou
 
 @kernel
 def predict_present(step, mean, covariance, targets, F, Q, x_out, P_out, present_out, nn):
-    """The belief (e, t, ...) that the next pulse meets, before any sensor has measured."""
+    """The belief (e, t, ...) at the time of the next pulse, before any sensor measures."""
     birth, lifetime = targets
     for e in range(len(step)):
         is_present(step[e] + 1, birth, lifetime, present_out[e])
@@ -96,8 +97,8 @@ def predict_present(step, mean, covariance, targets, F, Q, x_out, P_out, present
 def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
     """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR.
 
-    What does not depend on the pulse (the unscented transform, eta, Pd) is done once; a candidate costs one 2 x 2
-    inverse and one interpolation a target.
+    The unscented transform, eta and Pd do not depend on the pulse and are computed once; a candidate costs one 2 x 2
+    inverse and one interpolation per target.
     """
     sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
     count_t, n = present.shape[1], len(nn)
@@ -129,7 +130,7 @@ def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
 
 @kernel
 def after_sensor(i, x, P, present, C, radar, q2, P_out, nn):
-    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2): what the next sensor's choice starts from."""
+    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2), before the next sensor's pulse."""
     count_t, n = present.shape[1], len(nn)
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K = np.empty((count_t, n, 2)), np.empty((n, 2))
@@ -144,7 +145,7 @@ def after_sensor(i, x, P, present, C, radar, q2, P_out, nn):
             for a in range(n):
                 for b in range(n):
                     P_out[e, t, a, b] = P[e, t, a, b]
-        foresee_sensor(0, i, x[e], P_out[e], present[e], pulse, draws, radar, q2, A, z, S, G, K, nn)
+        predict_sensor(0, i, x[e], P_out[e], present[e], pulse, draws, radar, q2, A, z, S, G, K, nn)
 
 
 @kernel
@@ -161,9 +162,9 @@ def weighted_trace(step, covariance, targets, weights, cost):
 
 @kernel
 def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
-    """out (e, elements) as ``AgileClutter.elements`` lists them, of the belief that the next pulse meets.
+    """out (e, field) as ``AgileClutter.observation_fields`` lists them, of the belief at the time of the next pulse.
 
-    Zeros stand for a slot that the next pulse will not find a target in.
+    The fields of a slot without a target at that time are 0.
     """
     birth, lifetime = targets
     sensors, reference, nearest = radar[0], radar[1], radar[2]
@@ -194,7 +195,7 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
 
 @kernel
 def measure(step, mean, covariance, truth, targets, weights, present, squared, position, nees):
-    """Of every target (e, t): whether it is present, weighted squared error, position error and NEES; else 0."""
+    """Presence (e, t); weighted squared error, position error and NEES (e, t) of the targets present, else 0."""
     birth, lifetime = targets
     n = len(weights)
     L, d = np.empty((n, n)), np.empty(n)

@@ -1,4 +1,4 @@
-"""The scene of targets that come and go before several sensors: map, errors, gates, pulses."""
+"""The scene of several targets and several sensors: map, errors, gates, pulses."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ UPDATED: dict[str, Any] = {"alpha": 0.35}
 
 
 class TargetScene:
-    """Map, position errors, and of the first sensors the validation gates and the ambiguity function.
+    """Map and position errors; validation gates and ambiguity functions of the first sensors.
 
     Args:
         system: the closed loop.
-        figure: where to draw.
+        figure: figure or part of one to draw into.
     """
 
     def __init__(self, system: AgileClutter, figure: SubFigure) -> None:
@@ -82,7 +82,7 @@ class TargetScene:
                 self._show_pulse(i, pulse)
 
     def _show_pulse(self, sensor: int, pulse: Waveform | None) -> None:
-        """The ambiguity function, which takes longest of all: left as it is while the pulse stays the same."""
+        """Draw the ambiguity function. It takes longest of all, so it stays while the pulse stays the same."""
         if pulse != self._on_show[sensor]:
             wipe(self._pulses[sensor])
             if pulse:
@@ -90,7 +90,7 @@ class TargetScene:
             self._on_show[sensor] = pulse
 
     def _draw_errors(self, moment: Moment) -> None:
-        """Estimates around the truth, across and along the lines of sight at different scales."""
+        """Draw estimates and error ellipses relative to the truth."""
         axes, now = self._errors, moment.states[-1]
         axes.axhline(0.0, color=TRUTH, linewidth=0.5)
         axes.axvline(0.0, color=TRUTH, linewidth=0.5)
@@ -106,21 +106,21 @@ class TargetScene:
         axes.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
 
     def _draw_gates(self, axes: Axes, moment: Moment, sensor: int) -> None:
-        """What is looked at for each target's return: around the predicted measurement, with pulse, update and truth.
+        """Draw each target's gate around the predicted measurement, with the pulse's error, the update and the truth.
 
-        The gates are those of a tracker that has not heard any sensor of this step yet: a later sensor's own gate is
-        smaller by then, but what lies between two sensors is not part of the state. Covariances are carried to the
-        measurement by the Jacobian, where the tracker takes the unscented transform: they agree at such distances.
+        The gates are those before any sensor of this step has measured. A later sensor's own gate is smaller, but the
+        state does not hold the belief between two sensors. The Jacobian carries covariances to the measurement; the
+        tracker takes the unscented transform, which agrees at such distances.
         """
         system, now, position = self.system, moment.states[-1], np.array(self.system.sensors[sensor])
         before = moment.states[-2].belief
-        ahead, C, strength, lit = system.ahead(before), *lighted(system, before, moment.actions[-1])
+        targets, C, strength, lit = system.predicted_targets(before), *illumination(system, before, moment.actions[-1])
         reach = np.full(2, 1e-3)
-        for t in np.flatnonzero(ahead.present[0] & lit[sensor]).tolist():
-            predicted = range_and_rate(ahead.mean[0, t], position)
+        for t in np.flatnonzero(targets.present[0] & lit[sensor]).tolist():
+            predicted = range_and_rate(targets.mean[0, t], position)
             eta = strength[sensor] * range_law_snr(predicted[0], system.reference_range, system.nearest_range)
             N = C[sensor] / eta
-            S = _projected(ahead.mean[0, t], ahead.covariance[0, t], position) + N
+            S = _projected(targets.mean[0, t], targets.covariance[0, t], position) + N
             gate = ellipse(S, system.gate)
             updated = range_and_rate(now.belief.mean[0, t], position) - predicted
             truth = range_and_rate(now.truth.targets[0, t], position) - predicted
@@ -135,33 +135,34 @@ class TargetScene:
 
 
 def _projected(mean: Array, covariance: Array, sensor: Array) -> Array:
-    """Covariance of (range, range-rate) that an estimate implies, (2, 2)."""
+    """Covariance of an estimate in (range, range-rate), (2, 2)."""
     H = range_and_rate_jacobian(mean, sensor)
     return H @ covariance @ H.T
 
 
 def scan_caption(system: AgileClutter, moment: Moment) -> str:
-    """What all sensors received in this step; the points themselves are not part of the state."""
+    """How many returns and clutter points all sensors received in this step; the state holds no points."""
     if not moment.actions:
         return ""
     detections, clutter, effective, ancestors = moment.states[-1].truth.scan[0]
     before, sensors = moment.states[-2].belief, len(system.sensors)
-    looks = int((system.ahead(before).present[0] & lighted(system, before, moment.actions[-1])[2]).sum())
+    lit = illumination(system, before, moment.actions[-1])[2]
+    possible = int((system.predicted_targets(before).present[0] & lit).sum())
     who = f"{sensors} sensors" if sensors > 1 else "1 sensor"
-    text = f"{who}: {detections:.0f} of {looks} returns detected, {clutter:.0f} clutter points in gates"
+    text = f"{who}: {detections:.0f} of {possible} returns detected, {clutter:.0f} clutter points in gates"
     if system.tracker == "particle":
         text += f"  ·  {system.particles} particles: {effective:.0f} effective, {ancestors:.0f} ancestors"
     return text
 
 
-def lighted(system: AgileClutter, before: Belief, action: Array) -> tuple[Array, Array, Array]:
-    """Of a step: C (sensor, 2, 2), strength (sensor,), and where each sensor looks, (sensor, target) bool."""
+def illumination(system: AgileClutter, before: Belief, action: Array) -> tuple[Array, Array, Array]:
+    """Of a step: C (sensor, 2, 2), strength (sensor,), and which sensor illuminates which target, bool."""
     pulse = system.pulse(before, action[:, None])
     return pulse.C[0, 0], pulse.strength[0, 0], pulse.chance[0, 0] > 0.0
 
 
 def transmitted(system: AgileClutter, action: Array) -> list[Waveform | None]:
-    """Each sensor's pulse for ``action``, (1,) or (1, ...); None where it is silent."""
+    """Each sensor's pulse for ``action``, (1,) or (1, ...); None for a silent sensor."""
     action_set = system.action_set
     if not isinstance(system.actions, ParameterBox):
         return [action_set.sensor_library[i] for i in by_sensor(system.actions, action)[0]]

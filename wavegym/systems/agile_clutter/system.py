@@ -8,39 +8,44 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import NonNegativeInt
 
 from wavegym.core import trees
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_within
+from wavegym.core.capabilities import BestAction, LinearCost, SensorBySensor
+from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.system import ObservationField, State
+from wavegym.core.parameters import Positive, parameter, system_parameters
+from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import gate_probability
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
-from wavegym.systems.agile_clutter.search import NN, SensorAfterSensor
 from wavegym.systems.agile_clutter.state import (
+    NN,
     Belief,
+    NonNegativeState,
+    PlanarState,
+    PositiveState,
+    PredictedTargets,
     Pulse,
     Truth,
     World,
-    check_numbers,
-    check_scenario,
     first_gate_volume,
     target_fields,
 )
 from wavegym.targets import MotionModel, constant_velocity, random_path
 from wavegym.trackers import Particles
 from wavegym.trackers.information_reduction import reduction_table
+from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 
-LOST_AFTER = 5  # returns outside its gates that a target may have before its track counts as lost (the paper's rule)
+LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule)
+MOST_SENSORS = 16
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
-class AgileClutter(SensorAfterSensor):
+@system_parameters
+class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -50,69 +55,93 @@ class AgileClutter(SensorAfterSensor):
         probability Pd = Pf^(1 / (1 + eta)); clutter is Poisson, uniform in the union of the validation gates, so a
         pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
         at the predicted one. Sensor by sensor, an unscented filter with joint probabilistic data association updates
-        all targets. ``tracker="particle"``: a Rao-Blackwellised particle filter instead, which samples joint
-        associations from their exact posterior and so keeps a posterior of several modes, which JPDA merges into one.
-        Long, wide chirps measure best; phase functions differ in how range and range-rate errors hang together.
+        all targets. ``tracker="particle"``: a Rao-Blackwellised particle filter samples joint associations from their
+        exact posterior; it keeps several modes of the posterior, which JPDA merges into one. Long, wide chirps measure
+        best; phase functions differ in the correlation of range and range-rate errors.
 
     Rewards
-        -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities. It
-        is what the tracker believes, and a lost track may be confident: JPDA loses one in fifteen (``lost``, ``nees``),
-        particles one in a hundred; ``reward="error"`` looks at the truth.
+        -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities. P
+        is the tracker's own covariance, which stays small for many a lost track: JPDA loses one in fifteen (``lost``,
+        ``nees``), particles one in a hundred. ``reward="error"`` measures the true error.
 
     Starting state
         True targets start at ``starts``; the first estimate is drawn around the start with covariance P0 =
-        diag(prior_variance). Target s is handed to the tracker at step ``births[s]`` and first measured a step later.
+        diag(prior_variance). The tracker receives target s at step ``births[s]`` and first measures it a step later.
 
     Episode end
         Terminates after ``horizon`` steps, when the last target is gone; the time left is observed.
-
-    Arguments
-        q: process noise density (m^2/s^3). carrier_hz: fc. reference_range: r0 in metres, where eta = 1. nearest_range:
-        the SNR grows no further below it. sensors: positions (x, y) in metres. starts: [x y xdot ydot] of each target.
-        births: step at which each target becomes known. lifetime: steps that each target is tracked for.
-        prior_variance: diagonal of P0. false_alarm: Pf. clutter_density: false returns per m (m/s). gate: radius in
-        standard deviations. weights: diagonal of Lambda. laws: phase functions, "lfm", "pfm:KAPPA", "hfm:SHAPE",
-        "efm:SHAPE". durations, sweeps: in s and Hz; every law with every one of them, up and down, is in the library.
-        action: "library" (a waveform per sensor), "joint" (one index for all sensors; every law up and down, longest
-        and widest) or "box" (law index, rounded down, where there are several; log duration and signed sweep, for
-        every sensor). tracker: "jpda" or "particle". particles: how many.
 
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter".
     """
 
-    horizon: int = 32
-    dt: float = 0.25
-    q: float = 1.0
-    carrier_hz: float = 10.4e9
-    reference_range: float = 50e3
-    nearest_range: float = 100.0
-    sensors: tuple[tuple[float, float], ...] = ((3e3, -16e3), (3e3, 20.4e3))
-    starts: tuple[tuple[float, float, float, float], ...] = ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0))
-    births: tuple[int, ...] = (0, 7)
-    lifetime: int = 25
-    prior_variance: tuple[float, float, float, float] = (4e3, 4e3, 100.0, 100.0)
-    false_alarm: float = 0.01
-    clutter_density: float = 1e-4
-    gate: float = 4.0
-    weights: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    laws: tuple[str, ...] = ("lfm", "pfm:3", "hfm:0.5", "efm:0.5")
-    durations: tuple[float, ...] = (10e-6, 30e-6, 100e-6)
-    sweeps: tuple[float, ...] = (1e6, 4e6, 15e6)
-    action: Literal["library", "joint", "box"] = "library"
-    tracker: Literal["jpda", "particle"] = "jpda"
-    particles: int = 1000
+    horizon: int = parameter(32, "steps in an episode", ge=1)
+    dt: float = parameter(0.25, "time step", unit="s", gt=0)
+    q: float = parameter(1.0, "process noise density", unit="m^2/s^3", ge=0)
+    carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
+    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", gt=0)
+    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", gt=0)
+    sensors: tuple[tuple[float, float], ...] = parameter(
+        ((3e3, -16e3), (3e3, 20.4e3)), "position (x, y) of each sensor", unit="m"
+    )
+    starts: tuple[PlanarState, ...] = parameter(
+        ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0)), "first [x y xdot ydot] of each target", unit="m, m/s"
+    )
+    births: tuple[NonNegativeInt, ...] = parameter((0, 7), "step at which the tracker receives each target")
+    lifetime: int = parameter(25, "steps for which each target is tracked", ge=1, le=100_000)
+    prior_variance: PositiveState = parameter((4e3, 4e3, 100.0, 100.0), "diagonal of P0", unit="m^2, m^2/s^2")
+    false_alarm: float = parameter(0.01, "false alarm probability Pf", gt=0, lt=1)
+    clutter_density: float = parameter(1e-4, "false returns per m of range and m/s of range-rate", unit="s/m^2", ge=0)
+    gate: float = parameter(4.0, "radius of the validation gates in standard deviations", gt=0)
+    weights: NonNegativeState = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
+    laws: tuple[str, ...] = parameter(
+        ("lfm", "pfm:3", "hfm:0.5", "efm:0.5"),
+        'phase functions: "lfm", "pfm:KAPPA", "hfm:SHAPE" or "efm:SHAPE"',
+        unit="",
+    )
+    durations: tuple[Positive, ...] = parameter((10e-6, 30e-6, 100e-6), "durations of the library", unit="s")
+    sweeps: tuple[Positive, ...] = parameter(
+        (1e6, 4e6, 15e6),
+        "sweeps of the library, which holds every law with every duration and sweep, up and down",
+        unit="Hz",
+    )
+    action: Literal["library", "joint", "box"] = parameter(
+        "library",
+        "a waveform per sensor; one index for all sensors (every law up and down, at the longest duration and the "
+        "widest sweep); or a point of a box: for every sensor the law's index, rounded down (left out for a single "
+        "law), log duration and signed sweep",
+        unit="",
+    )
+    tracker: Literal["jpda", "particle"] = parameter(
+        "jpda", "joint probabilistic data association, or a Rao-Blackwellised particle filter", unit=""
+    )
+    particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
-        check_numbers(self)
-        check_scenario(self.sensors, self.starts, self.births, self.lifetime, self.horizon)
+        """Check what single fields cannot say."""
+        check_positive("sum of weights", sum(self.weights))
+        self._check_targets()
+        self._check_clutter()
+
+    def _check_targets(self) -> None:
+        """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
+        check_within("number of sensors", len(self.sensors), 1, MOST_SENSORS)
+        check_within("number of targets (exact joint association)", len(self.starts), 1, CLUSTER_LIMIT)
+        if len(self.births) != len(self.starts):
+            raise InputError(f"births is {self.births}, expected {len(self.starts)} steps, one for each of starts")
+        last = max(self.births) + self.lifetime
+        if self.horizon > last:
+            wanted = f"1 to {last}, when the last target is gone (the greatest of births + lifetime)"
+            raise InputError(f"horizon is {self.horizon} steps, expected {wanted}; nearest: {last}")
+        check_within("least of births", min(self.births), 0, self.horizon - 1)
+
+    def _check_clutter(self) -> None:
+        """InputError for a density that expects too many points in a gate."""
         C, snr = self.action_set.sensor_covariances, (self.reference_range, self.nearest_range)
         volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
-        check_within(
-            "clutter_density", self.clutter_density, 0, float(f"{kernels.MOST_CLUTTER / volume:.3g}"), "per m (m/s)"
-        )
+        most = float(f"{kernels.MOST_CLUTTER / volume:.3g}")
+        check_within("clutter_density", self.clutter_density, 0, most, "s/m^2")
 
     @cached_property
     def motion(self) -> MotionModel:
@@ -121,12 +150,12 @@ class AgileClutter(SensorAfterSensor):
 
     @cached_property
     def action_set(self) -> ChirpActions:
-        """What may be transmitted."""
+        """The chirps of all sensors in the form that ``action`` names."""
         return ChirpActions(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
-        """What an action means."""
+        """The action set."""
         return self.action_set.actions
 
     def candidates(self) -> Array:
@@ -168,7 +197,7 @@ class AgileClutter(SensorAfterSensor):
     def initial(self, world: World) -> State:
         """The true paths, and the first estimates drawn around their starts."""
         count, S = world.start.shape[:2]
-        path = random_path(self.motion, self.first_places(world), world.process)
+        path = random_path(self.motion, self.first_states(world), world.process)
         first = path[:, :, 0] + np.sqrt(self.prior_variance) * world.start
         mean = np.where(self._targets[0][:, None] == 0, first, self.starts)
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
@@ -178,15 +207,15 @@ class AgileClutter(SensorAfterSensor):
         truth = Truth(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
         return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, particles))
 
-    def first_places(self, world: World) -> Array:
-        """Where the targets are at birth, (target, 4) or (env, target, 4)."""
+    def first_states(self, world: World) -> Array:
+        """The true states at birth, (target, 4) or (env, target, 4)."""
         return np.array(self.starts)
 
     def transition(self, state: State, action: Array, world: World) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
-        return self._advance(state, self.pulse(state.belief, action[:, None]), world)
+        return self._transmit(state, self.pulse(state.belief, action[:, None]), world)
 
-    def _advance(self, state: State, pulse: Pulse, world: World) -> State:
+    def _transmit(self, state: State, pulse: Pulse, world: World) -> State:
         """``transition`` with any pulse: for systems that add a resource."""
         truth, (step, mean, covariance, particles) = state.truth, state.belief[:4]
         x, P, true_states = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
@@ -208,22 +237,22 @@ class AgileClutter(SensorAfterSensor):
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief after one pulse of every sensor: predicted means, covariances of eqs. (13) and (14).
 
-        ``outcome``: uniform draws (env, sensor, target) or (env, candidate, ...), a detection where below Pd: q2/Pd
-        instead of q2 for a detection, no update for a miss. A tracker in clutter is not told which of them happened.
+        ``outcome``: uniform draws (env, sensor, target) or (env, candidate, ...); a draw below Pd is a detection, which
+        counts q2 / Pd instead of q2; a miss updates nothing. In clutter the tracker cannot tell one from the other.
         """
         several = actions.ndim == (2 if self.action == "joint" else 3)
         pulse = self.pulse(belief, actions if several else actions[:, None])
         shape = (len(belief.step), max(a.shape[1] for a in pulse))
         if outcome is not None:
-            full = shape + self._everywhere[1].shape[2:]
+            full = shape + self._full_illumination[1].shape[2:]
             outcome = np.broadcast_to(outcome if several else outcome[:, None], full).reshape(-1, *full[2:])
         many = trees.repeated(belief._replace(particles=None), shape[1]) if several else belief
-        ahead = self._imagine(many, pulse.rows(shape), outcome)
-        return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), ahead) if several else ahead
+        after = self._predict_pulse(many, pulse.rows(shape), outcome)
+        return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after) if several else after
 
-    def _imagine(self, belief: Any, pulse: Sequence[Array], draws: Array | None) -> Belief:
+    def _predict_pulse(self, belief: Any, pulse: Sequence[Array], draws: Array | None) -> Belief:
         """``predict`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
-        draws = -self._everywhere[1][0] if draws is None else np.ascontiguousarray(draws)  # negative: none
+        draws = -self._full_illumination[1][0] if draws is None else np.ascontiguousarray(draws)  # negative: expected
         step, mean, covariance = map(np.ascontiguousarray, belief[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         prediction.predict(
@@ -233,12 +262,12 @@ class AgileClutter(SensorAfterSensor):
         return Belief(step + 1, x, P, None)
 
     def pulse(self, belief: Belief, actions: Array) -> Pulse:
-        """What ``actions`` (env or 1, candidate, ...) transmit: here every sensor looks at all targets."""
-        return Pulse(self.action_set.unit_covariance(actions), *self._everywhere)
+        """The pulses of ``actions`` (env or 1, candidate, ...): here every sensor illuminates all targets."""
+        return Pulse(self.action_set.unit_covariance(actions), *self._full_illumination)
 
     @cached_property
-    def _everywhere(self) -> tuple[Array, Array]:
-        """Strength 1 and chance 1 for all."""
+    def _full_illumination(self) -> tuple[Array, Array]:
+        """``strength`` and ``chance`` of a pulse, 1 at every sensor and target."""
         sensors, targets = len(self.sensors), len(self.starts)
         return np.ones((1, 1, sensors)), np.ones((1, 1, sensors, targets))
 
@@ -255,9 +284,40 @@ class AgileClutter(SensorAfterSensor):
         prediction.weighted_trace(step, P, self._targets, self._weights, cost)
         return cost.reshape(belief.step.shape)
 
+    def predicted_targets(self, belief: Belief) -> PredictedTargets:
+        """The belief at the time of the next pulse, before any sensor measures."""
+        x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
+        present = np.empty(x.shape[:2], np.bool_)
+        prediction.predict_present(*belief[:3], self._targets, *self._model, x, P, present, NN)
+        return PredictedTargets(x, P, present)
+
+    def sensor_costs(self, predicted: PredictedTargets, sensor: int, C: Array) -> Array:
+        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
+        cost = np.empty((len(predicted.mean), C.shape[1]))
+        prediction.sensor_costs(sensor, *predicted, C, self._weights, self._radar, reduction_table(), cost, NN)
+        return cost
+
+    def after_sensor(self, predicted: PredictedTargets, sensor: int, C: Array) -> PredictedTargets:
+        """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, before the next sensor's pulse."""
+        P = np.empty(predicted.covariance.shape)
+        prediction.after_sensor(sensor, *predicted, C, self._radar, reduction_table(), P, NN)
+        return predicted._replace(covariance=P)
+
+    def best_action(self, belief: Belief) -> Array:
+        """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1).
+
+        The choice is not always the best joint one: a later sensor's pulse may favour another pulse of an earlier one.
+        """
+        predicted, C, choices = self.predicted_targets(belief), self.action_set.sensor_covariances, []
+        for i in range(len(self.sensors)):
+            choices.append(self.sensor_costs(predicted, i, C[None]).argmin(axis=1))
+            if i + 1 < len(self.sensors):
+                predicted = self.after_sensor(predicted, i, C[choices[-1]])
+        return self.action_set.encode(np.stack(choices, axis=1))
+
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation: time left, and of every target what the next pulse meets, by itself and at each sensor."""
+        """The observation: time left, and of every target the prediction at the next pulse, also at each sensor."""
         return target_fields(len(self.starts), len(self.sensors))
 
     def observe(self, belief: Belief) -> Array:
@@ -268,9 +328,9 @@ class AgileClutter(SensorAfterSensor):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """Of each target, 0 unless ``present``: ``position_error`` (m), ``squared_error`` (m^2, weighted with Lambda)
-        and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen outside its gates so far. Of
-        the step: ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"`` also ``ess`` and
-        ``ancestors``, effective sample size and distinct ancestors as shares of the particles.
+        and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen outside its gates. Of the step:
+        ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"`` also ``ess`` and ``ancestors``,
+        effective sample size and distinct ancestors as shares of the particles.
         """
         truth, belief = state
         present = np.empty(truth.outside.shape, np.bool_)

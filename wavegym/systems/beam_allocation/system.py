@@ -1,4 +1,4 @@
-"""One beam a radar: whom to look at now, and whom before it hides."""
+"""One beam a radar: which target to illuminate now, and which before it hides."""
 
 from __future__ import annotations
 
@@ -6,32 +6,44 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import NonNegativeInt
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Delay, GainByTarget
+from wavegym.core.errors import InputError, check_within
+from wavegym.core.parameters import Count, Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
-from wavegym.systems.agile_clutter.search import NN
-from wavegym.systems.agile_clutter.state import Pulse, drawn_around, target_fields
+from wavegym.systems.agile_clutter.state import (
+    NN,
+    NonNegativeState,
+    PlanarState,
+    PositiveState,
+    Pulse,
+    drawn_around,
+    target_fields,
+)
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation import kernels
-from wavegym.systems.beam_allocation.state import SOON, BeamActions, Belief, Quad, World, check_beams, window_elements
-from wavegym.systems.visibility_windows import Window, coming, visibility, window_draws
+from wavegym.systems.beam_allocation.actions import BeamActions
+from wavegym.systems.beam_allocation.state import SOON, Belief, World, window_fields
+from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
 from wavegym.trackers.information_reduction import reduction_table
 
+MOST_ACTIONS = 10_000
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
-class BeamAllocation(AgileClutter):
-    """Two radars with one beam each share three targets, which hide at times that are known.
+
+@system_parameters
+class BeamAllocation(AgileClutter, GainByTarget, Delay):
+    """Two radars with one beam each share three targets, which hide at times known from the beginning.
 
     Description
-        Motion, measurements, clutter and tracker are those of wavegym/AgileClutter-v0. A beam lights one target: only
-        the target in a sensor's beam can be detected by it, and only that one's gate is opened. The radars stand at
-        right angles, so that each of them resolves another direction, and a target wants both. The receivers' memory
-        limits the time-bandwidth product: a short, wide chirp measures range well, a long, narrow one range-rate.
-        Targets come into sight and go out of it at times known from the beginning, as they fly behind hills that are on
-        the map; in a hidden target's beam there is neither a return nor a gate. One step ahead the range of the target
-        known worst comes first; over several steps it is the velocity, and the target that is about to hide.
+        Motion, measurements, clutter and tracker are those of wavegym/AgileClutter-v0. A beam illuminates one target: a
+        sensor can detect only the target in its beam, and opens only that target's gate. The radars see the targets at
+        right angles: each resolves another direction, and a target needs both. The receivers' memory limits the
+        time-bandwidth product: a short, wide chirp measures range well, a long, narrow one range-rate. Targets hide
+        behind hills that are on the map, at times known from the beginning; a beam at a hidden target receives no
+        return and opens no gate. For the cost one step ahead the range of the least known target matters most; over
+        several steps, velocities and the target about to hide.
 
     Rewards
         -trace(Lambda P) summed over the targets, hidden ones included, Lambda = diag(weights): m^2, with 1 s^2 on the
@@ -44,53 +56,62 @@ class BeamAllocation(AgileClutter):
     Episode end
         Terminates after ``horizon`` steps; the time left is observed.
 
-    Arguments
-        spread: greatest distance of a true start [x y xdot ydot] from that in ``starts``, component by component (m,
-        m/s). shown, hidden: least and greatest number of steps in sight and out of it, by turns. windows: (target,
-        first, last), steps in which a target is hidden, in place of drawn ones. action: "joint": a target and a chirp
-        for every sensor, in one index. tracker: "jpda". births: 0 for every target, lifetime: at least ``horizon``: all
-        are there throughout. All others are those of wavegym/AgileClutter-v0: q: process noise density (m^2/s^3).
-        carrier_hz: fc. reference_range: r0 in metres, where eta = 1. nearest_range: the SNR grows no further below it.
-        sensors: positions (x, y) in metres. starts: [x y xdot ydot] in the middle of where each target may start.
-        prior_variance: diagonal of P0. false_alarm: Pf. clutter_density: false returns per m (m/s). gate: radius in
-        standard deviations. weights: diagonal of Lambda. laws: phase functions, "lfm", "pfm:KAPPA", "hfm:SHAPE",
-        "efm:SHAPE". durations, sweeps: in s and Hz, of a chirp each: the first of the one goes with the first of the
-        other; every law with every pair, rising, can be sent at every target. particles: not used.
-
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter" (motion, measurements, tracker). The beams and the delayed cost are this suite's own.
     """
 
-    gain_by_target: ClassVar[bool] = True  # ``gain`` takes steps of each target
+    # Sensor after sensor is no shortcut here: a beam costs the other targets their look.
+    best_action: ClassVar[None] = None  # type: ignore[assignment]
+    sensor_costs: ClassVar[None] = None  # type: ignore[assignment]
 
-    horizon: int = 60
-    dt: float = 1.0
-    q: float = 3.0
-    sensors: tuple[tuple[float, float], ...] = ((0.0, -20e3), (-20e3, 0.0))
-    starts: tuple[Quad, ...] = ((0.0, 4e3, 0.0, 0.0), (-3.5e3, -2e3, 0.0, 0.0), (3.5e3, -2e3, 0.0, 0.0))
-    births: tuple[int, ...] = (0, 0, 0)
-    lifetime: int = 60
-    prior_variance: Quad = (100.0, 100.0, 25.0, 25.0)
-    clutter_density: float = 1e-5
-    laws: tuple[str, ...] = ("pfm:3",)
-    durations: tuple[float, ...] = (50e-6, 2e-3)
-    sweeps: tuple[float, ...] = (40e6, 1e6)
-    action: Literal["joint"] = "joint"
-    tracker: Literal["jpda"] = "jpda"
-    spread: Quad = (1e3, 1e3, 100.0, 100.0)
-    shown: tuple[int, int] = (6, 14)
-    hidden: tuple[int, int] = (4, 10)
-    windows: tuple[Window, ...] = ()
+    horizon: int = changed_default(AgileClutter, "horizon", 60)
+    dt: float = changed_default(AgileClutter, "dt", 1.0)
+    q: float = changed_default(AgileClutter, "q", 3.0)
+    sensors: tuple[tuple[float, float], ...] = changed_default(AgileClutter, "sensors", ((0.0, -20e3), (-20e3, 0.0)))
+    starts: tuple[PlanarState, ...] = parameter(
+        ((0.0, 4e3, 0.0, 0.0), (-3.5e3, -2e3, 0.0, 0.0), (3.5e3, -2e3, 0.0, 0.0)),
+        "centre of the first [x y xdot ydot] of each target",
+        unit="m, m/s",
+    )
+    births: tuple[NonNegativeInt, ...] = parameter((0, 0, 0), "0 for every target: all are present throughout")
+    lifetime: int = parameter(60, "at least horizon: all targets are present throughout", ge=1, le=100_000)
+    prior_variance: PositiveState = changed_default(AgileClutter, "prior_variance", (100.0, 100.0, 25.0, 25.0))
+    clutter_density: float = changed_default(AgileClutter, "clutter_density", 1e-5)
+    laws: tuple[str, ...] = changed_default(AgileClutter, "laws", ("pfm:3",))
+    durations: tuple[Positive, ...] = parameter((50e-6, 2e-3), "duration of each chirp", unit="s")
+    sweeps: tuple[Positive, ...] = parameter(
+        (40e6, 1e6),
+        "sweep of each chirp, as many as durations; every law with every pair, rising, can be sent at every target",
+        unit="Hz",
+    )
+    action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
+    tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
+    particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
+    spread: NonNegativeState = parameter(
+        (1e3, 1e3, 100.0, 100.0), "greatest distance of a first [x y xdot ydot] from its centre", unit="m, m/s"
+    )
+    shown: tuple[Count, Count] = parameter((6, 14), "least and greatest number of steps for which a target is visible")
+    hidden: tuple[NonNegativeInt, NonNegativeInt] = parameter(
+        (4, 10), "least and greatest number of steps for which it is then hidden"
+    )
+    windows: tuple[Window, ...] = parameter(
+        (), "(target, first, last): steps in which a target is hidden; () draws the windows", unit=""
+    )
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
+        """Check what single fields cannot say."""
         super().__post_init__()
-        check_beams(self)
+        if any(self.births):
+            raise InputError(f"births is {self.births}, expected 0 for every target: all are present throughout")
+        count = (len(self.action_set.library) * len(self.starts)) ** len(self.sensors)
+        check_within("number of joint actions", count, 1, MOST_ACTIONS)
+        window_draws(self.horizon, self.shown, self.hidden)
+        given_windows(self.windows, len(self.starts), self.horizon)
 
     @cached_property
     def action_set(self) -> BeamActions:
-        """Whom each sensor may look at, and with what."""
+        """The target and the chirp of every sensor."""
         chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
         return BeamActions(*chirps, len(self.sensors), self.action, len(self.starts))
 
@@ -106,71 +127,66 @@ class BeamAllocation(AgileClutter):
         step, mean, covariance = base[:3]
         return State(truth, Belief(step, mean, covariance, None, visibility(self, world.window, len(self.starts))))
 
-    def first_places(self, world: Any) -> Array:
-        """Drawn around ``starts``."""
+    def first_states(self, world: Any) -> Array:
+        """The true states at birth, drawn around ``starts``."""
         return drawn_around(self.starts, self.spread, world.place)
 
     def pulse(self, belief: Any, actions: Array) -> Pulse:
-        """Every sensor lights one target, with chance 1 where that can be seen."""
+        """Every sensor illuminates one target, with chance 1 if that target is visible."""
         seen = coming(belief.visible, belief.step, 1)[:, :, None]
-        return Pulse(
-            self.action_set.unit_covariance(actions), self._everywhere[0], self.action_set.looks.take(actions, 0) * seen
-        )
+        illuminated = self.action_set.illuminated.take(actions, 0)
+        return Pulse(self.action_set.unit_covariance(actions), self._full_illumination[0], illuminated * seen)
 
     def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
-        ahead = super().transition(state, action, world)
-        step, mean, covariance = ahead.belief[:3]
-        return State(ahead.truth, Belief(step, mean, covariance, None, state.belief.visible))
+        after = super().transition(state, action, world)
+        step, mean, covariance = after.belief[:3]
+        return State(after.truth, Belief(step, mean, covariance, None, state.belief.visible))
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""
-        ahead = super().predict(belief, actions, outcome)
+        after = super().predict(belief, actions, outcome)
         visible = belief.visible
-        if ahead.step.ndim == 2:
-            visible = np.broadcast_to(visible[:, None], ahead.step.shape + visible.shape[1:])
-        return Belief(*ahead[:3], None, visible)
-
-    def best_action(self, belief: Any) -> Array:
-        """Sensor after sensor is no shortcut here. Raises NotImplementedError: all joint actions are tried."""
-        raise NotImplementedError
+        if after.step.ndim == 2:
+            visible = np.broadcast_to(visible[:, None], after.step.shape + visible.shape[1:])
+        return Belief(*after[:3], None, visible)
 
     def delay(self, belief: Belief) -> Array:
-        """Steps before each candidate's pulse does its work, (env, candidate): none, beams turn at once."""
+        """Steps before each candidate's pulse, (env, candidate): 0, because beams turn at once."""
         return np.zeros((len(belief.step), len(self.action_set.joint)), np.int64)
 
     @property
     def target_of_action(self) -> Array:
         """The target of each radar's beam, (candidate, radar)."""
-        return self.action_set.looks.argmax(axis=2)
+        return self.action_set.illuminated.argmax(axis=2)
 
     def gain(self, belief: Belief, wait: Array | int, ahead: Array | int) -> Array:
-        """By how much each candidate's pulses lower the summed cost of the ``ahead`` steps from the look on.
+        """Reduction of the summed cost of ``ahead`` steps by each candidate's pulses.
 
         Args:
             belief: the belief.
-            wait: steps before the look in which nothing is measured, int or (env or 1, candidate or 1).
-            ahead: steps counted, the look's own included, int or (env or 1, target), of each target's; those beyond the
-                horizon count nothing.
+            wait: steps without any measurement before the pulses, int or (env or 1, candidate or 1).
+            ahead: steps that count, the pulses' own included, int or one for each target, (env or 1, target); steps
+                beyond the horizon do not count.
 
         Returns:
-            Expected over detections, (env, candidate); 0 where the targets are hidden then or the episode over.
+            Expected over detections, (env, candidate); 0 if the targets are hidden then or the episode is over.
         """
         out = np.empty((len(belief.step), len(self.action_set.joint)))
         waits, counted = np.empty(out.shape, np.int64), np.empty(belief.mean.shape[:2], np.int64)
         waits[...], counted[...] = wait, ahead
         M, visible = self.weights_ahead(int(counted.max())), np.require(belief.visible, requirements=["C", "W"])
         kernels.gain(
-            *belief[:3], visible, waits, counted, *self.action_set.ways, self.action_set.chirp_covariances, M,
+            *belief[:3], visible, waits, counted, *self.action_set.chirp_codes, self.action_set.chirp_covariances, M,
             *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """As the parent's, then of every target when it can be seen."""
+        """The observation: AgileClutter's, then the visibility of every target."""
         targets = len(self.starts)
-        return target_fields(targets, len(self.sensors)) + window_elements(targets)
+        return target_fields(targets, len(self.sensors)) + window_fields(targets)
 
     def observe(self, belief: Any) -> Array:
         """See ``observation_fields``."""

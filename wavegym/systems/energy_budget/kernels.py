@@ -1,6 +1,6 @@
-"""What a pulse sent after a pause is worth, for the rules that price energy: compiled.
+"""The gain of a pulse after a pause, for heuristics that price energy, in compiled form.
 
-Axes and argument groups as in ``agile_clutter_kernels``; c candidate. ``pulse`` has an entry for each candidate.
+Axes and argument groups as in ``agile_clutter.kernels``; c candidate. ``pulse`` has an entry for each candidate.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -11,17 +11,17 @@ import numpy as np
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.systems.agile_clutter.kernels import is_lit, is_present, predict_targets, weakness_one
-from wavegym.systems.agile_clutter.prediction_kernels import foresee_sensor, information
+from wavegym.systems.agile_clutter.prediction_kernels import information, predict_sensor
 from wavegym.trackers.ukf_kernels import foresee_measurement_one
 
 
 @kernel
-def gain(step, mean, covariance, wait, sight, left, M, pulse, choices, targets, F, Q, radar, q2, out, nn):
+def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, F, Q, radar, q2, out, nn):
     """out (e, c) = trace(M (P without - P with)), summed over targets, of candidate c's pulse after wait[e, c] steps.
 
-    sight (e, c): chance that the slot is not occluded; 0 gives 0. left (e, c): steps that the episode has from that
-    pulse's on. M (l, n, n) of 1, 2, ... steps: that of ``left``, or the last. choices (c, sensor): neighbours that
-    differ at the last sensor only share all that comes before it, so the order of a joint library costs least.
+    clear (e, c): probability that the slot is clear; 0 gives 0. left (e, c): steps of the episode from that pulse on.
+    M (l, n, n) for 1, 2, ... steps: that of ``left``, or the last. choices (c, sensor): neighbours that differ at the
+    last sensor only share the work for the others, so the order of a joint library costs least.
     """
     count_t, n, last = len(targets[0]), len(nn), choices.shape[1] - 1
     present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
@@ -30,9 +30,9 @@ def gain(step, mean, covariance, wait, sight, left, M, pulse, choices, targets, 
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K, draws = np.empty((count_t, n, 2)), np.empty((n, 2)), np.full((1, last + 1, count_t), -1.0)
     for e in range(len(step)):
-        before, fallen = -1, 0.0  # the candidate whose preparation is still there
+        before, fallen = -1, 0.0  # before: the candidate whose predictions P and x hold
         for c in range(len(choices)):
-            if sight[e, c] <= 0.0:
+            if clear[e, c] <= 0.0:
                 out[e, c] = 0.0
                 continue
             start, own = 0, M[min(left[e, c], len(M)) - 1]
@@ -42,11 +42,11 @@ def gain(step, mean, covariance, wait, sight, left, M, pulse, choices, targets, 
             else:
                 while start < last and choices[c, start] == choices[before, start]:
                     start += 1
-            seen[c] = sight[e, c] * pulse[2][c]
+            seen[c] = clear[e, c] * pulse[2][c]
             for i in range(start, last):
                 P[i + 1] = P[i]
                 is_lit(c, i, present, seen, lit)
-                foresee_sensor(c, i, x, P[i + 1], lit, (pulse[0], pulse[1], seen), draws, radar, q2, A, z, S, G, K, nn)
+                predict_sensor(c, i, x, P[i + 1], lit, (pulse[0], pulse[1], seen), draws, radar, q2, A, z, S, G, K, nn)
             if before < 0 or start < last:
                 fallen = fall(P[0], P[last], present, own)
                 for t in range(count_t):
@@ -58,7 +58,7 @@ def gain(step, mean, covariance, wait, sight, left, M, pulse, choices, targets, 
 
 @kernel
 def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
-    """What the last sensor's pulse takes off trace(M P), summed over the targets: z, S, G as it predicts them."""
+    """Reduction of trace(M P) by the last sensor's pulse, summed over the targets; z, S, G as predicted for it."""
     total = 0.0
     for t in range(len(present)):
         if present[t] and seen[c, i, t] > 0.0:
@@ -79,7 +79,7 @@ def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
 
 @kernel
 def predict_later(e, step, mean, covariance, wait, targets, F, Q, present, x, P, nn):
-    """x (t, n), P (t, n, n): the belief of environment e that a pulse after ``wait`` more steps meets; who is there."""
+    """x (t, n), P (t, n, n), present (t,): the belief of environment e at a pulse after ``wait`` more steps."""
     birth, lifetime = targets
     y, V = mean[e : e + 1].copy(), covariance[e : e + 1].copy()
     for k in range(wait + 1):

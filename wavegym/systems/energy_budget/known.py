@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import NonNegativeInt
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.core.parameters import Count, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField
 from wavegym.systems.energy_budget.state import World
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.systems.visibility_windows import alternating_windows, given_windows, window_draws
 
-FAR = 40  # steps: a change of the occlusion further ahead is shown as this
-CHANGES = 3  # of the occlusion that are shown
+FAR = 40  # steps: the observation shows a later change of the occlusion at this distance
+CHANGES = 3  # changes of the occlusion that are observed
 
 
 class Belief(NamedTuple):
@@ -26,47 +26,48 @@ class Belief(NamedTuple):
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
     particles: None
-    energy: Array  # (env,) left; the longest pulse of one sensor takes 1
+    energy: Array  # (env,) energy left; the longest pulse of one sensor costs 1
     visible: Array  # (env, H) bool: whether slot k, from step k to k + 1, is clear
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+@system_parameters
 class EnergyBudgetKnown(EnergyBudget):
-    """Two radars share an energy budget for a whole episode; when they are blinded is known from the beginning.
+    """Two radars share an energy budget for a whole episode; all occlusions are known from the beginning.
 
     Description
-        As wavegym/EnergyBudget-v0 with a stronger target, which is nearly always detected, and with clear and occluded
-        spells that are drawn for each world and known from its first step, as of a sector that is blanked by a schedule
-        or of terrain along a planned path. The choice at a step knows whether its slot is occluded. The spells are long
-        and the account, a battery's, pays four longest pulses: each has to be placed.
+        As wavegym/EnergyBudget-v0 with a stronger target, which is nearly always detected. Clear and occluded spells
+        are drawn for each world, each length equally likely, and known from the first step, like a scheduled blanking
+        of a sector or terrain along a planned path. The choice at a step knows whether its slot is occluded. The spells
+        are long and the account, a battery's, pays four longest pulses: each has to be placed.
 
     Rewards
         As wavegym/AgileClutter-v0: -trace(Lambda P).
 
     Starting state
-        As wavegym/EnergyBudget-v0; the episode begins anywhere in a clear spell and the occluded one that follows it.
+        As wavegym/EnergyBudget-v0; the episode begins anywhere in a clear spell and the occluded one after it.
 
     Episode end
         Terminates after ``horizon`` steps; the time left is observed.
-
-    Arguments
-        shown, hidden: least and greatest number of steps of clear and of occluded spells, each length equally likely.
-        windows: (first, last), steps in which both radars are occluded, both included, the same in every world, in
-        place of drawn spells; () draws them. mean_clear, mean_occluded are not used. All others as
-        wavegym/EnergyBudget-v0.
 
     References
         As wavegym/EnergyBudget-v0.
     """
 
-    reference_range: float = 100e3
-    budget: float = 0.06
-    shown: tuple[int, int] = (8, 20)
-    hidden: tuple[int, int] = (8, 20)
-    windows: tuple[tuple[int, int], ...] = ()
+    reference_range: float = changed_default(EnergyBudget, "reference_range", 100e3)
+    budget: float = changed_default(EnergyBudget, "budget", 0.06)
+    mean_clear: float = parameter(12.0, "not used", ge=1, le=1e6)
+    mean_occluded: float = parameter(6.0, "not used", ge=1, le=1e6)
+    shown: tuple[Count, Count] = parameter((8, 20), "least and greatest number of steps of a clear spell")
+    hidden: tuple[NonNegativeInt, NonNegativeInt] = parameter(
+        (8, 20), "least and greatest number of steps of an occluded spell"
+    )
+    windows: tuple[tuple[int, int], ...] = parameter(
+        (), "(first, last): occluded steps, both included, the same in every world; () draws the spells", unit=""
+    )
 
-    def _check_occlusions(self) -> None:
-        """InputError for windows outside the episode, spells that cannot be, or nothing that is ever seen."""
+    def __post_init__(self) -> None:
+        """Check what single fields cannot say."""
+        super().__post_init__()
         _ = self._occlusion_draws
         if self.windows and not self._given().any():
             raise InputError(f"windows is {self.windows}, expected at least one step of the episode outside them")
@@ -77,52 +78,53 @@ class EnergyBudgetKnown(EnergyBudget):
 
     @property
     def _occlusion_draws(self) -> int:
+        """Uniform draws of one world's occlusions. InputError for spells of impossible lengths."""
         return window_draws(self.horizon, self.shown, self.hidden)
 
-    def _at_first(self, world: World) -> Array:
+    def _first_occlusion(self, world: World) -> Array:
         if self.windows:
             return np.tile(self._given(), (len(world.occlusion), 1))
         return alternating_windows(world.occlusion, self.horizon, self.shown, self.hidden)
 
-    def _public(self, base: Any, energy: Array, air: Array) -> Any:
-        return Belief(base.step, base.mean, base.covariance, None, energy, air)
+    def _belief(self, base: Any, energy: Array, occlusion: Array) -> Any:
+        return Belief(base.step, base.mean, base.covariance, None, energy, occlusion)
 
-    def _lived(self, belief: Any, world: World) -> tuple[Array, Array]:
+    def _draw_slot(self, belief: Any, world: World) -> tuple[Array, Array]:
         return belief.visible[np.arange(len(belief.step)), belief.step], belief.visible.copy()
 
-    def _clear(self, belief: Any) -> Array:
+    def _clear_probability(self, belief: Any) -> Array:
         slot = np.minimum(belief.step, self.horizon - 1)
         return belief.visible[np.arange(len(slot)), slot].astype(np.float64)
 
-    def _sight(self, belief: Any, wait: Array) -> Array:
+    def _later_clear_probability(self, belief: Any, wait: Array) -> Array:
         slot = np.minimum(belief.step[:, None] + wait, self.horizon - 1)
         return np.take_along_axis(belief.visible, slot, axis=1).astype(np.float64)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]
-        """A draw for every sensor and target, sensor by sensor: whether it is detected."""
+        """A draw for every sensor and target, sensor by sensor: a detection."""
         return (len(self.sensors) * len(self.starts),)
 
-    def _foreseen(self, belief: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
-        return self._clear(belief), belief.visible, None if outcome is None else self._by_sensor(outcome)
+    def _predict_slot(self, belief: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
+        return self._clear_probability(belief), belief.visible, None if outcome is None else self._by_sensor(outcome)
 
-    def _air_elements(self) -> tuple[ObservationField, ...]:
+    def _occlusion_fields(self) -> tuple[ObservationField, ...]:
         return (
             ObservationField("occluded", "1", 0.5, 0.5, "whether the next slot is occluded"),
             *(
                 ObservationField(
-                    f"change_{k}", "steps", 10.0 * k, 10.0, f"steps until that has changed {k} x, at most {FAR}"
+                    f"change_{k}", "steps", 10.0 * k, 10.0, f"steps until change {k} of the occlusion, at most {FAR}"
                 )
                 for k in range(1, CHANGES + 1)
             ),
             ObservationField("visible_ahead", "1", 0.5, 0.3, "share of the slots still to come that are clear"),
         )
 
-    def _air(self, belief: Any) -> tuple[Array, ...]:
+    def _observed_occlusion(self, belief: Any) -> tuple[Array, ...]:
         slots, step = np.arange(self.horizon), belief.step[:, None]
         is_change = np.diff(belief.visible, axis=1, prepend=belief.visible[:, :1]) & (slots > step)
         nth = np.cumsum(is_change, axis=1) * is_change
         at = [nth == k for k in range(1, CHANGES + 1)]
         changes = [np.where(k.any(axis=1), np.minimum(k.argmax(axis=1) - belief.step, FAR), FAR) for k in at]
         ahead = (belief.visible & (slots >= step)).sum(axis=1) / np.maximum(self.horizon - belief.step, 1)
-        return 1.0 - self._clear(belief), *changes, ahead
+        return 1.0 - self._clear_probability(belief), *changes, ahead

@@ -6,58 +6,51 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import NonNegativeInt
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import check_within
+from wavegym.core.capabilities import Delay, Gain, Spending
+from wavegym.core.errors import InputError, check_within
+from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
-from wavegym.systems.agile_clutter import state as several_targets
-from wavegym.systems.agile_clutter.search import NN
-from wavegym.systems.agile_clutter.state import Pulse
+from wavegym.systems.agile_clutter.state import NN, NonNegativeState, PlanarState, PositiveState, Pulse, drawn_around
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
-from wavegym.systems.energy_budget import state as parts
-from wavegym.systems.energy_budget.account import PulseActions
-from wavegym.systems.energy_budget.state import Belief, Truth, World
+from wavegym.systems.energy_budget.actions import PulseActions
+from wavegym.systems.energy_budget.state import Belief, Truth, World, account_fields, spells
 from wavegym.trackers.information_reduction import reduction_table
 
+ROUND = 1.0 + 1e-12  # a budget short of whole quanta by rounding only is not short
+WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
-class EnergyBudget(AgileClutter):
+
+@system_parameters
+class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     """Two radars share an energy budget for a whole episode while a jammer comes and goes.
 
     Description
         As wavegym/AgileClutter-v0 with one target, weaker and manoeuvring. Each radar is silent or sends one of three
-        durations of one chirp at constant peak power, so a pulse's SNR, and with it its detection probability, grow
-        with its duration, and so does the energy that it takes. The longest pulse takes 1; both radars are paid from
-        one account of ``budget`` an step, far less than they could use, and what is not spent is kept. An action that
-        the account cannot pay is masked; taken all the same, it becomes the dearest that can be paid in which no radar
-        sends longer than asked, silence at the least (metric ``replaced``). Energy is counted in whole quanta.
+        durations of one chirp at constant peak power, so a pulse's SNR, detection probability and energy grow with its
+        duration. The longest pulse costs 1; one account of ``budget`` a step pays both radars, far less than they could
+        use, and keeps unspent energy. The mask excludes actions that the account cannot pay; such an action, taken all
+        the same, becomes the dearest affordable one in which no radar sends longer than asked, or silence (metric
+        ``replaced``). Energy is counted in whole quanta.
         A jammer or a rain cell occludes the target from both radars: a two-state Markov chain with onset and end of
-        known rates. Receivers listen between pulses, so whether the slot that has just ended was occluded is known
-        without transmitting; whether the next one will be is not, so an onset may waste a pulse. In an occluded slot
-        nothing is received, and the energy of its pulses is lost.
+        known rates. Receivers listen between pulses, so the state of the slot just ended is known without transmitting;
+        the state of the next slot is not, so an onset may waste a pulse. In an occluded slot the radars receive nothing
+        and lose the energy of their pulses.
 
     Rewards
         As wavegym/AgileClutter-v0: -trace(Lambda P).
 
     Starting state
-        Each target starts uniformly within ``spread`` of its ``starts``, the first estimate is drawn around it with
+        Each target starts uniformly within ``spread`` of ``starts``, the first estimate is drawn around the start with
         covariance diag(prior_variance), the account is full and the air clear. The region lies well off the line
-        through both radars, where they would measure the same.
+        through both radars, where both would measure the same.
 
     Episode end
         Terminates after ``horizon`` steps; the time left is observed.
-
-    Arguments
-        budget: energy for each step of the episode, in longest pulses of one radar; the account holds horizon times as
-        much, rounded down to whole quanta. mean_clear, mean_occluded: mean number of steps of a clear and of an
-        occluded spell, at least 1. spread: half the width of the region of starts in [x y xdot ydot] (m, m/s).
-        direction: whether the chirp sweeps "up" or "down". durations: of the pulses (s), multiples of a common unit;
-        the SNR is that of ``reference_range`` for the longest. laws, sweeps: of the chirp, one each. births: 0
-        for every target. tracker, action: "jpda" and "joint" only. All others as wavegym/AgileClutter-v0.
 
     References
         The loop is that of S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for
@@ -65,57 +58,82 @@ class EnergyBudget(AgileClutter):
     """
 
     strict: ClassVar[bool] = False
-    horizon: int = 72
-    dt: float = 0.25
-    q: float = 10.0
-    reference_range: float = 36e3
-    sensors: tuple[tuple[float, float], ...] = ((-10e3, 0.0), (10e3, 0.0))
-    starts: tuple[tuple[float, float, float, float], ...] = ((0.0, 22e3, 0.0, 0.0),)
-    spread: tuple[float, float, float, float] = (5e3, 4e3, 100.0, 100.0)
-    births: tuple[int, ...] = (0,)
-    lifetime: int = 72
-    prior_variance: tuple[float, float, float, float] = (100.0, 100.0, 25.0, 25.0)
-    clutter_density: float = 1e-6
-    laws: tuple[str, ...] = ("pfm:3",)
-    durations: tuple[float, ...] = (25e-6, 50e-6, 100e-6)
-    sweeps: tuple[float, ...] = (15e6,)
-    direction: Literal["up", "down"] = "up"
-    budget: float = 0.27
-    mean_clear: float = 12.0
-    mean_occluded: float = 6.0
-    action: Literal["joint"] = "joint"
-    tracker: Literal["jpda"] = "jpda"
+    # Sensor after sensor is no shortcut here: it cannot see the account.
+    best_action: ClassVar[None] = None  # type: ignore[assignment]
+    sensor_costs: ClassVar[None] = None  # type: ignore[assignment]
+
+    horizon: int = changed_default(AgileClutter, "horizon", 72)
+    dt: float = changed_default(AgileClutter, "dt", 0.25)
+    q: float = changed_default(AgileClutter, "q", 10.0)
+    reference_range: float = parameter(36e3, "r0, the range at which the longest pulse has eta = 1", unit="m", gt=0)
+    sensors: tuple[tuple[float, float], ...] = changed_default(AgileClutter, "sensors", ((-10e3, 0.0), (10e3, 0.0)))
+    starts: tuple[PlanarState, ...] = parameter(
+        ((0.0, 22e3, 0.0, 0.0),), "centre of the first [x y xdot ydot] of each target", unit="m, m/s"
+    )
+    spread: NonNegativeState = parameter(
+        (5e3, 4e3, 100.0, 100.0), "greatest distance of a first [x y xdot ydot] from its centre", unit="m, m/s"
+    )
+    births: tuple[NonNegativeInt, ...] = parameter((0,), "0 for every target")
+    lifetime: int = changed_default(AgileClutter, "lifetime", 72)
+    prior_variance: PositiveState = changed_default(AgileClutter, "prior_variance", (100.0, 100.0, 25.0, 25.0))
+    clutter_density: float = changed_default(AgileClutter, "clutter_density", 1e-6)
+    laws: tuple[str, ...] = parameter(
+        ("pfm:3",), 'phase function of the chirp, one: "lfm", "pfm:KAPPA", "hfm:SHAPE" or "efm:SHAPE"', unit=""
+    )
+    durations: tuple[Positive, ...] = parameter(
+        (25e-6, 50e-6, 100e-6), "durations of the pulses, multiples of a common unit", unit="s"
+    )
+    sweeps: tuple[Positive, ...] = parameter((15e6,), "sweep of the chirp, one", unit="Hz")
+    direction: Literal["up", "down"] = parameter("up", "direction of the sweep", unit="")
+    budget: float = parameter(
+        0.27,
+        "energy per step of the episode, in longest pulses of one radar; the full account holds horizon times as much, "
+        "rounded down to whole quanta",
+        gt=0,
+    )
+    mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", ge=1, le=1e6)
+    mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", ge=1, le=1e6)
+    action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
+    tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
+    particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
-        parts.check_pulses(self)
+        """Check what single fields cannot say."""
+        for name in ("laws", "sweeps"):
+            if len(getattr(self, name)) != 1:
+                raise InputError(f"{name} is {getattr(self, name)}, expected one: pulses differ in duration only")
+        if any(self.births):
+            raise InputError(f"births is {self.births}, expected 0 for every target")
         super().__post_init__()
-        parts.check_budget(self)
-        self._check_occlusions()
+        self._check_budget()
 
-    def _check_occlusions(self) -> None:
-        """InputError for occlusions that cannot be."""
-        for name in ("mean_clear", "mean_occluded"):
-            check_within(name, getattr(self, name), 1, 1e6, "steps")
+    def _check_budget(self) -> None:
+        """InputError for a budget that radars cannot spend, or that does not pay the cheapest pulse of an episode."""
+        cheapest = float(self.action_set.shares[1])
+        least = cheapest / self.horizon
+        if self.budget * self.horizon * ROUND < cheapest:
+            wanted = f"at least {least:.3g} (nearest), so that an episode's account pays the cheapest pulse once"
+            raise InputError(f"budget is {self.budget!r} a step, expected {wanted}")
+        check_within("budget", self.budget, least / ROUND, len(self.sensors), "a step")
 
     @cached_property
     def action_set(self) -> PulseActions:  # type: ignore[override]
-        """What may be transmitted."""
+        """Silence or a pulse at every sensor, and the account that pays them."""
         (law,), (sweep,) = self.laws, self.sweeps
         return PulseActions(law, self.durations, sweep, self.direction, self.carrier_hz, len(self.sensors))
 
     @cached_property
     def total(self) -> float:
         """Energy of a full account."""
-        return int(self.budget * self.horizon * self.action_set.quanta * parts.ROUND) / self.action_set.quanta
+        return int(self.budget * self.horizon * self.action_set.quanta * ROUND) / self.action_set.quanta
 
     @cached_property
     def spending(self) -> Array:
-        """Energy that each candidate takes, (candidate,)."""
-        return self.action_set.takes / self.action_set.quanta
+        """Energy that each candidate costs, (candidate,)."""
+        return self.action_set.action_quanta / self.action_set.quanta
 
     def mask(self, belief: Any) -> Array:
-        """The actions that the account can pay, (env, actions); silence always."""
+        """Which actions the account can pay, (env, actions) bool; silence always."""
         return self.action_set.account.affordable(belief.energy)
 
     def draw_world(self, rng: np.random.Generator) -> Any:
@@ -133,167 +151,162 @@ class EnergyBudget(AgileClutter):
         count = len(belief.step)
         none = np.zeros(count, np.bool_)
         truth = Truth(**base._asdict(), spent=np.zeros(count), occluded=none, replaced=none.copy())
-        return State(truth, self._public(belief, np.full(count, self.total), self._at_first(world)))
+        return State(truth, self._belief(belief, np.full(count, self.total), self._first_occlusion(world)))
 
-    def first_places(self, world: Any) -> Array:
-        """Drawn around ``starts``."""
-        return several_targets.drawn_around(self.starts, self.spread, world.place)
+    def first_states(self, world: Any) -> Array:
+        """The true states at birth, drawn around ``starts``."""
+        return drawn_around(self.starts, self.spread, world.place)
 
-    def _at_first(self, world: World) -> Array:
-        """What is public of the occlusions at step 0: clear air."""
+    def _first_occlusion(self, world: World) -> Array:
+        """The belief's field of the occlusion at step 0: clear air."""
         return np.zeros(len(world.occlusion))
 
-    def _public(self, base: Any, energy: Array, air: Array) -> Any:
-        """The belief of AgileClutter's, the energy left and what is known of the occlusions."""
-        return Belief(base.step, base.mean, base.covariance, None, energy, air)
+    def _belief(self, base: Any, energy: Array, occlusion: Array) -> Any:
+        """AgileClutter's belief with the energy left and the field of the occlusion."""
+        return Belief(base.step, base.mean, base.covariance, None, energy, occlusion)
 
     def transition(self, state: State, action: Array, world: Any) -> State:
-        """One step: pay, transmit what was paid for, detect unless the slot is occluded, update."""
+        """One step: pay, transmit, detect unless the slot is occluded, update."""
         used, left = self.action_set.account.pay(state.belief.energy, action)
-        is_clear, air = self._lived(state.belief, world)
-        pulse = self._transmitted(used[:, None], is_clear[:, None].astype(np.float64))
-        truth, base = self._advance(state, pulse, world)
+        is_clear, occlusion = self._draw_slot(state.belief, world)
+        pulse = self._pulses(used[:, None], is_clear[:, None].astype(np.float64))
+        truth, base = self._transmit(state, pulse, world)
         own = {"spent": self.spending[used], "occluded": ~is_clear, "replaced": used != action}
-        return State(Truth(**truth._asdict(), **own), self._public(base, left, air))
+        return State(Truth(**truth._asdict(), **own), self._belief(base, left, occlusion))
 
-    def _lived(self, belief: Any, world: World) -> tuple[Array, Array]:
-        """Whether the slot ahead is clear, (env,) bool, and what is public of the occlusions after it."""
+    def _draw_slot(self, belief: Any, world: World) -> tuple[Array, Array]:
+        """Whether the next slot is clear, (env,) bool, and the belief's field of the occlusion after it."""
         draw = world.occlusion[np.arange(len(belief.step)), belief.step]
-        is_clear = draw < self._clear(belief)
+        is_clear = draw < self._clear_probability(belief)
         return is_clear, (~is_clear).astype(np.float64)
 
-    def _clear(self, belief: Any) -> Array:
-        """Chance that the slot ahead is clear, (env,)."""
-        after_clear, after_occluded = self._onset
-        sight: Array = after_clear + (after_occluded - after_clear) * belief.occluded
-        return sight
+    def _clear_probability(self, belief: Any) -> Array:
+        """Probability that the next slot is clear, (env,)."""
+        after_clear, after_occluded = self._clear_after
+        clear: Array = after_clear + (after_occluded - after_clear) * belief.occluded
+        return clear
 
-    def _sight(self, belief: Any, wait: Array) -> Array:
-        """Chance that the slot after ``wait`` (env, candidate) more steps is clear."""
+    def _later_clear_probability(self, belief: Any, wait: Array) -> Array:
+        """Probability that the slot after ``wait`` (env, candidate) more steps is clear."""
         usual, memory = self._spells
         return 1.0 - (usual + (belief.occluded[:, None] - usual) * memory[np.minimum(wait, len(memory) - 1)])
 
     @cached_property
     def _spells(self) -> tuple[float, Array]:
-        return parts.spells(self.mean_clear, self.mean_occluded, self.horizon)
+        return spells(self.mean_clear, self.mean_occluded, self.horizon)
 
     @cached_property
-    def _onset(self) -> tuple[float, float]:
-        """Chance that a slot after a clear one is clear, and after an occluded one."""
+    def _clear_after(self) -> tuple[float, float]:
+        """Probability of a clear slot after a clear one, and after an occluded one."""
         return 1.0 - 1.0 / self.mean_clear, 1.0 / self.mean_occluded
 
     def pulse(self, belief: Any, actions: Array) -> Pulse:
-        """What actions (env, candidate) transmit, as far as the account pays, in slots that may be clear."""
+        """The pulses of actions (env, candidate), as far as the account pays, in slots that may be clear."""
         used, _ = self.action_set.account.pay(belief.energy[:, None], actions)
-        return self._transmitted(used, self._clear(belief)[:, None])
+        return self._pulses(used, self._clear_probability(belief)[:, None])
 
-    def _transmitted(self, used: Array, sight: Array) -> Pulse:
-        """What actions (...) transmit in slots clear with chance ``sight`` (...), or shapes that broadcast."""
-        C, strength, looked = (a.take(used, axis=0) for a in self._everything)
-        return Pulse(C, strength, sight[..., None, None] * looked)
+    def _pulses(self, used: Array, clear: Array) -> Pulse:
+        """The pulses of actions (...) in slots that are clear with probability ``clear`` (...); shapes broadcast."""
+        C, strength, illuminated = (a.take(used, axis=0) for a in self._candidate_pulses)
+        return Pulse(C, strength, clear[..., None, None] * illuminated)
 
     @cached_property
-    def _everything(self) -> tuple[Array, ...]:
-        """What every candidate transmits in clear slots, each (candidate, ...)."""
+    def _candidate_pulses(self) -> tuple[Array, ...]:
+        """The fields of every candidate's ``Pulse`` in clear slots, each (candidate, ...)."""
         options = self.action_set.actions.indices
-        looked = np.repeat((options > 0)[..., None], len(self.starts), axis=2).astype(np.float64)
-        return self.action_set.unit_covariances[options], self.action_set.strength[options], looked
+        illuminated = np.repeat((options > 0)[..., None], len(self.starts), axis=2).astype(np.float64)
+        return self.action_set.unit_covariances[options], self.action_set.strength[options], illuminated
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]
-        """A draw for every sensor and target, sensor by sensor: whether it is detected. The last: clear air."""
+        """A draw for every sensor and target, sensor by sensor: a detection. The last draw: a clear slot."""
         return (len(self.sensors) * len(self.starts) + 1,)
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
-        """The belief after one step and the energy left, which is certain.
+        """The belief after one step, and the energy left, which is certain.
 
-        Expected: as AgileClutter, each detection weighed with the chance that the slot is clear. ``outcome``: uniform
-        draws (env, *chances) or (env, candidate, *chances), detections sensor by sensor, then whether the slot is
-        clear; a draw below its probability makes it happen.
+        Expected: as AgileClutter, each detection weighted with the probability that the slot is clear. ``outcome``:
+        uniform draws (env, *outcome_shape) or (env, candidate, *outcome_shape): detections sensor by sensor, then a
+        clear slot; an event happens where its draw is below its probability.
         """
         if actions.ndim == 1:
-            return self._imagined(belief, actions, outcome)
+            return self._predict_one(belief, actions, outcome)
         shape = len(belief.step), actions.shape[1]
         rows = np.broadcast_to(actions, shape).reshape(-1)
         if outcome is not None:
             outcome = np.broadcast_to(outcome, shape + self.outcome_shape).reshape(-1, *self.outcome_shape)
-        ahead = self._imagined(trees.repeated(belief, shape[1]), rows, outcome)
-        return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), ahead)
+        after = self._predict_one(trees.repeated(belief, shape[1]), rows, outcome)
+        return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after)
 
-    def _imagined(self, belief: Any, actions: Array, outcome: Array | None) -> Any:
-        """``predict`` of one action (env,) each."""
+    def _predict_one(self, belief: Any, actions: Array, outcome: Array | None) -> Any:
+        """``predict`` of one action for each environment, (env,)."""
         used, left = self.action_set.account.pay(belief.energy, actions)
-        sight, air, draws = self._foreseen(belief, outcome)
-        return self._public(self._imagine(belief, self._transmitted(used, sight), draws), left, air)
+        clear, occlusion, draws = self._predict_slot(belief, outcome)
+        return self._belief(self._predict_pulse(belief, self._pulses(used, clear), draws), left, occlusion)
 
-    def _foreseen(self, belief: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
-        """Chance of a clear slot (env,), what is public of it after, draws (env, sensor, target)."""
-        sight = self._clear(belief)
+    def _predict_slot(self, belief: Any, outcome: Array | None) -> tuple[Array, Array, Any]:
+        """Probability of a clear slot (env,), the field of the occlusion after it, draws (env, sensor, target)."""
+        clear = self._clear_probability(belief)
         if outcome is None:
-            return sight, 1.0 - sight, None
-        clear = (outcome[:, -1] < sight).astype(np.float64)
-        return clear, 1.0 - clear, self._by_sensor(outcome[:, :-1])
+            return clear, 1.0 - clear, None
+        drawn = (outcome[:, -1] < clear).astype(np.float64)
+        return drawn, 1.0 - drawn, self._by_sensor(outcome[:, :-1])
 
     def _by_sensor(self, draws: Array) -> Array:
-        """Draws (..., sensor, target) of draws in a row."""
+        """Draws (..., sensor * target) as (..., sensor, target)."""
         return draws.reshape(*draws.shape[:-1], len(self.sensors), len(self.starts))
 
     def delay(self, belief: Any) -> Array:
-        """Steps before a candidate's pulses do their work, (env, candidate): none."""
-        return np.zeros((len(belief.step), len(self.action_set.takes)), np.int64)
+        """Steps before a candidate's pulses, (env, candidate): 0."""
+        return np.zeros((len(belief.step), len(self.action_set.action_quanta)), np.int64)
 
     def gain(self, belief: Any, wait: Array | int, ahead: int) -> Array:
-        """What a candidate's pulses take off the summed cost of ``ahead`` steps from the look on, (env, candidate).
+        """Expected reduction of the summed cost of ``ahead`` steps by a candidate's pulses, (env, candidate).
 
-        Expected, against no pulse at all: trace(M (P without - P with)), M of ``horizon_weights``. Steps beyond the
-        episode's end count nothing.
+        trace(M (P without - P with)), M of ``horizon_weights``. Steps beyond the episode's end do not count.
 
         Args:
             belief: the belief.
-            wait: steps before the pulses, in which nothing is measured; one number, or (env, candidate).
-            ahead: steps.
+            wait: steps without any measurement before the pulses; one number, or (env, candidate).
+            ahead: steps that count, the pulses' own included.
         """
-        later = np.array(np.broadcast_to(wait, (len(belief.step), len(self.action_set.takes))), np.int64)
+        later = np.array(np.broadcast_to(wait, (len(belief.step), len(self.action_set.action_quanta))), np.int64)
         left = self.horizon - belief.step[:, None] - later
-        sight = np.where(left > 0, self._sight(belief, later), 0.0)
+        clear = np.where(left > 0, self._later_clear_probability(belief, later), 0.0)
         out = np.empty(later.shape)
         kernels.gain(
-            *belief[:3], later, sight, left, self.weights_ahead(ahead), self._everything,
+            *belief[:3], later, clear, left, self.weights_ahead(ahead), self._candidate_pulses,
             self.action_set.actions.indices, self._targets, *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out
 
     def constants(self) -> Array:
-        """One option wherever a radar transmits: at both, at one alone, at none."""
+        """Actions in which all transmitting radars send the same pulse; silence included."""
         return self.action_set.constants
-
-    def best_action(self, belief: Any) -> Array:
-        """Not offered: sensor by sensor cannot see the account. Raises NotImplementedError."""
-        raise NotImplementedError
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation: AgileClutter's, with the SNR of the longest pulse, the account and the occlusions."""
-        base = [e._replace(centre=parts.WEAK) if e.name.startswith("snr") else e for e in super().observation_fields]
-        return (*base, *parts.account_elements(self.total / self.horizon, len(self.sensors)), *self._air_elements())
+        """The observation: AgileClutter's with the longest pulse's SNR, then the account and the occlusions."""
+        base = [e._replace(centre=WEAK) if e.name.startswith("snr") else e for e in super().observation_fields]
+        return (*base, *account_fields(self.total / self.horizon, len(self.sensors)), *self._occlusion_fields())
 
-    def _air_elements(self) -> tuple[ObservationField, ...]:
+    def _occlusion_fields(self) -> tuple[ObservationField, ...]:
         return (ObservationField("occluded", "1", 0.5, 0.5, "whether the last slot was occluded"),)
 
     def observe(self, belief: Any) -> Array:
         """See ``observation_fields``."""
-        out, air = super().observe(belief), self._air(belief)
-        own = out[:, out.shape[1] - 2 - len(air) :]
+        out, occlusion = super().observe(belief), self._observed_occlusion(belief)
+        own = out[:, out.shape[1] - 2 - len(occlusion) :]
         own[:, 0] = belief.energy / self.total
         own[:, 1] = np.minimum(belief.energy / np.maximum(self.horizon - belief.step, 1), len(self.sensors))
-        own[:, 2:] = np.stack(air, axis=1)
+        own[:, 2:] = np.stack(occlusion, axis=1)
         return out
 
-    def _air(self, belief: Any) -> tuple[Array, ...]:
-        """What is shown of the occlusions, each (env,)."""
+    def _observed_occlusion(self, belief: Any) -> tuple[Array, ...]:
+        """The values of ``_occlusion_fields``, each (env,)."""
         return (belief.occluded,)
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """AgileClutter's; ``energy`` left, and of the step: energy ``spent``, ``occluded``, whether ``replaced``."""
+        """AgileClutter's; ``energy`` left; of the last step: energy ``spent``, ``occluded``, whether ``replaced``."""
         own = {name: getattr(state.truth, name).copy() for name in ("spent", "occluded", "replaced")}
         return {**super().state_info(state), "energy": state.belief.energy.copy(), **own}
