@@ -43,7 +43,7 @@ Position = tuple[Coordinate, Coordinate]
 TargetState = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 Azimuth = Annotated[float, Field(ge=-math.pi, le=math.pi, allow_inf_nan=False)]
 Bound = Annotated[float, Field(gt=0, le=GREATEST, allow_inf_nan=False)]
-Range = tuple[Bound, Bound]  # least and greatest
+Bounds = tuple[Bound, Bound]  # least and greatest
 StateVariance = tuple[Positive, Positive, Positive, Positive]
 StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 
@@ -94,9 +94,9 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
     )
     first_estimate: Literal["halfway", "drawn"] = parameter("halfway", "first estimates; see Starting state", unit="")
     prior_variance: StateVariance = parameter((1e6, 25.0, 1e6, 25.0), "diagonal of P0", unit="m^2, m^2/s^2")
-    prf: Range = parameter((1e3, 100e3), "least and greatest pulse repetition frequency", unit="Hz")
-    bandwidth: Range = parameter((1e6, 20e6), "least and greatest bandwidth B", unit="Hz")
-    pixel_angle: Range = parameter((1e-5, 2e-3 * math.pi), "least and greatest pixel angle alpha", unit="rad")
+    prf: Bounds = parameter((1e3, 100e3), "least and greatest pulse repetition frequency", unit="Hz")
+    bandwidth: Bounds = parameter((1e6, 20e6), "least and greatest bandwidth B", unit="Hz")
+    pixel_angle: Bounds = parameter((1e-5, 2e-3 * math.pi), "least and greatest pixel angle alpha", unit="rad")
     points: tuple[int, int, int] = parameter((4, 1, 4), "number of PRFs, bandwidths and pixel angles in the library")
     penalty: Penalty = parameter("logistic", "growth of a predicted variance at the edge of the field of view", unit="")
     sharpness: tuple[Positive, Positive, Positive] | None = parameter(
