@@ -15,7 +15,7 @@ import scipy.stats
 from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter
 
 from tests.oracles import motion
-from wavegym.trackers import joint_association, particle_update, predict
+from wavegym.trackers import joint_association, rbpf_update, predict
 from wavegym.trackers import rbpf_kernels as kernels
 
 SENSORS = np.array([[3000.0, -16000.0], [3000.0, 20400.0]])
@@ -125,11 +125,11 @@ def particles(s, count):
 
 
 def step(s, k, X, V, key, **more):
-    return particle_update(key, X, V, s.scans[k], s.pd, s.noise, SENSORS, DENSITY, PG, **more)
+    return rbpf_update(key, X, V, s.scans[k], s.pd, s.noise, SENSORS, DENSITY, PG, **more)
 
 
 def filtered(s, count, key=0):
-    """Each step's ``ParticleUpdate``."""
+    """Each step's ``RbpfUpdate``."""
     X, V = particles(s, count)
     for k in range(len(s.scans)):
         if k:
@@ -176,7 +176,7 @@ def test_the_evidence_of_identical_particles_is_the_joint_association_s():
     s = SCENES["two targets, two steps"]
     X, V = particles(s, 50)
     z, pd, noise = s.scans[0][1], s.pd[1], s.noise[1]
-    ours = particle_update(3, X, V, [z], pd[None], noise[None], SENSORS[1:], DENSITY, PG)
+    ours = rbpf_update(3, X, V, [z], pd[None], noise[None], SENSORS[1:], DENSITY, PG)
     predicted = [predict_ahead(*each, SENSORS[1]) for each in zip(s.mean, s.covariance, noise, strict=True)]
     N = [scipy.stats.multivariate_normal.pdf(z, centre, S) for centre, S, _ in predicted]
     wanted = joint_association(N, pd, DENSITY, PG).log_evidence
@@ -188,7 +188,7 @@ def test_the_evidence_of_identical_particles_is_the_joint_association_s():
 def test_without_clutter_every_particle_is_filterpys_unscented_kalman_filter():
     s = scene([[(0,), (0,)]], targets=1)
     X, V = particles(s, 100)
-    ours = particle_update(0, X, V, s.scans[0], np.full((2, 1), 1.0 - 1e-9), s.noise, SENSORS, 1e-12)
+    ours = rbpf_update(0, X, V, s.scans[0], np.full((2, 1), 1.0 - 1e-9), s.noise, SENSORS, 1e-12)
     points = JulierSigmaPoints(4, kappa=0.0)
     filter = UnscentedKalmanFilter(4, 2, 0.25, None, lambda x, dt: x, points)
     filter.x, filter.P, filter.Q, filter.R = s.mean[0].copy(), s.covariance[0].copy(), np.zeros((4, 4)), NOISE
@@ -262,7 +262,7 @@ def test_absent_targets_are_not_touched_and_say_nothing():
 def test_a_return_that_nobody_explains_is_clutter_even_where_there_is_next_to_none():
     s = scene([[(0,), ()]], targets=1)
     s.scans[0][0][:] += 2000.0
-    ours = particle_update(0, *particles(s, 10), s.scans[0], s.pd, s.noise, SENSORS, 1e-20)
+    ours = rbpf_update(0, *particles(s, 10), s.scans[0], s.pd, s.noise, SENSORS, 1e-20)
     assert (ours.particles.mean == s.mean).all()
     assert ours.log_evidence == pytest.approx(np.log(1.0 - s.pd).sum())
 

@@ -20,7 +20,7 @@ def predict_ahead(x, P, sensor=SENSOR):
     means, covariances = np.full((3, 4), np.nan), np.full((3, 4, 4), np.nan)
     means[1], covariances[1] = x, P
     A, z, S, G = np.empty((2, 4, 4)), np.empty((2, 2)), np.empty((2, 2, 2)), np.empty((2, 4, 2))
-    kernels.foresee_measurement_one(0, 1, means, covariances, sensor[0], sensor[1], A, z, S, G, (0,) * 4)
+    kernels.predict_measurement_one(0, 1, means, covariances, sensor[0], sensor[1], A, z, S, G, (0,) * 4)
     return z[0], S[0], G[0]
 
 
@@ -66,7 +66,7 @@ def test_from_transmitter_to_receiver_equals_filterpy(seed):
     z, S = unscented_transform(images, points.Wm, points.Wc)
     G = np.einsum("i,ij,ik->jk", points.Wc, sigmas - x, images - z)
     A, ours = np.empty((1, 6, 6)), (np.empty((1, 2)), np.empty((1, 2, 2)), np.empty((1, 6, 2)))
-    kernels.foresee_multistatic_one(0, 0, x[None], P[None], *transmitter, *SENSOR, A, *ours, (0,) * 6)
+    kernels.predict_multistatic_one(0, 0, x[None], P[None], *transmitter, *SENSOR, A, *ours, (0,) * 6)
     np.testing.assert_allclose(ours[0][0], z, rtol=1e-12, atol=1e-9)
     s, p = np.sqrt(np.diag(S)), np.sqrt(np.diag(P))
     assert np.abs((ours[1][0] - S) / np.outer(s, s)).max() < 1e-7

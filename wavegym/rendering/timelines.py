@@ -35,11 +35,11 @@ class Timelines:
 
     def __init__(self, system: System, figure: SubFigure) -> None:
         place = {"left": 0.31, "right": 0.97, "top": 0.87, "bottom": 0.08, "hspace": 0.55}
-        self._cost, self._foreseen, self._choices = figure.subplots(3, 1, gridspec_kw=place)
-        for axes in (self._cost, self._foreseen, self._choices):
+        self._cost, self._predicted, self._choices = figure.subplots(3, 1, gridspec_kw=place)
+        for axes in (self._cost, self._predicted, self._choices):
             few_ticks(axes)
         caption(self._cost, "cost after each step", "step")
-        caption(self._foreseen, "", "candidate, one step ahead")
+        caption(self._predicted, "", "candidate, one step ahead")
         for axes in (self._cost, self._choices):
             steps_along(axes, system.horizon)
         if isinstance(system.actions, ParameterBox):
@@ -55,19 +55,19 @@ class Timelines:
 
     def draw(self, moment: Moment) -> None:
         """Fill the panels."""
-        for axes in (self._cost, self._foreseen, self._choices):
+        for axes in (self._cost, self._predicted, self._choices):
             wipe(axes)
         self._cost.plot(moment.costs, color=COST, linewidth=1.2)
         self._cost.plot([len(moment.costs) - 1], moment.costs[-1:], "o", color=COST, markersize=4)
         fit_y(self._cost, moment.costs)
-        draw_foreseen(self._foreseen, moment)
+        draw_predicted(self._predicted, moment)
         if isinstance(moment.system.actions, ParameterBox):
             draw_parameters(self._choices, moment)
         else:
             draw_choices(self._choices, moment)
 
 
-def draw_foreseen(axes: Axes, moment: Moment) -> None:
+def draw_predicted(axes: Axes, moment: Moment) -> None:
     """What could be predicted of each candidate one step ahead, the least of it, and what was chosen."""
     belief = (moment.states[-2] if moment.actions else moment.states[-1]).belief
     try:
@@ -79,7 +79,7 @@ def draw_foreseen(axes: Axes, moment: Moment) -> None:
     least = int(np.argmin(predicted))
     axes.plot(predicted, ".", color=OTHERS, markersize=3)
     axes.plot([least], [predicted[least]], "o", color=LEAST, markersize=6, fillstyle="none")
-    title = "foreseen cost: least ○"
+    title = "predicted cost: least ○"
     shown = predicted
     if moment.actions:
         action = moment.actions[-1]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.sensors import clutter_kernels as kernels
-from wavegym.sensors.checks import shaped
 from wavegym.sensors.gates import cholesky, gate_volume
 
 MOST_POINTS = 1e7
@@ -37,7 +37,7 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
     """
     if not hasattr(key, "__index__") or not 0 <= int(key) < 2**64:
         raise InputError(f"key is {key!r}, expected an integer in [0, 2^64)")
-    points, L = np.array(shaped("centre", centre, 2), order="C"), cholesky(S)
+    points, L = np.array(check_last_axes("centre", centre, 2), order="C"), cholesky(S)
     if points.ndim != 2 or L.shape != (len(points), 2, 2):
         raise InputError(
             f"centre and S have shapes {points.shape} and {L.shape}, expected (gates, 2) and (gates, 2, 2)"

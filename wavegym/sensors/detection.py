@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_elements
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_positive, check_probability
 from wavegym.sensors import detection_kernels as kernels
-from wavegym.sensors.checks import every
 
 
 def detection_probability(snr: ArrayLike, false_alarm: ArrayLike) -> Array:
@@ -29,7 +29,7 @@ def detection_probability(snr: ArrayLike, false_alarm: ArrayLike) -> Array:
     Raises:
         InputError: an SNR that is not a finite number > 0, a Pf outside (0, 1), shapes that do not broadcast.
     """
-    return energy_detection_probability(every(check_positive, "snr", snr) / 2, false_alarm)
+    return energy_detection_probability(check_elements(check_positive, "snr", snr) / 2, false_alarm)
 
 
 def energy_detection_probability(energy_ratio: ArrayLike, false_alarm: ArrayLike) -> Array:
@@ -37,5 +37,5 @@ def energy_detection_probability(energy_ratio: ArrayLike, false_alarm: ArrayLike
 
     The form that Sira et al. print. They call E/N0 by the same eta that divides their measurement covariance.
     """
-    ratio = every(check_positive, "energy_ratio", energy_ratio)
-    return kernels.probability(ratio, np.log(every(check_probability, "false_alarm", false_alarm)))
+    ratio = check_elements(check_positive, "energy_ratio", energy_ratio)
+    return kernels.probability(ratio, np.log(check_elements(check_probability, "false_alarm", false_alarm)))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.sensors import geometry_kernels as kernels
-from wavegym.sensors.checks import shaped
 
 
 def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
@@ -23,9 +23,9 @@ def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
     Raises:
         InputError: shapes that do not fit.
     """
-    return kernels.measure(shaped("state", state, 4), shaped("sensor", sensor, 2))
+    return kernels.measure(check_last_axes("state", state, 4), check_last_axes("sensor", sensor, 2))
 
 
 def range_and_rate_jacobian(state: ArrayLike, sensor: ArrayLike) -> Array:
     """H = dh/dx of ``range_and_rate``, (..., 2, 4): rows r, rdot; columns x, y, xdot, ydot. Arguments as there."""
-    return kernels.jacobian(shaped("state", state, 4), shaped("sensor", sensor, 2))
+    return kernels.jacobian(check_last_axes("state", state, 4), check_last_axes("sensor", sensor, 2))

@@ -7,10 +7,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_broadcast, check_elements
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import alike, every
 
 Penalty = Literal["logistic", "hard", "deadzone", "log-barrier"]
 PENALTIES: tuple[str, ...] = get_args(Penalty)
@@ -53,12 +53,12 @@ def fov_penalty(
             do not fit.
     """
     code = KINDS[check_choice("penalty", kind, PENALTIES)]
-    every(check_positive, "sharpness", sharpness)
-    every(check_positive, "high edge of the field of view", np.minimum(high, np.finfo(float).max))
-    every(check_non_negative, "height", height)
+    check_elements(check_positive, "sharpness", sharpness)
+    check_elements(check_positive, "high edge of the field of view", np.minimum(high, np.finfo(float).max))
+    check_elements(check_non_negative, "height", height)
     if np.isnan(x).any():
         raise InputError("x is nan, expected numbers")
-    lower, upper = alike(low=low, high=high)
+    lower, upper = check_broadcast(low=low, high=high)
     if not (lower < upper).all():
         raise InputError(f"field of view has the edges {low!r} and {high!r}, expected low < high")
     return kernels.penalty(code, x, low, high, sharpness, height)

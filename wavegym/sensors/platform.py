@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import shaped
 
 
 def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool = False) -> Array:
@@ -27,7 +27,9 @@ def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool
     Raises:
         InputError: shapes that do not fit.
     """
-    return kernels.measure(shaped("state", state, 4), shaped("platform", platform, 3), float(as_printed))
+    return kernels.measure(
+        check_last_axes("state", state, 4), check_last_axes("platform", platform, 3), float(as_printed)
+    )
 
 
 def platform_jacobian(state: ArrayLike, platform: ArrayLike, as_printed: bool = False) -> Array:
@@ -35,4 +37,6 @@ def platform_jacobian(state: ArrayLike, platform: ArrayLike, as_printed: bool = 
 
     Arguments as there.
     """
-    return kernels.jacobian(shaped("state", state, 4), shaped("platform", platform, 3), float(as_printed))
+    return kernels.jacobian(
+        check_last_axes("state", state, 4), check_last_axes("platform", platform, 3), float(as_printed)
+    )

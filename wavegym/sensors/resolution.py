@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_broadcast, check_elements
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int, check_positive
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import alike, every
 
 
 class View(NamedTuple):
@@ -50,7 +50,10 @@ def platform_view(
         InputError: anything that is not > 0, shapes that do not fit.
     """
     values = {"prf": prf, "bandwidth": bandwidth, "pixel_angle": pixel_angle}
-    settings = np.stack(alike(**{name: every(check_positive, name, value) for name, value in values.items()}), axis=-1)
+    settings = np.stack(
+        check_broadcast(**{name: check_elements(check_positive, name, value) for name, value in values.items()}),
+        axis=-1,
+    )
     check_positive("wavelength", wavelength, "m")
     lengths = check_int("fft_length", fft_length, 1), check_int("pixels", pixels, 1)
     return View(*kernels.view(settings, wavelength, *lengths, float(as_printed)))

@@ -15,29 +15,30 @@ from wavegym.trackers.information_reduction import fitted_information_reduction,
 from wavegym.trackers.joint_association import Association, joint_association
 from wavegym.trackers.jpda import jpda_update
 from wavegym.trackers.kalman import (
+    check_positive_definite,
     ekf_predict,
     ekf_update,
     nees,
     predict,
     predict_covariance,
-    require_positive_definite,
     scalar_updates,
     update,
     update_covariance,
 )
-from wavegym.trackers.lmipda import Integrated, lmipda
+from wavegym.trackers.lmipda import LmipdaUpdate, lmipda
 from wavegym.trackers.multilateration import multilaterate
-from wavegym.trackers.rbpf import Particles, ParticleUpdate, particle_update, systematic_resample
+from wavegym.trackers.rbpf import Particles, RbpfUpdate, rbpf_update, systematic_resample
 from wavegym.trackers.urban.tracker import StreetTracker, Tracks
 
 __all__ = [
     "Association",
     "Gospa",
-    "Integrated",
-    "ParticleUpdate",
+    "LmipdaUpdate",
     "Particles",
+    "RbpfUpdate",
     "StreetTracker",
     "Tracks",
+    "check_positive_definite",
     "ekf_predict",
     "ekf_update",
     "fitted_information_reduction",
@@ -52,10 +53,9 @@ __all__ = [
     "lmipda",
     "multilaterate",
     "nees",
-    "particle_update",
     "predict",
     "predict_covariance",
-    "require_positive_definite",
+    "rbpf_update",
     "scalar_updates",
     "systematic_resample",
     "ukf_update",

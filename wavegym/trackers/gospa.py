@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive, check_within
-from wavegym.sensors.checks import shaped
 from wavegym.trackers import gospa_kernels as kernels
-from wavegym.trackers.checks import flat
 
 MOST_TARGETS = 12  # whose subsets are looked at one by one
 
@@ -61,7 +60,7 @@ def gospa(
         raise InputError(
             f"order is {order!r}, expected at most {most:.4g} with a cutoff of {cutoff!r} m: c^p overflows"
         )
-    truth, found = shaped("targets", targets), shaped("tracks", tracks)
+    truth, found = check_last_axes("targets", targets), check_last_axes("tracks", tracks)
     if min(truth.ndim, found.ndim) < 2 or truth.shape[-1] != found.shape[-1]:
         raise InputError(
             f"targets and tracks have shapes {truth.shape} and {found.shape}, expected (..., T, d) and (..., N, d)"
@@ -72,7 +71,12 @@ def gospa(
     there, counts = np.asarray(present, np.bool_), np.asarray(alive, np.bool_)
     try:
         lead = np.broadcast_shapes(truth.shape[:-2], found.shape[:-2], there.shape[:-1], counts.shape[:-1])
-        arrays = flat(truth, lead, T, d), flat(there, lead, T), flat(found, lead, N, d), flat(counts, lead, N)
+        arrays = (
+            flatten_lead(truth, lead, T, d),
+            flatten_lead(there, lead, T),
+            flatten_lead(found, lead, N, d),
+            flatten_lead(counts, lead, N),
+        )
     except ValueError:
         raise InputError(
             f"present and alive have shapes {there.shape} and {counts.shape} beside targets {truth.shape} and tracks "

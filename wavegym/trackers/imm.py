@@ -13,12 +13,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_each, check_last_axes, checked_copy, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
-from wavegym.sensors.checks import exactly, shaped
 from wavegym.trackers import imm_kernels as kernels
-from wavegym.trackers.checks import flat, require_distribution, require_each
-from wavegym.trackers.kalman import require_positive_definite
+from wavegym.trackers.checks import check_distribution
+from wavegym.trackers.kalman import check_positive_definite
 
 
 def ukf_update(
@@ -45,10 +45,10 @@ def ukf_update(
         InputError: shapes that do not fit, a P or R that is not positive definite.
     """
     _moves("mean", np.shape(mean)[-1:])
-    require_positive_definite("covariance", covariance)
-    require_positive_definite("R", R)
-    transmitter, receiver = shaped("transmitter", transmitter, 2), shaped("receiver", receiver, 2)
-    x, P, log_likelihood = kernels.unscented_update(mean, covariance, measurement, R, transmitter, receiver)
+    check_positive_definite("covariance", covariance)
+    check_positive_definite("R", R)
+    transmitter, receiver = check_last_axes("transmitter", transmitter, 2), check_last_axes("receiver", receiver, 2)
+    x, P, log_likelihood = kernels.ukf_update(mean, covariance, measurement, R, transmitter, receiver)
     return x, P, log_likelihood
 
 
@@ -71,7 +71,7 @@ def imm_mix(
         InputError: shapes that do not fit, a ``probability`` or rows of ``transition`` that are no probabilities.
     """
     mu = np.asarray(probability, np.float64)
-    require_each("probability", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
+    check_each("probability", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
     return kernels.mix(mean, covariance, probability, _stochastic("transition", transition))
 
 
@@ -119,27 +119,31 @@ def imm_ukf_scan(
         InputError: shapes that do not fit, fewer than four components, rows of ``transition_matrix`` that are no
             probabilities.
     """
-    F = np.array(shaped("F", F), np.float64, order="C")
+    F = np.array(check_last_axes("F", F), np.float64, order="C")
     if F.ndim != 3 or F.shape[1] != F.shape[2]:
         raise InputError(f"F has shape {F.shape}, expected (models, n, n)")
     M, n = F.shape[:2]
     _moves("F", (n,))
-    outcome_shape = np.array(shaped("transition", _stochastic("transition", transition), M, M), order="C").reshape(
-        1, M, M
-    )
-    x = shaped("mean", mean, M, n)
+    outcome_shape = np.array(
+        check_last_axes("transition", _stochastic("transition", transition), M, M), order="C"
+    ).reshape(1, M, M)
+    x = check_last_axes("mean", mean, M, n)
     lead = x.shape[:-2]
-    P, mu = shaped("covariance", covariance, M, n, n), shaped("probability", probability, M)
-    z, errors, noise = shaped("measurement", measurement, 2), shaped("R", R, 2, 2), exactly("Q", Q, M, n, n)
+    P, mu = check_last_axes("covariance", covariance, M, n, n), check_last_axes("probability", probability, M)
+    z, errors, noise = (
+        check_last_axes("measurement", measurement, 2),
+        check_last_axes("R", R, 2, 2),
+        checked_copy("Q", Q, M, n, n),
+    )
     try:
-        x, P, mu = flat(x, lead, M, n), flat(P, lead, M, n, n), flat(mu, lead, M)
-        z, errors = flat(z, lead, 2), flat(errors, lead, 2, 2)
+        x, P, mu = flatten_lead(x, lead, M, n), flatten_lead(P, lead, M, n, n), flatten_lead(mu, lead, M)
+        z, errors = flatten_lead(z, lead, 2), flatten_lead(errors, lead, 2, 2)
     except ValueError:
         raise InputError(
             f"covariance, probability, measurement and R have shapes {np.shape(covariance)}, {np.shape(probability)}, "
             f"{np.shape(measurement)} and {np.shape(R)}, expected leading axes that broadcast to the mean's, {lead}"
         ) from None
-    places = exactly("transmitter", transmitter, 2), exactly("receiver", receiver, 2)
+    places = checked_copy("transmitter", transmitter, 2), checked_copy("receiver", receiver, 2)
     kernels.scan(x, P, mu, z, errors, *places, F, noise, outcome_shape, (0,) * n, (0,) * M)
     return x.reshape(*lead, M, n), P.reshape(*lead, M, n, n), mu.reshape(*lead, M)
 
@@ -182,5 +186,5 @@ def _stochastic(name: str, transition: ArrayLike) -> FloatArray:
     outcome_shape = np.asarray(transition, np.float64)
     if outcome_shape.ndim < 2 or outcome_shape.shape[-1] != outcome_shape.shape[-2]:
         raise InputError(f"{name} has shape {outcome_shape.shape}, expected (..., models, models)")
-    require_distribution(name, outcome_shape, "a row of ")
+    check_distribution(name, outcome_shape, "a row of ")
     return outcome_shape

@@ -13,7 +13,7 @@ import numpy as np
 from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
-from wavegym.trackers.ukf_kernels import foresee_multistatic_one
+from wavegym.trackers.ukf_kernels import predict_multistatic_one
 
 LOG_2PI = np.log(2.0 * np.pi)
 
@@ -121,9 +121,9 @@ def reweigh(c, log_likelihood, mu, mm):
 
 
 @inlined
-def unscented_update_one(row, x, P, z0, z1, R, r, tx, ty, sx, sy, A, z, S, G, K, nn):
+def ukf_update_one(row, x, P, z0, z1, R, r, tx, ty, sx, sy, A, z, S, G, K, nn):
     """x[row], P[row] after the measurement (z0, z1) with covariance R[r]; its log likelihood. The rest is scratch."""
-    foresee_multistatic_one(row, row, x, P, tx, ty, sx, sy, A, z, S, G, nn)
+    predict_multistatic_one(row, row, x, P, tx, ty, sx, sy, A, z, S, G, nn)
     S[row, 0, 0] += R[r, 0, 0]
     S[row, 0, 1] += R[r, 0, 1]
     S[row, 1, 0] += R[r, 1, 0]
@@ -137,13 +137,13 @@ def unscented_update_one(row, x, P, z0, z1, R, r, tx, ty, sx, sy, A, z, S, G, K,
 
 
 @batched("(n),(n,n),(b),(b,b),(a),(a)->(n),(n,n),()")
-def unscented_update(x, P, measurement, R, transmitter, receiver, x_out, P_out, log_likelihood, nn, bb, aa):
+def ukf_update(x, P, measurement, R, transmitter, receiver, x_out, P_out, log_likelihood, nn, bb, aa):
     """x and P after a measurement of range and range-rate, and the measurement's log likelihood."""
     E, n = len(x), len(nn)
     x_out[...], P_out[...] = x, P
     A, z, S, G, K = np.empty((E, n, n)), np.empty((E, 2)), np.empty((E, 2, 2)), np.empty((E, n, 2)), np.empty((n, 2))
     for e in range(E):
-        log_likelihood[e] = unscented_update_one(
+        log_likelihood[e] = ukf_update_one(
             e, x_out, P_out, measurement[e, 0], measurement[e, 1], R, e,
             transmitter[e, 0], transmitter[e, 1], receiver[e, 0], receiver[e, 1], A, z, S, G, K, nn,
         )  # fmt: skip
@@ -163,7 +163,7 @@ def scan(x, P, mu, measurement, R, transmitter, receiver, F, Q, transition, nn, 
             row = e * M + j
             predict_mean_one(row, X, F, j, rows, nn)
             predict_covariance_one(row, PP, F, Q, j, T, squares, nn)
-            log_likelihood[e, j] = unscented_update_one(
+            log_likelihood[e, j] = ukf_update_one(
                 row, rows, squares, measurement[e, 0], measurement[e, 1], R, e,
                 transmitter[0], transmitter[1], receiver[0], receiver[1], A, z, S, G, K, nn,
             )  # fmt: skip

@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_each
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
 from wavegym.trackers import joint_association_kernels as kernels
-from wavegym.trackers.checks import association_terms, require_each
+from wavegym.trackers.checks import check_association_terms
 
 
 class Association(NamedTuple):
@@ -52,8 +53,8 @@ def joint_association(
     """
     N, Pd, rho = (np.asarray(a, dtype=np.float64) for a in (likelihood, pd, clutter_density))
     lead = _leading_axes(N, Pd, rho)
-    require_each("likelihood", N, (N >= 0.0) & np.isfinite(N), "finite numbers >= 0")
-    association_terms(Pd, rho, gate_probability)
+    check_each("likelihood", N, (N >= 0.0) & np.isfinite(N), "finite numbers >= 0")
+    check_association_terms(Pd, rho, gate_probability)
 
     T, M = N.shape[-2:]
     W = np.empty((*lead, T, M + 1))

@@ -14,9 +14,9 @@ from wavegym import sensors
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive
 from wavegym.trackers import jpda_kernels
-from wavegym.trackers.checks import association_terms
+from wavegym.trackers.checks import check_association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.kalman import require_positive_definite
+from wavegym.trackers.kalman import check_positive_definite
 
 
 def jpda_update(
@@ -57,14 +57,14 @@ def jpda_update(
     """
     check_positive("gate", gate)
     share = float(sensors.gate_probability(gate)) if gate_probability is None else gate_probability
-    detection, density, share = association_terms(pd, clutter_density, share)
+    detection, density, share = check_association_terms(pd, clutter_density, share)
     x, P, *rest = _aligned(mean, covariance, measurements, predicted, S, cross_covariance, detection, density)
     lead, targets, n = x.shape[:-2], *x.shape[-2:]
     count = math.prod(lead)
     flat = [array.reshape(count, *array.shape[len(lead) :]) for array in (x, P, *rest)]
     jpda_kernels.jpda_update(*flat, gate, share, (0,) * n)
     if np.isnan(P).any():
-        require_positive_definite("S", S)
+        check_positive_definite("S", S)
         many = f"more than CLUSTER_LIMIT = {CLUSTER_LIMIT} of {targets} targets share measurements in one cluster"
         raise InputError(f"{many}, expected fewer (use a smaller gate)")
     return x, P

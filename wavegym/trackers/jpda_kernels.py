@@ -1,6 +1,6 @@
 """Joint probabilistic data association in compiled form: one sensor's scan updates the targets of one environment.
 
-The update is the unscented one: gain G S^-1 with the cross-covariance G of ``foresee_measurement_one``. Arrays hold
+The update is the unscented one: gain G S^-1 with the cross-covariance G of ``predict_measurement_one``. Arrays hold
 the targets of one environment, ``t`` is the target, and ``rows[t]`` its row in the association's arrays.
 """
 

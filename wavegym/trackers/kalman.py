@@ -63,14 +63,14 @@ def update(
         InputError: where P, R or the innovation covariance S is not positive definite and the update shows it.
     """
     x, P = kernels.update(mean, covariance, innovation, H, R)
-    _require_definite(P, covariance, H, R)
+    _check_updated(P, covariance, H, R)
     return x, P
 
 
 def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> FloatArray:
     """P - K S K', (..., n, n): the covariance recursion alone. Raises as ``update`` does."""
     P = kernels.update_covariance(covariance, H, R)
-    _require_definite(P, covariance, H, R)
+    _check_updated(P, covariance, H, R)
     return P
 
 
@@ -100,7 +100,7 @@ def scalar_updates(
     if not (errors > 0.0).all():
         raise InputError(f"variance is {errors[~(errors > 0.0)][0]}, expected numbers > 0, or inf where missing")
     x, P = rank_one_update(mean, covariance, innovation, H, errors)
-    _require_definite(P, covariance, H, np.nan_to_num(errors)[..., None] * np.eye(errors.shape[-1]))  # inf * 0 is NaN
+    _check_updated(P, covariance, H, np.nan_to_num(errors)[..., None] * np.eye(errors.shape[-1]))  # inf * 0 is NaN
     return x, P
 
 
@@ -126,11 +126,11 @@ def nees(error: ArrayLike, covariance: ArrayLike) -> FloatArray:
     """
     values = kernels.squared_mahalanobis(error, covariance)
     if np.isnan(values).any():
-        require_positive_definite("covariance", covariance)
+        check_positive_definite("covariance", covariance)
     return values
 
 
-def require_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
+def check_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
     """Return ``matrix`` (..., n, n) if symmetric positive definite; otherwise InputError with its least eigenvalue."""
     array = np.asarray(matrix, dtype=np.float64)
     if not np.allclose(array, np.swapaxes(array, -1, -2), rtol=1e-9, atol=0.0):
@@ -141,7 +141,7 @@ def require_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
     return array
 
 
-def _require_definite(updated: FloatArray, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
+def _check_updated(updated: FloatArray, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
     """InputError for the first track that came out with a variance that is negative or NaN (S has no factorisation).
 
     That is how a P or R that is no covariance shows, at a twentieth of the price of looking at its eigenvalues.

@@ -1,7 +1,7 @@
 """Linear multitarget integrated probabilistic data association: whose is a measurement, and does its track exist.
 
 References: Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment* (2008), LMIPDA;
-Musicki, Evans and Stankovic, *Integrated probabilistic data association* (1994), which it is for a single track.
+Musicki, Evans and Stankovic, *LmipdaUpdate probabilistic data association* (1994), which it is for a single track.
 Barbosa et al., section 4.2.4, print a spurious ``1 -`` before Pd Pg in the association probabilities, and leave out the
 model probabilities in p = sum mu_r p_r.
 """
@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_each, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
 from wavegym.trackers import lmipda_kernels as kernels
-from wavegym.trackers.checks import association_terms, flat, require_distribution, require_each
+from wavegym.trackers.checks import check_association_terms, check_distribution
 
 
-class Integrated(NamedTuple):
+class LmipdaUpdate(NamedTuple):
     """What ``lmipda`` returns."""
 
     association: FloatArray  # (..., T, r, 1 + M): column 0 missed, column m detected as measurement m; rows sum to 1
@@ -34,7 +35,7 @@ def lmipda(
     pd: ArrayLike,
     clutter_density: ArrayLike,
     gate_probability: float = 1.0,
-) -> Integrated:
+) -> LmipdaUpdate:
     """One scan: association probabilities for each model of each track, model and existence probabilities after it.
 
     A track sees the other tracks as more clutter, as dense at each measurement as they are likely to have caused it:
@@ -51,7 +52,7 @@ def lmipda(
         gate_probability: Pg, in (0, 1].
 
     Returns:
-        See ``Integrated``. M = 0 and T = 0 work.
+        See ``LmipdaUpdate``. M = 0 and T = 0 work.
 
     Raises:
         InputError: values outside these ranges, shapes that disagree.
@@ -67,18 +68,22 @@ def lmipda(
         lead = np.broadcast_shapes(p.shape[:-3], mu.shape[:-2], psi.shape[:-1], Pd.shape[:-1], rho.shape[:-2])
     except ValueError:
         raise InputError(_shapes(p, mu, psi, Pd, np.asarray(clutter_density))) from None
-    require_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
-    require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
-    require_distribution("models", mu)
-    association_terms(Pd, rho, gate_probability)
-    mu, psi, seen = flat(mu, lead, T, r), flat(psi, lead, T), flat(Pd * gate_probability, lead, T)
+    check_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
+    check_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
+    check_distribution("models", mu)
+    check_association_terms(Pd, rho, gate_probability)
+    mu, psi, seen = (
+        flatten_lead(mu, lead, T, r),
+        flatten_lead(psi, lead, T),
+        flatten_lead(Pd * gate_probability, lead, T),
+    )
     beta = np.empty((len(mu), T * r, 1 + M))
-    kernels.lmipda(flat(p, lead, T, r, M), mu, seen, psi, flat(rho, lead, T, M), beta)
+    kernels.lmipda(flatten_lead(p, lead, T, r, M), mu, seen, psi, flatten_lead(rho, lead, T, M), beta)
     if not np.isfinite(psi).all():
         raise InputError(
             f"likelihood goes up to {p.max():g}, expected numbers whose ratio to clutter_density is finite"
         )
-    return Integrated(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
+    return LmipdaUpdate(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
 
 
 def _shapes(p: FloatArray, mu: FloatArray, psi: FloatArray, Pd: FloatArray, rho: FloatArray) -> str:

@@ -29,7 +29,7 @@ def claims(t, p, mu, pd, existence, density, count, own, claim):
 
 
 @kernel
-def integrate(p, mu, pd, existence, density, count, beta, own, claim):
+def lmipda_one(p, mu, pd, existence, density, count, beta, own, claim):
     """One scan: association probabilities beta (track * model, 1 + measurement), and mu and existence in place.
 
     p (track, model, measurement) likelihoods, 0 outside a gate; pd = Pd Pg (track,); density (track, measurement);
@@ -63,7 +63,7 @@ def integrate(p, mu, pd, existence, density, count, beta, own, claim):
 
 @kernel
 def lmipda(p, mu, pd, existence, density, beta):
-    """``integrate`` for a batch, all arrays with one flat leading axis; beta (env, track * model, 1 + measurement)."""
+    """``lmipda_one`` for a batch, all arrays with one flat leading axis; beta (env, track * model, 1 + measurement)."""
     own, claim = np.empty(density.shape[1:]), np.empty(density.shape[1:])
     for e in range(len(p)):
-        integrate(p[e], mu[e], pd[e], existence[e], density[e], p.shape[3], beta[e], own, claim)
+        lmipda_one(p[e], mu[e], pd[e], existence[e], density[e], p.shape[3], beta[e], own, claim)

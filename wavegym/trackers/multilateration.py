@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes, checked_copy, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
-from wavegym.sensors.checks import exactly, shaped
 from wavegym.trackers import multilateration_kernels as kernels
-from wavegym.trackers.checks import flat
 
 
 def multilaterate(
@@ -34,9 +33,9 @@ def multilaterate(
     Raises:
         InputError: shapes that do not fit, antennas in one line.
     """
-    z, errors = shaped("measurements", measurements, 2, 2), shaped("R", R, 2, 2, 2)
-    t, s = exactly("transmitter", transmitter, 2), exactly("receivers", receivers, 2, 2)
-    require_triangle(t, s)
+    z, errors = check_last_axes("measurements", measurements, 2, 2), check_last_axes("R", R, 2, 2, 2)
+    t, s = checked_copy("transmitter", transmitter, 2), checked_copy("receivers", receivers, 2, 2)
+    check_triangle(t, s)
     try:
         lead = np.broadcast_shapes(z.shape[:-2], errors.shape[:-3])
     except ValueError:
@@ -44,13 +43,13 @@ def multilaterate(
             f"measurements and R have shapes {z.shape} and {errors.shape}, expected (..., 2, 2) and (..., 2, 2, 2) "
             "that broadcast"
         ) from None
-    z, errors = flat(z, lead, 2, 2), flat(errors, lead, 2, 2, 2)
+    z, errors = flatten_lead(z, lead, 2, 2), flatten_lead(errors, lead, 2, 2, 2)
     x, P = np.empty((len(z), 2, 4)), np.empty((len(z), 2, 4, 4))
     kernels.multilaterate(z, errors, t, s, x, P)
     return x.reshape(*lead, 2, 4), P.reshape(*lead, 2, 4, 4)
 
 
-def require_triangle(transmitter: FloatArray, receivers: FloatArray) -> None:
+def check_triangle(transmitter: FloatArray, receivers: FloatArray) -> None:
     """InputError where a transmitter (2,) and two receivers (2, 2) stand in one line."""
     a, b = receivers - transmitter
     if abs(a[0] * b[1] - a[1] * b[0]) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):

@@ -24,9 +24,9 @@ from wavegym.core.arrays import FloatArray
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.errors import InputError, check_int
 from wavegym.trackers import rbpf_kernels as kernels
-from wavegym.trackers.checks import association_terms
+from wavegym.trackers.checks import check_association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.kalman import require_positive_definite
+from wavegym.trackers.kalman import check_positive_definite
 
 STATES = 4  # [x y xdot ydot]
 SIZES = (0,) * STATES
@@ -39,8 +39,8 @@ class Particles(NamedTuple):
     covariance: FloatArray  # (..., particle, target, 4, 4)
 
 
-class ParticleUpdate(NamedTuple):
-    """What ``particle_update`` returns."""
+class RbpfUpdate(NamedTuple):
+    """What ``rbpf_update`` returns."""
 
     mean: FloatArray  # (target, 4), of the weighted mixture
     covariance: FloatArray  # (target, 4, 4), of the weighted mixture
@@ -50,7 +50,7 @@ class ParticleUpdate(NamedTuple):
     log_evidence: float  # log likelihood of all scans relative to their being clutter throughout
 
 
-def particle_update(
+def rbpf_update(
     key: int,
     mean: ArrayLike,
     covariance: ArrayLike,
@@ -61,7 +61,7 @@ def particle_update(
     clutter_density: float,
     gate_probability: float = 1.0,
     present: ArrayLike | None = None,
-) -> ParticleUpdate:
+) -> RbpfUpdate:
     """Update equally weighted particles with one scan of every sensor: range and range-rate, in m and m/s.
 
     Sensors are taken in sequence; then the particles are resampled systematically. To begin with, repeat one mean and
@@ -95,10 +95,10 @@ def particle_update(
     if there.shape != X.shape[1:2]:
         raise InputError(f"present has the shape {there.shape}, expected {X.shape[1:2]}")
     scans, Pd, N, place = _scans(measurements, pd, noise, sensors, X.shape[1])
-    _require_sound(key, Pd[:, there], clutter_density, gate_probability)
+    _check_values(key, Pd[:, there], clutter_density, gate_probability)
     for name, matrix in (("covariance", V[:, there]), ("noise", N[:, there])):
         if matrix.size:
-            require_positive_definite(name, matrix)
+            check_positive_definite(name, matrix)
 
     log_weight, own = np.zeros(len(X)), np.uint64(key)
     everywhere = np.zeros((len(there), 2)), np.ones((len(there), 2, 2)), np.inf, float(gate_probability)
@@ -146,7 +146,7 @@ def systematic_resample(weights: ArrayLike, u: ArrayLike) -> NDArray[np.int64]:
     return index
 
 
-def _summary(key: np.uint64, log_weight: FloatArray, X: FloatArray, V: FloatArray) -> ParticleUpdate:
+def _summary(key: np.uint64, log_weight: FloatArray, X: FloatArray, V: FloatArray) -> RbpfUpdate:
     """Moments of the weighted particles, and equally weighted ones."""
     weight, x, P = np.empty(len(X)), np.empty(X.shape[1:]), np.empty(V.shape[1:])
     effective = kernels.normalise(log_weight, weight)
@@ -154,7 +154,7 @@ def _summary(key: np.uint64, log_weight: FloatArray, X: FloatArray, V: FloatArra
     fresh = Particles(np.empty(X.shape), np.empty(V.shape))
     ancestors = kernels.resample(key, weight, X, V, *fresh, SIZES)
     top = log_weight.max()
-    return ParticleUpdate(x, P, effective, ancestors, fresh, float(top + np.log(np.exp(log_weight - top).mean())))
+    return RbpfUpdate(x, P, effective, ancestors, fresh, float(top + np.log(np.exp(log_weight - top).mean())))
 
 
 def _particles(mean: ArrayLike, covariance: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -186,11 +186,11 @@ def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatA
     return array
 
 
-def _require_sound(key: int, pd: FloatArray, clutter_density: float, gate_probability: float) -> None:
+def _check_values(key: int, pd: FloatArray, clutter_density: float, gate_probability: float) -> None:
     """InputError for the first value out of range."""
     if not check_int("key", key, 0) < 2**64:
         raise InputError(f"key is {key}, expected an integer below 2^64 (nearest: {2**64 - 1})")
-    association_terms(pd, clutter_density, gate_probability)
+    check_association_terms(pd, clutter_density, gate_probability)
 
 
 def _explain(sensor: int, targets: int, clutter_density: float) -> None:

@@ -18,7 +18,7 @@ from wavegym.trackers.joint_association_kernels import associate_one, row_sum
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.subset_kernels import SAFE
-from wavegym.trackers.ukf_kernels import foresee_measurement_one
+from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 FARTHEST = 60.0
 """Squared distance beyond which a return is not a target's: its weight would be below 1e-13 of the peak's."""
@@ -70,7 +70,7 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
     for j in range(len(X)):
         for row in range(T):
             t = here[row]
-            foresee_measurement_one(row, j * slots + t, x, P, sx, sy, A, centre, S, G, nn)
+            predict_measurement_one(row, j * slots + t, x, P, sx, sy, A, centre, S, G, nn)
             for a in range(2):
                 for b in range(2):
                     S[row, a, b] += noise[t, a, b]

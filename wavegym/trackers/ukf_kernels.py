@@ -27,13 +27,13 @@ def cholesky_columns_one(row, e, P, A, nn, cc):
 
 
 @inlined
-def foresee_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
-    """``foresee_multistatic_one`` where transmitter and receiver are one; the compiler sees that it is so."""
-    foresee_multistatic_one(row, e, x, P, sx, sy, sx, sy, A, z, S, G, nn)
+def predict_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
+    """``predict_multistatic_one`` where transmitter and receiver are one; the compiler sees that it is so."""
+    predict_multistatic_one(row, e, x, P, sx, sy, sx, sy, A, z, S, G, nn)
 
 
 @inlined
-def foresee_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
+def predict_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
     """Mean z[row], covariance S[row] and cross-covariance G[row] = cov(x, z) (n, 2) of (r, rdot) by a target.
 
     Half the way from (tx, ty) by the target to (sx, sy), and its rate; x = (x, y, xdot, ydot, ...). 2 n sigma points
