@@ -133,7 +133,7 @@ def test_the_headline_names_step_waveform_and_cost():
     assert "duration 300 us, sweep -1 MHz" in headline(moment_of(boxed))
 
 
-def test_the_foreseen_panel_tells_why_a_waveform_was_chosen():
+def test_the_predicted_costs_show_why_a_waveform_was_chosen():
     env = filmed(5)
     myopic = Myopic()
     myopic.begin(env.system, 1, np.random.default_rng(0))

@@ -246,7 +246,7 @@ def test_frames_show_a_line_and_a_name_for_each_sensor(form, actions):
     assert [text.get_text() for text in panel.get_legend().get_texts()] == ["sensor 1", "sensor 2"]
 
 
-def test_the_foreseen_panel_finds_the_combination_chosen():
+def test_the_predicted_costs_mark_the_combination_chosen():
     _, moment = filmed("library", [[1, 2]])
     axes = Figure().subplots()
     draw_predicted(axes, moment)

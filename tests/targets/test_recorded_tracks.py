@@ -260,7 +260,7 @@ def test_no_usable_window_says_what_was_found():
         (lambda t: t.resample(1.0, smoothing=-1.0), "smoothing is -1.0 s"),
         (lambda t: t.resample(1e-9), "larger dt"),
         (lambda t: windows(t, 1.0, 0), "steps is 0"),
-        (lambda t: windows(t, 1.0, 2.5), "steps is 2.5, expected a whole number"),
+        (lambda t: windows(t, 1.0, 2.5), "steps is 2.5, expected an integer >= 1"),
         (lambda t: windows([], 1.0, 5), "tracks is empty"),
         (lambda t: range_paths(windows(t, 1.0, 5), radar=(0.0, 0.0)), "radar is"),
         (lambda t: range_paths(windows(t, 1.0, 5), limits=(0.0, 1e5)), "0 < nearest"),

@@ -161,7 +161,7 @@ def test_mistakes():
         imm_mix(x, P, mu, TRANSITION + np.array([[0, 0.09, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]))
     with pytest.raises(InputError, match=r"transition\[0, 0\] is 1\.1, expected probabilities"):
         imm_mix(x, P, mu, [[1.1, -0.1], [0.0, 1.0]])
-    with pytest.raises(InputError, match="from model 2 no active one of"):
+    with pytest.raises(InputError, match="row 2 of transition leads to no active model of"):
         variable_structure(TRANSITION, [True, False, False, False])
     with pytest.raises(InputError, match=r"active has shape \(2,\), expected \(\.\.\., 4\)"):
         variable_structure(TRANSITION, [True, False])

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
 from wavegym.trackers import (
+    check_positive_definite,
     ekf_predict,
     ekf_update,
     nees,
     predict,
     predict_covariance,
-    check_positive_definite,
     update,
     update_covariance,
 )

@@ -15,7 +15,7 @@ import scipy.stats
 from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter
 
 from tests.oracles import motion
-from wavegym.trackers import joint_association, rbpf_update, predict
+from wavegym.trackers import joint_association, predict, rbpf_update
 from wavegym.trackers import rbpf_kernels as kernels
 
 SENSORS = np.array([[3000.0, -16000.0], [3000.0, 20400.0]])

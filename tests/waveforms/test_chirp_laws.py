@@ -141,7 +141,7 @@ def test_laws_are_written_as_kind_and_shape(text, law, name):
         (lambda: chirp_law("efm", float("nan")), "shape g of 'efm' is nan, expected a number in [0.01, 100]:"),
         (
             lambda: chirp_law("lfm", rise_fraction=0.6),
-            "rise_fraction is 0.6, expected a share of the pulse in (0, 0.5]",
+            "rise_fraction is 0.6, expected a fraction of the pulse in (0, 0.5]",
         ),
         (lambda: chirp_law("lfm", rise_fraction=0), "(0, 0.5] (nearest: 0.05)"),
     ],

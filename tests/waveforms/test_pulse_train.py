@@ -77,9 +77,9 @@ def test_label():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"count": 0, "interval": 1e-3}, "count is 0, expected a whole number >= 1"),
-        ({"count": 2.5, "interval": 1e-3}, "count is 2.5, expected a whole number"),
-        ({"count": True, "interval": 1e-3}, "count is True, expected a whole number"),
+        ({"count": 0, "interval": 1e-3}, "count is 0, expected an integer >= 1"),
+        ({"count": 2.5, "interval": 1e-3}, "count is 2.5, expected an integer"),
+        ({"count": True, "interval": 1e-3}, "count is True, expected an integer"),
         ({"count": 4, "interval": -1e-3}, "interval is -0.001 s, expected a finite number > 0"),
         ({"count": 4, "interval": 5e-6}, r"interval is 5e-06 s, expected one in which the pulse falls by 100 dB"),
     ],

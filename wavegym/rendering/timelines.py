@@ -1,4 +1,4 @@
-"""The part of a frame that any system can show: cost, predicted costs, choices."""
+"""The panels of a frame that suit any system: cost, predicted costs, choices."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
 MOST_LABELS = 7
-WIDEST = 26  # characters of a label's line
-MOST_NAMED = 6  # lines of a box that have a name: as many as there is room for
-APART = 0.2  # rows between two sensors' marks where both transmit the same waveform
+WIDEST = 26  # characters in a line of a label
+MOST_NAMED = 6  # parameters of a box with a name in the legend
+APART = 0.2  # rows between the marks of two sensors with the same waveform
 
 
 class Timelines:
-    """Three panels, one below the other.
+    """Three panels, one below the other: cost, predicted costs, choices.
 
     Args:
         system: the closed loop.
-        figure: where to draw.
+        figure: the figure to draw in.
     """
 
     def __init__(self, system: System, figure: SubFigure) -> None:
@@ -54,7 +54,7 @@ class Timelines:
                 _name_lines(self._choices, [f"sensor {i + 1}" for i in range(sensors)])
 
     def draw(self, moment: Moment) -> None:
-        """Fill the panels."""
+        """Fill the panels with ``moment``."""
         for axes in (self._cost, self._predicted, self._choices):
             wipe(axes)
         self._cost.plot(moment.costs, color=COST, linewidth=1.2)
@@ -68,7 +68,7 @@ class Timelines:
 
 
 def draw_predicted(axes: Axes, moment: Moment) -> None:
-    """What could be predicted of each candidate one step ahead, the least of it, and what was chosen."""
+    """The predicted cost of each candidate one step ahead; the least and the chosen candidate are marked."""
     belief = (moment.states[-2] if moment.actions else moment.states[-1]).belief
     try:
         candidates = moment.system.candidates()
@@ -97,7 +97,7 @@ def draw_predicted(axes: Axes, moment: Moment) -> None:
 
 
 def draw_choices(axes: Axes, moment: Moment) -> None:
-    """A row for every waveform used since the reset, a line for each of several sensors."""
+    """A row for each waveform used since the reset, and a line for each of several sensors."""
     actions: Any = moment.system.actions
     if not moment.actions:
         axes.set(yticks=[], ylim=(-0.7, 0.7))
@@ -118,14 +118,14 @@ def draw_choices(axes: Axes, moment: Moment) -> None:
 
 
 def draw_parameters(axes: Axes, moment: Moment) -> None:
-    """A line for every parameter of the box."""
+    """A line for each parameter of the box."""
     if moment.actions:
         chosen = np.concatenate(moment.actions)  # (step, d)
         axes.plot(np.arange(1, len(chosen) + 1), 0.5 * (chosen + 1.0), ".-", linewidth=0.7, markersize=3)
 
 
 def _name_lines(axes: Axes, names: list[str]) -> None:
-    """A lasting legend of lines in the order of the colour cycle."""
+    """A legend of lines in the order of the colour cycle that stays in all frames."""
     legend(
         axes,
         "upper left",
@@ -135,6 +135,6 @@ def _name_lines(axes: Axes, names: list[str]) -> None:
 
 
 def _above(cost: float, least: float) -> str:
-    """How far ``cost`` lies above ``least``."""
+    """The difference of ``cost`` from ``least`` in per cent."""
     percent = 100.0 * (cost / least - 1.0) if least > 0 else 0.0
     return "the same" if abs(percent) < 0.05 else f"{percent:+.1f} %"

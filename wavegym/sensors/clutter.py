@@ -1,4 +1,4 @@
-"""Clutter: Poisson false returns, as many as a tracker's validation gates let in."""
+"""Clutter: Poisson false returns inside a tracker's validation gates."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from wavegym.sensors import clutter_kernels as kernels
 from wavegym.sensors.gates import cholesky, gate_volume
 
 MOST_POINTS = 1e7
-"""Most clutter points to be expected in one call."""
+"""Greatest expected number of clutter points in one call."""
 
 
 def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, density: float) -> Array:
     """Clutter points of one scan: Poisson in number, uniform in the union of the gates (overlaps count once).
 
-    A point depends on the key and its gate alone, not on what was drawn before: with the same key a higher density, or
-    a larger S, keeps all points of one gate (in coordinates whitened by S) and adds some.
+    A point depends on the key and its gate alone, not on earlier draws. With the same key, a higher density or a larger
+    S keeps all points of a gate (in coordinates whitened by S) and adds new ones.
 
     Args:
         key: an integer in [0, 2^64), one per world, step and sensor.
@@ -33,7 +33,7 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
 
     Raises:
         InputError: a key outside its range, a centre that is not finite, an S that is not symmetric positive definite,
-            a gate or density outside its range, shapes that do not fit, more than 1e7 points to be expected.
+            a gate or density outside its range, shapes that do not fit, or more than 1e7 expected points.
     """
     if not hasattr(key, "__index__") or not 0 <= int(key) < 2**64:
         raise InputError(f"key is {key!r}, expected an integer in [0, 2^64)")

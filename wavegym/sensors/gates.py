@@ -1,7 +1,7 @@
 """Validation gates: the ellipses in which a tracker looks for a target's return.
 
-A gate of size g holds the measurements z with (z - centre)' S^-1 (z - centre) <= g^2, S the innovation covariance of a
-measurement with two components (Bar-Shalom, Li, Kirubarajan 2001, section 5.4.2, there with gamma = g^2).
+A gate of size g holds the measurements z with (z - centre)' S^-1 (z - centre) <= g^2. S is the innovation covariance of
+a two-dimensional measurement (Bar-Shalom, Li, Kirubarajan 2001, section 5.4.2, with gamma = g^2).
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ def gate_volume(S: ArrayLike, gate: ArrayLike) -> Array:
         gate: g > 0, (...); leading axes broadcast.
 
     Raises:
-        InputError: an S that is not symmetric positive definite, g not finite and > 0, shapes that do not fit.
+        InputError: an S that is not symmetric positive definite, a g not finite and > 0, or shapes that do not fit.
     """
     return kernels.volume(check_elements(check_positive, "gate", gate), cholesky(S))
 
 
 def inside_gate(innovation: ArrayLike, S: ArrayLike, gate: ArrayLike) -> NDArray[np.bool_]:
-    """Whether an innovation z - centre, (..., 2), lies in the gate: (...). Other arguments and errors as above."""
+    """Whether an innovation z - centre, (..., 2), lies in the gate: (...). S, gate, errors: see ``gate_volume``."""
     g = check_elements(check_positive, "gate", gate)
     squared = kernels.distance(check_last_axes("innovation", innovation, 2), np.zeros(2), cholesky(S))
     return np.asarray(squared <= g * g)
 
 
 def cholesky(S: ArrayLike) -> Array:
-    """Lower triangular L with L L' = S, (..., 2, 2); InputError for the first S that is no covariance."""
+    """Lower triangular L with L L' = S, (..., 2, 2); raise an InputError for the first S that is no covariance."""
     S = check_last_axes("S", S, 2, 2)
     L = np.zeros(S.shape)
     with np.errstate(all="ignore"):

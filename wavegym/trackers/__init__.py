@@ -1,9 +1,9 @@
-"""Trackers: from a measurement and its covariance to a belief.
+"""Trackers: functions that turn a measurement and its covariance into a belief about a target.
 
 >>> import numpy as np
 >>> from wavegym.trackers import predict, update
 >>> F, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2)
->>> mean, covariance = predict(np.zeros((3, 2)), 100 * np.eye(2), F, Q)  # three tracks at once
+>>> mean, covariance = predict(np.zeros((3, 2)), 100 * np.eye(2), F, Q)  # three tracks in one call
 >>> mean, covariance = update(mean, covariance, np.ones((3, 2)), np.eye(2), np.eye(2))
 >>> covariance.shape
 (3, 2, 2)
