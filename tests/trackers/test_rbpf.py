@@ -1,7 +1,7 @@
 """The particle filter against the exact mixture over all histories of associations.
 
-A history says for every scan so far which return is whose. ``exact`` goes through all of them in plain NumPy, each with
-its unscented Kalman filters and its weight: what the particle filter samples from.
+A history assigns the returns of all scans so far to targets. ``exact`` computes all histories in plain NumPy, each with
+its unscented Kalman filters and its weight. The particle filter samples from this mixture.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def test_equals_the_mixture_over_every_history(name):
     s, count = SCENES[name], 20_000
     mean, covariance, log_evidence = exact(s)
     done = list(filtered(s, count))
-    # Every step's resampling and weighing adds its share to the Monte Carlo variance.
+    # Each step adds the Monte Carlo variance of its weights and its resampling.
     error = np.sqrt(sum(1.0 / count + 1.0 / d.effective_sample_size for d in done))
     assert error < 0.04
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -163,7 +163,7 @@ def test_equals_the_mixture_over_every_history(name):
 
 @pytest.mark.parametrize("name", ["two targets, two steps", "three targets"])
 def test_scenes_are_of_several_modes(name):
-    """Histories that count lie far from the best one, so that one Gaussian for each target would not do."""
+    """Likely histories lie far from the best: one Gaussian per target would not be enough."""
     log_weight, x, P = every_history(SCENES[name])
     best = log_weight.argmax()
     d = x - x[best]
@@ -237,7 +237,7 @@ def test_the_key_decides():
     assert (first.particles.mean != other.particles.mean).any()
 
 
-def test_absent_targets_are_not_touched_and_say_nothing():
+def test_absent_targets_are_neither_updated_nor_used():
     s = SCENES["two targets, two steps"]
     X, V = particles(s, 200)
     ours = step(s, 0, X, V, 6, present=[True, False])
@@ -259,7 +259,7 @@ def test_absent_targets_are_not_touched_and_say_nothing():
     assert (U[:, 1] == V[:, 1]).all()
 
 
-def test_a_return_that_nobody_explains_is_clutter_even_where_there_is_next_to_none():
+def test_a_return_far_from_all_targets_is_clutter_even_at_a_tiny_density():
     s = scene([[(0,), ()]], targets=1)
     s.scans[0][0][:] += 2000.0
     ours = rbpf_update(0, *particles(s, 10), s.scans[0], s.pd, s.noise, SENSORS, 1e-20)
@@ -275,7 +275,7 @@ def test_a_target_expected_outside_every_gate_is_not_missed():
     z, noise = measure(s.mean, SENSORS[0]), np.tile(NOISE, (2, 1, 1))
     gates = z, np.tile(30.0 * np.eye(2), (2, 1, 1)), 4.0, PG
     log_weight, present = np.zeros(count), np.ones(2, bool)
-    scan = np.empty((5, 2)), 0  # nothing was returned
+    scan = np.empty((5, 2)), 0  # no returns
     kernels.update_particles(
         np.uint64(0), present, X, V, log_weight, *scan, s.pd[0], noise, *SENSORS[0], gates, DENSITY, (0,) * 4
     )

@@ -1,4 +1,4 @@
-"""What the particle filter refuses: one line that names the value and what was expected."""
+"""Invalid input of the particle filter: errors are one line with the value and the expected value."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def good(targets=2):
 
 BAD = {
     "key": (-1, "key is -1"),
-    "key too large": (2**64, "key is 18446744073709551616, expected an integer below"),
+    "key too large": (2**64, r"key is 18446744073709551616, expected an integer in \[0, 2\^64\)"),
     "clutter_density": (0.0, "clutter_density is 0.0, expected finite numbers > 0"),
     "clutter_density too small": (
         1e-320,

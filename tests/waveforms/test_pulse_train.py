@@ -19,7 +19,7 @@ def test_doppler_moment_grows_by_the_dwell(train):
 
 
 def test_a_train_of_one_is_its_pulse():
-    train = PulseTrain(PULSE, count=1, interval=1e-9)  # nothing to overlap with
+    train = PulseTrain(PULSE, count=1, interval=1e-9)  # one pulse cannot overlap
     t = np.linspace(-1e-5, 1e-5, 101)
     assert np.array_equal(train.signal(t), PULSE.signal(t))
     assert np.array_equal(train.measurement_covariance(1e10, 2.0), PULSE.measurement_covariance(1e10, 2.0))
@@ -38,7 +38,7 @@ def test_signal_is_the_sum_of_the_pulses():
 def test_energy_is_one(train):
     low, high = train.support
     t = np.linspace(low, high, 1 + int(20 * (high - low) / train.pulse.duration))
-    # Where neighbours meet (interval 9.7 durations) 1e-11 of the energy is given up.
+    # Where neighbours meet (interval 9.7 durations) 1e-11 of the energy is lost.
     assert np.trapezoid(np.abs(train.signal(t)) ** 2, t) == pytest.approx(1, abs=3e-11)
 
 

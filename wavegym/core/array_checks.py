@@ -1,10 +1,10 @@
-"""Checks of array arguments: their elements, their shapes and their leading axes."""
+"""Checks of the arguments of array functions: elements, shapes, leading axes and keys of random numbers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,6 +62,13 @@ def check_broadcast(**arrays: ArrayLike) -> tuple[FloatArray, ...]:
     except ValueError:
         shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items())
         raise InputError(f"shapes are {shapes}, expected shapes that broadcast") from None
+
+
+def check_key(key: SupportsIndex) -> np.uint64:
+    """Return the key of a stream of random numbers if it is an integer in [0, 2^64); otherwise raise an InputError."""
+    if not hasattr(key, "__index__") or not 0 <= int(key) < 2**64:
+        raise InputError(f"key is {key!r}, expected an integer in [0, 2^64)")
+    return np.uint64(key)
 
 
 def flatten_lead(array: ArrayLike, lead: tuple[int, ...], *core: int) -> NDArray[Any]:

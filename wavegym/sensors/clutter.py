@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_last_axes
+from wavegym.core.array_checks import check_key, check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.sensors import clutter_kernels as kernels
@@ -35,8 +35,7 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
         InputError: a key outside its range, a centre that is not finite, an S that is not symmetric positive definite,
             a gate or density outside its range, shapes that do not fit, or more than 1e7 expected points.
     """
-    if not hasattr(key, "__index__") or not 0 <= int(key) < 2**64:
-        raise InputError(f"key is {key!r}, expected an integer in [0, 2^64)")
+    own = check_key(key)
     points, L = np.array(check_last_axes("centre", centre, 2), order="C"), cholesky(S)
     if points.ndim != 2 or L.shape != (len(points), 2, 2):
         raise InputError(
@@ -47,7 +46,5 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
     expected = check_non_negative("density", density) * float(gate_volume(S, check_positive("gate", gate)).sum())
     check_within("expected number of clutter points (density x gate volumes)", expected, 0.0, MOST_POINTS)
     present = np.ones(len(points), dtype=np.bool_)
-    z, count = kernels.add_clutter(
-        np.uint64(key), points, L, present, float(gate), float(density), np.empty((64, 2)), 0
-    )
+    z, count = kernels.add_clutter(own, points, L, present, float(gate), float(density), np.empty((64, 2)), 0)
     return z[:count].copy()

@@ -99,7 +99,9 @@ class RecordedTrack:
         check_positive("dt", dt, "s")
         check_non_negative("smoothing", smoothing, "s")
         if self.duration / dt > MOST_SAMPLES:
-            raise InputError(f"dt is {dt!r} s, expected more: track {self.id!r} would give over {MOST_SAMPLES} samples")
+            raise InputError(
+                f"dt is {dt!r} s, expected a larger dt: track {self.id!r} would have over {MOST_SAMPLES} samples"
+            )
         stretches = [part for part in self.pieces(max_gap) if part.duration >= dt]
         return [_resampled(part, dt, smoothing) for part in stretches]
 

@@ -21,9 +21,10 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.array_checks import check_key
 from wavegym.core.arrays import FloatArray
 from wavegym.core.counter_rng_kernels import stream
-from wavegym.core.errors import InputError, check_int
+from wavegym.core.errors import InputError
 from wavegym.trackers import rbpf_kernels as kernels
 from wavegym.trackers.checks import check_association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
@@ -96,12 +97,13 @@ def rbpf_update(
     if there.shape != X.shape[1:2]:
         raise InputError(f"present has the shape {there.shape}, expected {X.shape[1:2]}")
     scans, Pd, N, place = _check_scans(measurements, pd, noise, sensors, X.shape[1])
-    _check_values(key, Pd[:, there], clutter_density, gate_probability)
+    own = check_key(key)
+    check_association_terms(Pd[:, there], clutter_density, gate_probability)
     for name, matrix in (("covariance", V[:, there]), ("noise", N[:, there])):
         if matrix.size:
             check_positive_definite(name, matrix)
 
-    log_weight, own = np.zeros(len(X)), np.uint64(key)
+    log_weight = np.zeros(len(X))
     everywhere = np.zeros((len(there), 2)), np.ones((len(there), 2, 2)), np.inf, float(gate_probability)
     for i, z in enumerate(scans):
         kernels.update_particles(
@@ -185,13 +187,6 @@ def _check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> 
     if not np.isfinite(array).all():
         raise InputError(f"{name} has values that are not finite, the first at {np.argwhere(~np.isfinite(array))[0]}")
     return array
-
-
-def _check_values(key: int, pd: FloatArray, clutter_density: float, gate_probability: float) -> None:
-    """Raise an InputError for the first value out of range."""
-    if not check_int("key", key, 0) < 2**64:
-        raise InputError(f"key is {key}, expected an integer below 2^64 (nearest: {2**64 - 1})")
-    check_association_terms(pd, clutter_density, gate_probability)
 
 
 def _raise_without_evidence(sensor: int, targets: int, clutter_density: float) -> NoReturn:
