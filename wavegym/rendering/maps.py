@@ -15,14 +15,8 @@ if TYPE_CHECKING:
 
 
 PLANE = slice(0, 2)  # x and y among [x y xdot ydot]
-COLOURS = (
-    "teal",
-    "darkmagenta",
-    "saddlebrown",
-    "navy",
-    "darkolivegreen",
-    "crimson",
-)  # of targets; C0, C1, ... are sensors
+# of targets; C0, C1, ... are sensors
+COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")
 PARTICLE: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 2.5, "markeredgewidth": 0, "alpha": 0.2}
 SPARE = 1.2  # extent of the map over that of its points, with room for names
 
