@@ -1,6 +1,6 @@
-"""A scan of five detections for two tracks against Stone Soup: predict, gate, associate (JPDA), update.
+"""JPDA against Stone Soup: predict, gate, associate and update two tracks with five detections.
 
-Stone Soup caches predictions, so every scan gets fresh states; both sides start from the same means and covariances.
+Stone Soup caches predictions: each scan gets new states. Both sides start from the same means and covariances.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ ASSOCIATOR = JPDA(
 
 
 def stone_soup_scan() -> list[Track]:
-    """One scan as Stone Soup's tutorial on JPDA has it."""
+    """One scan as in Stone Soup's tutorial on JPDA."""
     tracks = [Track([GaussianState(x, P, timestamp=START)]) for x, P in zip(MEAN, COVARIANCE, strict=True)]
     detections = {Detection(z[:, None], timestamp=NOW, measurement_model=SENSOR) for z in Z}
     for track, hypotheses in ASSOCIATOR.associate(tracks, detections, NOW).items():
@@ -58,25 +58,28 @@ def stone_soup_scan() -> list[Track]:
 
 
 def scan(mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One scan of ours."""
+    """One scan by wavegym."""
     mean, covariance = predict(mean, covariance, F, Q)
     G = covariance @ H.T
     return jpda_update(mean, covariance, Z, mean @ H.T, H @ G + R, G, [PD, PD], DENSITY, GATE)
 
 
 def peer(repeats: int) -> int:
+    """Scans by Stone Soup."""
     for _ in range(repeats):
         stone_soup_scan()
     return repeats
 
 
 def single(repeats: int) -> int:
+    """Scans of one environment by wavegym."""
     for _ in range(repeats):
         scan(MEAN, COVARIANCE)
     return repeats
 
 
 def batch(repeats: int) -> int:
+    """Scans of a batch by wavegym."""
     mean, covariance = np.tile(MEAN, (BATCH, 1, 1)), np.tile(COVARIANCE, (BATCH, 1, 1, 1))
     for _ in range(repeats):
         scan(mean, covariance)
@@ -84,7 +87,7 @@ def batch(repeats: int) -> int:
 
 
 def check() -> None:
-    """Both sides compute the same."""
+    """Check that both sides compute the same."""
     mean, covariance = scan(MEAN, COVARIANCE)
     for t, track in enumerate(stone_soup_scan()):
         np.testing.assert_allclose(mean[t], np.ravel(track.state_vector), rtol=0.0, atol=1e-6)
@@ -92,7 +95,7 @@ def check() -> None:
 
 
 def run() -> dict[str, tuple[Ratio, float | None]]:
-    """Each measurement with the ratio wanted, if any."""
+    """Each ratio with its target, if any."""
     check()
     return {
         "JPDA scan, 2 tracks x 5 detections": (compare(lambda: single(500), lambda: peer(10)), 100.0),

@@ -1,4 +1,4 @@
-"""The Kershaw-Evans loop against filterpy's objects: kernel, environment step, single step."""
+"""Kershaw-Evans against filterpy objects: Kalman kernel, batch of environments, single environment."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def filterpy_objects(count: int) -> list[KalmanFilter]:
 
 
 def peer(count: int, repeats: int) -> int:
-    """Predict and update of ``count`` filters, and nothing else."""
+    """Predict and update of ``count`` filters alone."""
     filters, z = filterpy_objects(count), np.array([[1.0], [2.0]])
     for _ in range(repeats):
         for tracker in filters:
@@ -44,7 +44,7 @@ def kernel(repeats: int = 300) -> int:
 
 
 def vector_step(envs: WaveformVectorEnv, actions: np.ndarray, episodes: int = 4) -> int:
-    """Whole steps, with observation, reward, info and every reset."""
+    """Environment steps with observation, reward, info and resets."""
     steps = episodes * (envs.system.horizon + 1)
     for _ in range(steps):
         envs.step(actions)
@@ -52,7 +52,7 @@ def vector_step(envs: WaveformVectorEnv, actions: np.ndarray, episodes: int = 4)
 
 
 def single_step(env: WaveformEnv, episodes: int) -> int:
-    """Whole steps of the unwrapped single environment, each episode with its reset."""
+    """Environment steps of the unwrapped single environment, each episode with its reset."""
     for _ in range(episodes):
         env.reset()
         for _ in range(env.system.horizon):
@@ -61,7 +61,7 @@ def single_step(env: WaveformEnv, episodes: int) -> int:
 
 
 def run() -> dict[str, tuple[Ratio, float | None]]:
-    """Each measurement with the ratio wanted, if any."""
+    """Each ratio with its target, if any."""
     envs = WaveformVectorEnv(KershawEvansPosition, BATCH)
     envs.reset(seed=0)
     actions = np.random.default_rng(0).integers(0, len(envs.system.library), BATCH)

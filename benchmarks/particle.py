@@ -1,7 +1,7 @@
-"""A whole step of the particle filter against the same algorithm in NumPy with filterpy's resampling.
+"""A step of the particle filter (RBPF) against the same algorithm in NumPy with filterpy's resampling.
 
-The peer is written as one would for speed: all particles and sigma points at once, two-by-two matrices and the sum
-over the associations of two targets in closed form, particles on the last axis.
+The peer is written for speed: all particles and sigma points at once, two-by-two matrices and the sum over the
+associations of two targets in closed form, particles on the last axis.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Problem(NamedTuple):
 
 
 def problem(seed: int = 0) -> Problem:
-    """Each target's own return and two clutter points a sensor, inside gates that overlap."""
+    """Each target's return and two clutter points per sensor, inside overlapping gates."""
     rng = np.random.default_rng(seed)
     truth = np.array([[2000.0, -1000.0, -100.0, 800.0], [2040.0, -980.0, -95.0, 790.0]])
     X = truth + rng.standard_normal((PARTICLES, 2, 4)) * [10.0, 10.0, 2.0, 2.0]
@@ -51,7 +51,7 @@ def problem(seed: int = 0) -> Problem:
 
 
 def ours(p: Problem, repeats: int) -> int:
-    """Predict, update with both sensors, moments, resample."""
+    """The step by wavegym: predict, update with both sensors, moments, resample."""
     present, pd, noise, nn = np.ones(2, bool), np.full(2, PD), np.tile(NOISE, (2, 1, 1)), (0,) * 4
     X, V, Y, U = (np.empty(a.shape) for a in (p.X, p.V, p.X, p.V))
     weight, mean, covariance = np.empty(PARTICLES), np.empty((2, 4)), np.empty((2, 4, 4))
@@ -70,7 +70,7 @@ def ours(p: Problem, repeats: int) -> int:
 
 
 def sigma_points(x: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """x +- 2 A_i with A A' = P: (8, 4, target, particle), both of one axis four apart."""
+    """x +- 2 A_i with A A' = P: (8, 4, target, particle); the points + and - of an axis are four apart."""
     A, root = np.zeros(P.shape), np.empty(x.shape[1:])
     for i in range(4):
         for j in range(i):
@@ -89,7 +89,7 @@ def predict_ahead(x: np.ndarray, P: np.ndarray, sensor: np.ndarray) -> tuple[np.
     z = images.mean(1)
     images -= z[:, None]
     s00, s10, s11 = ((images[a] * images[b]).mean(0) + NOISE[a, b] for a, b in ((0, 0), (1, 0), (1, 1)))
-    half = points[:4] - x  # the images of opposite points weigh it with opposite signs
+    half = points[:4] - x  # the images of opposite points have opposite signs
     G = np.einsum("piTj,mpTj->imTj", half, images[:, :4] - images[:, 4:]) / 8.0
     l00 = np.sqrt(s00)
     l10 = s10 / l00
@@ -121,7 +121,7 @@ def peer_update(
     W[0] = 1.0 - PD * received(centre, gates)
     W[1:] = PD / (2.0 * np.pi * DENSITY * l00 * l11) * np.exp(-0.5 * (a * a + b * b))
     total = W.sum(0)
-    beside = total[0] - W[:, 0]  # what target 0 may do where target 1 has measurement m
+    beside = total[0] - W[:, 0]  # sum over target 0 where target 1 has measurement m
     beside[0] = total[0]
     second = W[:, 1] * beside
     evidence = second.sum(0)
@@ -141,7 +141,7 @@ def peer_update(
 
 
 def peer(x: np.ndarray, P: np.ndarray, p: Problem, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """The same step: moments, and resampled particles."""
+    """The same step by the peer: moments, and resampled particles."""
     x = (F @ x.reshape(4, -1)).reshape(x.shape)
     P = (F @ P.reshape(4, -1)).reshape(P.shape).swapaxes(0, 1)  # F P, then its transpose
     P = (F @ P.reshape(4, -1)).reshape(P.shape) + Q[:, :, None, None]
@@ -170,7 +170,7 @@ def peers(p: Problem, repeats: int) -> int:
 
 
 def check(p: Problem) -> None:
-    """Both sides give every particle the same evidence of a scan."""
+    """Check that both sides give each particle the same evidence of a scan."""
     x, P = particles_last(p)
     theirs = peer_update(x, P, p.scans[0], SENSORS[0], p.gates[0], np.full((2, PARTICLES), 0.5))
     ours, noise, pd = np.zeros(PARTICLES), np.tile(NOISE, (2, 1, 1)), np.full(2, PD)
@@ -182,7 +182,7 @@ def check(p: Problem) -> None:
 
 
 def run() -> dict[str, tuple[Ratio, float | None]]:
-    """Each measurement with the ratio wanted, if any."""
+    """Each ratio with its target, if any."""
     p = problem()
     check(p)
     name = f"particle filter step, 2 targets x {PARTICLES} particles, 2 sensors x 4 returns"

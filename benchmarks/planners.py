@@ -1,4 +1,4 @@
-"""Planners: time per decision and memory, which must not grow with the depth or the batch."""
+"""Planners: time and peak memory per decision; the memory must not grow with the depth or the batch."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from wavegym.systems.sector_setup.system import SectorSetup
 
 
 class Decision(NamedTuple):
-    """What one decision costs."""
+    """Time and memory of one decision."""
 
     batch: int
     cpu_us: float
-    peak_mib: float  # Python-side allocations beyond what was there before
+    peak_mib: float  # Python allocations during the decision
 
 
 def measure(policy: Policy, batch: int, system: System | None = None) -> Decision:
@@ -48,7 +48,7 @@ def measure(policy: Policy, batch: int, system: System | None = None) -> Decisio
 
 
 def run() -> dict[str, list[Decision]]:
-    """Every planner at three batch sizes."""
+    """All planners at three batch sizes."""
     policies = {
         "myopic": Myopic(),
         "lookahead:2, fused": Lookahead(2),
@@ -59,7 +59,7 @@ def run() -> dict[str, list[Decision]]:
 
 
 def rollouts() -> dict[str, list[Decision]]:
-    """Rollouts of at most 16 candidates for 10 steps of one future, on a base that looks at nothing."""
+    """Rollouts of at most 16 candidates for 10 steps in one sampled future; most bases ignore the belief."""
     named: dict[str, tuple[System, Policy]] = {
         "KershawEvansPosition, 16 candidates of 56": (KershawEvansPosition(), Fixed(0)),
         "CameraSlew, 4 candidates": (CameraSlew(), Fixed(0)),

@@ -1,10 +1,10 @@
-"""The RF/EO loop against filterpy's and Stone Soup's extended Kalman filters, and what one decision of it costs.
+"""RF/EO against filterpy's and Stone Soup's extended Kalman filters, and the time of its decisions.
 
-Both peers do the same step for two targets and two platforms: the action is decoded to variances and field of view, the
-truth moves, what is in view is measured, one filter a target predicts and updates with its six numbers; then what the
-environment returns, by the same plain functions for both: observation, cost, position errors, NEES and the information
-that the settings promised. They have no resets, clipping or shells. Their measurement functions are plain Python
-arithmetic, which takes .6 of NumPy's time for so few numbers.
+Both peers do the same step for two targets and two platforms. They decode the action to variances and field of view,
+move the truth, and measure the targets in view. One filter per target predicts and updates with six numbers. The same
+functions for both then compute observation, cost, position errors, NEES and predicted information. The peers have no
+resets, clipping or Gymnasium shells. Their measurement functions are plain Python arithmetic: for so few numbers it
+takes 0.6 of NumPy's time.
 """
 
 from __future__ import annotations
@@ -39,19 +39,16 @@ from wavegym.waveforms import SPEED_OF_LIGHT
 
 BATCH = 256
 SYSTEM = RfEo()
-WIDE = np.array([0.0, 0.0, 1.0] * 2)  # PRF 10 kHz, bandwidth 4.5 MHz, all around: every target is in view all the time
+WIDE = np.array([0.0, 0.0, 1.0] * 2)  # PRF 10 kHz, bandwidth 4.5 MHz, full circle: all targets are always in view
 F, Q, L = SYSTEM.motion.F, SYSTEM.motion.Q, SYSTEM.motion.noise_factor
-VARIANCE = SYSTEM.action_set.view(SYSTEM.action_set.settings(WIDE)).variance.reshape(
-    -1
-)  # of both platforms' three quantities
-R = np.diag(VARIANCE)
+R = np.diag(SYSTEM.action_set.view(SYSTEM.action_set.settings(WIDE)).variance.reshape(-1))
 P0 = np.diag(SYSTEM.prior_variance)
 CELL = 1.0 / math.sqrt(12.0)
 NOW, SECOND = datetime.datetime(2024, 1, 1), datetime.timedelta(seconds=SYSTEM.dt)
 
 
 def measure(state: Sequence[float]) -> list[float]:
-    """Range, range-rate and azimuth of one target from each platform, which all look along +y."""
+    """Range, range-rate and azimuth of one target from each platform; all platforms look along +y."""
     x, vx, y, vy = state
     z: list[float] = []
     for px, py in SYSTEM.platforms:
@@ -84,10 +81,10 @@ def residual(z: Array, predicted: Array) -> Array:
 
 
 class Tracker(Protocol):
-    """One filter a target."""
+    """One filter per target."""
 
     def step(self, measurements: Sequence[Array]) -> float:
-        """Predict, update with the six numbers of each target, and the sum of the traces."""
+        """Predict and update with the six numbers of each target; return the sum of the traces."""
 
     @property
     def beliefs(self) -> list[tuple[Array, Array]]:
@@ -126,7 +123,7 @@ class Filterpy:
 
 
 class Platforms(MeasurementModel, GaussianModel):
-    """Both platforms' measurements. Stone Soup's own model of a range-rate has no analytic Jacobian: 4 times slower."""
+    """Measurements of both platforms; Stone Soup's range-rate model has no analytic Jacobian and is 4 times slower."""
 
     @property
     def ndim_meas(self) -> int:
@@ -143,7 +140,7 @@ class Platforms(MeasurementModel, GaussianModel):
 
 
 class WrappingUpdater(ExtendedKalmanUpdater):
-    """Wraps the residual of plain numbers, which is faster than Stone Soup's ``Bearing`` objects in the vector."""
+    """Wraps azimuth residuals of plain numbers; faster than Stone Soup's ``Bearing`` objects."""
 
     def _posterior_mean(self, predicted: Any, gain: Array, measurement: Any, measured: Any) -> StateVector:
         y = residual(np.asarray(measurement.state_vector)[:, 0], np.asarray(measured.state_vector)[:, 0])
@@ -151,7 +148,7 @@ class WrappingUpdater(ExtendedKalmanUpdater):
 
 
 class StoneSoup:
-    """A predictor, an updater and a state for each target. It caches predictions: every step has fresh states."""
+    """A predictor, an updater and a state for each target. Predictions are cached: each step makes new states."""
 
     def __init__(self, starts: Sequence[Sequence[float]] = SYSTEM.starts, prior: Array = P0) -> None:
         self.model, self.now = Platforms(ndim_state=4, mapping=(0, 1, 2, 3)), NOW
@@ -188,7 +185,7 @@ def decode(action: Array) -> tuple[Array, Array]:
 
 
 def look(x: Array, P: Array, deviation: Array) -> tuple[Array, float]:
-    """One target's 14 elements of the observation, and the information that the settings promise of it."""
+    """One target's 14 elements of the observation, and the information predicted for the settings."""
     x, P = F @ x, F @ P @ F.T + Q
     C = jacobian(x.tolist())
     spread = ((C @ P) * C).sum(axis=1)
@@ -199,14 +196,14 @@ def look(x: Array, P: Array, deviation: Array) -> tuple[Array, float]:
 
 
 def simulate(tracker: Tracker, steps: int = SYSTEM.horizon, returned: bool = True) -> int:
-    """A peer's whole steps: settings, truth, what is in view, the tracker; and what the environment returns."""
+    """Steps of a peer: settings, truth, field of view, tracker; and the values that the environment returns."""
     rng, truth = np.random.default_rng(0), np.array(SYSTEM.starts)
     for _ in range(steps):
         deviation, edge = decode(WIDE)
         truth = truth @ F.T + rng.standard_normal((2, 4)) @ L.T
         exact = np.array([measure(x) for x in truth.tolist()])
         seen = np.abs(exact) <= edge
-        assert seen.all()  # the settings see everything, so that no peer has to cut its arrays
+        assert seen.all()  # all targets are in view, so the peers need no masks
         tracker.step(list(exact + deviation * rng.standard_normal((2, 6))))
         if not returned:
             continue
@@ -224,7 +221,7 @@ def simulate(tracker: Tracker, steps: int = SYSTEM.horizon, returned: bool = Tru
 
 
 def single_step(env: WaveformEnv) -> int:
-    """One episode with its reset: observation, reward and info at every step."""
+    """One episode with its reset: observation, reward and info at each step."""
     env.reset()
     for _ in range(SYSTEM.horizon):
         env.step(WIDE)
@@ -232,14 +229,14 @@ def single_step(env: WaveformEnv) -> int:
 
 
 def vector_step(envs: WaveformVectorEnv, actions: Array) -> int:
-    """The same of a batch; the last step resets it."""
+    """One episode of a batch; the last step resets it."""
     for _ in range(SYSTEM.horizon + 1):
         envs.step(actions)
     return SYSTEM.horizon * len(actions)
 
 
 def transition(envs: WaveformVectorEnv, actions: Array, repeats: int = 200) -> int:
-    """World and trackers of a batch from its first step on, without observations, rewards, info and resets."""
+    """World and trackers of a batch from the first step, without observations, rewards, info and resets."""
     system, world = envs.system, envs.world
     state = system.initial(world)
     for _ in range(repeats):
@@ -248,7 +245,7 @@ def transition(envs: WaveformVectorEnv, actions: Array, repeats: int = 200) -> i
 
 
 def against_filterpy() -> dict[str, tuple[Ratio, float | None]]:
-    """Each measurement with the ratio wanted, if any."""
+    """Each ratio with its target, if any."""
     env, envs = WaveformEnv(RfEo), WaveformVectorEnv(RfEo, BATCH)
     envs.reset(seed=0)
     actions = np.tile(WIDE, (BATCH, 1))
@@ -269,7 +266,7 @@ def against_filterpy() -> dict[str, tuple[Ratio, float | None]]:
 
 
 def against_stone_soup() -> dict[str, tuple[Ratio, float | None]]:
-    """Each measurement with the ratio wanted, if any."""
+    """Each ratio with its target, if any."""
     envs = WaveformVectorEnv(RfEo, BATCH)
     envs.reset(seed=0)
     actions = np.tile(WIDE, (BATCH, 1))
@@ -278,7 +275,7 @@ def against_stone_soup() -> dict[str, tuple[Ratio, float | None]]:
 
 
 def decision_us(repeats: int = 50) -> float:
-    """CPU microseconds of a single environment's one-step choice on the grid: the slowest of four beliefs of a run."""
+    """CPU microseconds of one best action on the grid, single environment: the slowest of four beliefs of a run."""
     world = draw_worlds(SYSTEM, world_seeds(0, "test", 1))
     state, slowest = SYSTEM.initial(world), 0.0
 
@@ -296,5 +293,5 @@ def decision_us(repeats: int = 50) -> float:
 
 
 def lookaheads() -> dict[str, list[planners.Decision]]:
-    """What looking further ahead costs a single environment."""
+    """Time of a decision at several depths, single environment."""
     return {f"lookahead:{depth}, RfEo": [planners.measure(Lookahead(depth), 1, SYSTEM)] for depth in (1, 2, 3, 5, 10)}

@@ -1,6 +1,6 @@
-"""Measure everything and print one table: ``make benchmarks``.
+"""Run all benchmarks and print their tables: ``make benchmarks``.
 
-Times are CPU times of one thread; ratios are taken in one run, so they hold on another machine where times do not.
+Times are CPU times of one thread. Both sides of a ratio are measured in one run: ratios hold on other machines too.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PEERS = (
 
 
 def main() -> None:
-    """Print Markdown."""
+    """Print Markdown tables."""
     torch.set_num_threads(1)
     print("| work | ours (us) | peer (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
     for peer, measure in PEERS:

@@ -1,4 +1,4 @@
-"""The agile-clutter loop against filterpy's objects: the search over chirps, and whole environment steps."""
+"""AgileClutter against filterpy objects: the search over chirps, and environment steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ POINTS = JulierSigmaPoints(4, kappa=0.0)
 
 
 def measure(x: np.ndarray, sensor: np.ndarray) -> np.ndarray:
-    """Range and range-rate in plain Python arithmetic, as a user's own measurement function has them."""
+    """Range and range-rate in plain Python arithmetic, as in a user's own measurement function."""
     dx, dy = x[0] - sensor[0], x[1] - sensor[1]
     r = (dx * dx + dy * dy) ** 0.5
     return np.array([r, (dx * x[2] + dy * x[3]) / r])
@@ -38,7 +38,7 @@ def cost_of(system: AgileClutter, x: np.ndarray, P: np.ndarray, sensor: np.ndarr
 
 
 def filterpy_decision(system: AgileClutter, belief: object) -> int:
-    """Sensor after sensor, candidate after candidate, target after target."""
+    """One decision by loops over sensors, candidates and targets."""
     motion, C = system.motion, system.action_set.sensor_covariances
     x, P = predict(belief.mean[0], belief.covariance[0], motion.F, motion.Q)
     for sensor in np.array(system.sensors):
@@ -81,7 +81,7 @@ def filterpy_filters(repeats: int) -> int:
 
 
 def single_step(env: WaveformEnv, action: np.ndarray, episodes: int = 4) -> int:
-    """Whole steps with clutter, association, observation, reward and info, each episode with its reset."""
+    """Environment steps with clutter, association, observation, reward and info, each episode with its reset."""
     for _ in range(episodes):
         env.reset()
         for _ in range(env.system.horizon):
@@ -90,7 +90,7 @@ def single_step(env: WaveformEnv, action: np.ndarray, episodes: int = 4) -> int:
 
 
 def vector_step(envs: WaveformVectorEnv, actions: np.ndarray) -> int:
-    """Whole steps of a batch."""
+    """Environment steps of a batch."""
     steps = envs.system.horizon + 1
     for _ in range(steps):
         envs.step(actions)
@@ -98,7 +98,7 @@ def vector_step(envs: WaveformVectorEnv, actions: np.ndarray) -> int:
 
 
 def run() -> dict[str, tuple[Ratio, float | None]]:
-    """Each measurement with the ratio wanted, if any."""
+    """Each ratio with its target, if any."""
     env, envs = WaveformEnv(AgileClutter), WaveformVectorEnv(AgileClutter, BATCH)
     hfm = env.system.actions.labels.index("HFM up 100 us 15 MHz")
     action, actions = np.full(2, hfm), np.full((BATCH, 2), hfm)

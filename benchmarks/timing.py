@@ -1,4 +1,4 @@
-"""Ratios of CPU time, measured so that a machine's changing speed cancels: both sides in turn, the median ratio."""
+"""Ratios of CPU time: both sides are measured in turn and the median is taken, so that changes of speed cancel."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import NamedTuple
 
 
 class Ratio(NamedTuple):
-    """How much faster ours is than the peer's, per unit of work."""
+    """Speed of wavegym relative to the peer, per unit of work."""
 
     ours_us: float
     peer_us: float
     ratio: float
-    low: float  # least and greatest ratio seen
+    low: float  # least and greatest ratio of all rounds
     high: float
 
 
 def cpu_us(work: Callable[[], int]) -> float:
-    """CPU microseconds per unit of work; ``work`` returns how many units it did."""
+    """CPU microseconds per unit of work; ``work`` returns the number of units done."""
     start = time.process_time()
     units = work()
     return (time.process_time() - start) / units * 1e6
 
 
 def compare(ours: Callable[[], int], peer: Callable[[], int], rounds: int = 9) -> Ratio:
-    """Time both in turn, after one round that is not counted (compilation, caches)."""
+    """Time both in turn after one round that does not count (compilation, caches)."""
     ours(), peer()
     pairs = [(cpu_us(ours), cpu_us(peer)) for _ in range(rounds)]
     ratios = [theirs / mine for mine, theirs in pairs]

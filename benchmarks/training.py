@@ -26,7 +26,7 @@ class Clocked(SB3VecEnv):
 
 
 def run(env_id: str, steps: int = 64 * 50 * 12) -> tuple[float, float]:
-    """Share of the wall time in [0, 1], and steps per second; of a small network with six epochs everywhere."""
+    """Share of the wall time in [0, 1] and steps per second, for a small network and six epochs."""
     env = Clocked(env_id, ENVIRONMENTS)
     recipe = {"n_steps": 50, "batch_size": 1600, "n_epochs": 6, "gamma": 0.9, "gae_lambda": 0.9}
     model = PPO("MlpPolicy", env, learning_rate=1e-3, device="cpu", seed=0, **recipe)

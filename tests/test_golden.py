@@ -21,7 +21,8 @@ def close(got: list[str], want: list[str]) -> None:
 
 @pytest.mark.parametrize("name", RECORDED)
 def test_tapes_and_costs_are_those_recorded(name):
-    found = golden.record(name, QUICK, FEW, saved=0)
+    policies = QUICK[:3] if RECORDED[name]["settings"] else QUICK  # other parameters would be tuned for anew
+    found = golden.record(name, policies, FEW, saved=0)
     assert found["tape"] == RECORDED[name]["tape"]
     for policy, costs in found["costs"].items():
         close(costs, RECORDED[name]["costs"][policy])

@@ -16,7 +16,7 @@ from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.film import Film, headline
 from wavegym.envs.scenes import ObservationScene, make_scene
 from wavegym.rendering.drawings import ellipse
-from wavegym.rendering.timelines import Timelines, draw_choices, draw_foreseen
+from wavegym.rendering.timelines import Timelines, draw_choices, draw_predicted
 from wavegym.schedulers import Myopic
 from wavegym.systems.kershaw_evans.scene import transmitted
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -133,7 +133,7 @@ def test_the_headline_names_step_waveform_and_cost():
     assert "duration 300 us, sweep -1 MHz" in headline(moment_of(boxed))
 
 
-def test_the_foreseen_panel_tells_why_a_waveform_was_chosen():
+def test_the_predicted_costs_show_why_a_waveform_was_chosen():
     env = filmed(5)
     myopic = Myopic()
     myopic.begin(env.system, 1, np.random.default_rng(0))
@@ -143,7 +143,7 @@ def test_the_foreseen_panel_tells_why_a_waveform_was_chosen():
         twin = pickle.loads(pickle.dumps(env))
         twin.step(action)
         axes = Figure().subplots()
-        draw_foreseen(axes, moment_of(twin))
+        draw_predicted(axes, moment_of(twin))
         grey, least, chosen = axes.lines
         assert (grey.get_ydata() == predicted).all()
         assert least.get_xdata() == best

@@ -19,7 +19,7 @@ from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.describe import describe
 from wavegym.envs.film import headline
-from wavegym.rendering.timelines import Timelines, draw_choices, draw_foreseen
+from wavegym.rendering.timelines import Timelines, draw_choices, draw_predicted
 from wavegym.testing import check_vector_env
 from wavegym.testing.bitwise import difference
 from wavegym.testing.check import ConformanceError
@@ -246,10 +246,10 @@ def test_frames_show_a_line_and_a_name_for_each_sensor(form, actions):
     assert [text.get_text() for text in panel.get_legend().get_texts()] == ["sensor 1", "sensor 2"]
 
 
-def test_the_foreseen_panel_finds_the_combination_chosen():
+def test_the_predicted_costs_mark_the_combination_chosen():
     _, moment = filmed("library", [[1, 2]])
     axes = Figure().subplots()
-    draw_foreseen(axes, moment)
+    draw_predicted(axes, moment)
     grey, _, chosen = axes.lines
     assert len(grey.get_ydata()) == 9
     assert chosen.get_xdata().tolist() == [5]

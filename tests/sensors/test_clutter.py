@@ -1,4 +1,4 @@
-"""Clutter in the union of gates: Poisson in number, uniform in place, the same for whoever asks with the same key."""
+"""Clutter in the union of gates: Poisson in number, uniform in position, a function of the key."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wavegym.sensors.clutter_kernels import add_clutter
 CENTRE = np.array([[100.0, -5.0], [115.0, 0.0], [180.0, 40.0]])  # the first two gates overlap, the third is apart
 S = np.array([[[16.0, -3.0], [-3.0, 4.0]], [[25.0, 8.0], [8.0, 9.0]], [[9.0, 0.0], [0.0, 1.0]]])
 GATE = 3.0
-CHANCE = 1e-4  # keys are fixed: a test that holds once holds always
+CHANCE = 1e-4  # probability of a false failure; keys are fixed, so a passed test stays passed
 KEYS = range(4000)
 POINTS = 400_000
 
@@ -28,7 +28,7 @@ def in_gates(z, centre=CENTRE, covariance=S, gate=GATE):
 
 @pytest.fixture(scope="module")
 def union():
-    """Its area and many points uniform in it, by drawing from the bounding box and rejecting."""
+    """The area of the union and many uniform points in it, by rejection from the bounding box."""
     reach = GATE * np.sqrt(np.diagonal(S, axis1=1, axis2=2))
     low, high = (CENTRE - reach).min(axis=0), (CENTRE + reach).max(axis=0)
     z = np.random.default_rng(0).uniform(low, high, (10 * POINTS, 2))
@@ -52,7 +52,7 @@ def append(key, *, covariance=S, present=(True, True, True), gate=GATE, density=
 def test_numbers_are_poisson_with_the_mean_of_the_union(scans, union):
     counts = np.array([len(z) for z in scans])
     mean = 0.05 * union[0]
-    assert 0.05 * gate_volume(S, GATE).sum() > 1.1 * mean  # the overlap counts once, and is large enough to be seen
+    assert 0.05 * gate_volume(S, GATE).sum() > 1.1 * mean  # the overlap counts once and is large enough for this test
     score = (counts.sum() - len(counts) * mean) / np.sqrt(len(counts) * mean)
     assert abs(score) < stats.norm.isf(CHANCE)
     dispersion = ((counts - counts.mean()) ** 2).sum() / counts.mean()
@@ -71,7 +71,7 @@ def test_places_are_uniform_in_the_union(scans, union):
         cells.append(np.unique(np.quantile(reference[:, axis], np.linspace(0, 1, 16))))
         cells[-1][[0, -1]] = -np.inf, np.inf
     tables = np.stack([np.histogram2d(*z.T, bins=cells)[0].ravel() for z in (observed, reference)])
-    tables = tables[:, tables[1] >= 200]  # cells that lie in the union, if only in part
+    tables = tables[:, tables[1] >= 200]  # cells that lie at least partly in the union
     assert tables.shape[1] > 60
     assert stats.chi2_contingency(tables).pvalue > CHANCE
     share = [in_gates(z)[:, :2].all(axis=1).mean() for z in (observed, reference)]  # the overlap alone
@@ -126,7 +126,7 @@ def test_each_gate_has_its_own_points_less_what_earlier_present_gates_cover(key)
 
 
 def test_appends_to_what_is_there_and_grows():
-    """From any capacity and count the same points, behind the rows that were there."""
+    """Any capacity and count give the same points behind the existing rows."""
     held = np.arange(8.0).reshape(4, 2)
     many = append(3, density=50.0)
     assert len(many) > 5000

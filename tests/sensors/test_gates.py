@@ -39,7 +39,7 @@ def test_volume_by_counting_points():
 
 
 def test_volume_of_a_nearly_singular_covariance():
-    """1 - rho^2 = 7e-6 as a long LFM pulse has it."""
+    """1 - rho^2 = 7e-6, as of a long LFM pulse."""
     sigma, rho = np.array([2289.7, 33024.7]), np.sqrt(1 - 7e-6)
     S = np.array([[1, rho], [rho, 1]]) * np.outer(sigma, sigma)
     assert gate_volume(S, 4.0) == pytest.approx(np.pi * 16 * sigma.prod() * np.sqrt(7e-6), rel=1e-9)
@@ -76,7 +76,7 @@ def test_gate_outside_its_range(gate):
     "S", [[[1, 2], [2, 1]], [[0, 0], [0, 1]], [[1, 0.5], [0, 1]], [[1, np.nan], [np.nan, 1]], [[np.inf, 0], [0, 1]]]
 )
 def test_no_covariance(S):
-    """The offending one of a batch is named, on one line."""
+    """The error is one line and names the wrong matrix of a batch."""
     batch = np.stack([np.eye(2), S])
     for call in (lambda: gate_volume(batch, 4.0), lambda: inside_gate(np.zeros(2), batch, 4.0)):
         with pytest.raises(InputError, match="expected a symmetric positive definite matrix") as error:

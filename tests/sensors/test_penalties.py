@@ -1,4 +1,4 @@
-"""Penalties of the field of view: what they are inside, at the edges, outside and far outside."""
+"""Penalties of the field of view: values inside, at the edges, outside and far outside."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def share(kind, x):
 
 @pytest.mark.parametrize("kind", ["hard", "deadzone"])
 @pytest.mark.parametrize("x", [-1.0, -0.85, 0.0, 0.5, 0.999999, 1.0])
-def test_hard_and_deadzone_are_exactly_nothing_inside(kind, x):
-    """The edge included; a range has no lower one."""
+def test_hard_and_deadzone_are_exactly_zero_inside(kind, x):
+    """Also at the edge; a range has no lower edge."""
     assert not share(kind, x).any()
 
 
-def test_the_logistic_is_plain_to_a_thousandth_where_it_says():
+def test_the_logistic_is_below_a_thousandth_in_the_documented_interval():
     """|x| <= high (1 - ln(gamma / (1e-3 v)) / (2 sharpness)): 0.85 of the edge and more, of azimuth from 1.1e-4 rad."""
     reach = 1 - np.log(HEIGHT / (1e-3 * VIEW.variance)) / 200
     assert reach[:, :2].min() > 0.85
@@ -54,7 +54,7 @@ def test_the_logistic_is_plain_to_a_thousandth_where_it_says():
     assert share("logistic", 0.85)[~coarse] == pytest.approx(0.112, rel=0.01)
 
 
-def test_the_log_barrier_is_nothing_at_the_centre_and_capped():
+def test_the_log_barrier_is_zero_at_the_centre_and_capped():
     assert not share("log-barrier", 0.0).any()
     assert (of("log-barrier", 0.3 * HIGH) > 0).all()
     sharpness, height = 10.0, 7.0
@@ -68,7 +68,7 @@ def test_the_log_barrier_is_nothing_at_the_centre_and_capped():
 
 @pytest.mark.parametrize("x", [-3.0, -1.2, -1.004, -0.9, 0.0, 0.5, 0.97, 1.0, 1.0001, 1.03, 4.0])
 def test_plain_forms(x):
-    """Each kind by its definition, at x of the edge: both sides added, of which one is always nothing."""
+    """Each kind by its definition at x times the edge: the sum of both sides, of which one is always zero."""
     beyond = HIGH * (abs(x) - 1)
     assert of("hard", x * HIGH) == (1e6 if beyond > 0 else 0.0)
     assert of("deadzone", x * HIGH) == pytest.approx(1e6 * 100 / HIGH * max(beyond, 0.0))
@@ -102,7 +102,7 @@ def test_grows_with_the_distance_from_the_centre(kind, one, other, sharpness):
 @pytest.mark.parametrize("kind", KINDS)
 @given(x=st.floats(-3, 3))
 def test_two_sided_where_the_interval_is(kind, x):
-    """Symmetric, unless there is no lower edge: then what is below is as good as it gets."""
+    """The penalty is symmetric; without a lower edge it is least everywhere below."""
     assert of(kind, x * HIGH) == pytest.approx(of(kind, -x * HIGH), rel=1e-12)
     if x < 0 and kind != "log-barrier":  # whose measure is the distance from 0
         assert of(kind, x * HIGH, low=-np.inf) <= of(kind, 0.0, low=-np.inf) * (1 + 1e-12)
@@ -112,7 +112,7 @@ def test_two_sided_where_the_interval_is(kind, x):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_one_sided_interval_from_zero(kind):
-    """As printed, of a range-rate: closing targets are outside."""
+    """The printed interval of a range-rate: approaching targets are outside."""
     assert of(kind, -0.5 * HIGH, low=0.0) >= 1e6 * (1 - 1e-12)
     assert of(kind, 0.5 * HIGH, low=0.0) < 1e-2 * 1e6
 

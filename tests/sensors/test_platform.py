@@ -1,4 +1,4 @@
-"""What a platform measures against plain formulas, plane geometry and differences of them."""
+"""Measurements of a platform against plain formulas, plane geometry and finite differences."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_equals_plain_formulas(as_printed):
 
 @pytest.mark.parametrize("as_printed", [False, True])
 def test_jacobian_is_the_derivative(as_printed):
-    """Each row to 1e-6 of its greatest element; next to the arcsine's fold differences say nothing."""
+    """Each row to 1e-6 of its greatest element; next to the arcsine's fold finite differences are not valid."""
     compared = 0
     for state, platform in zip(*scene((200,), seed=1), strict=True):
         if as_printed and abs(state[2] - platform[1]) < 0.05 * plain(state, platform)[0]:
@@ -103,7 +103,7 @@ def test_azimuths_are_wrapped_and_point_at_the_target(azimuth, look):
 
 
 def test_behind_the_platform_a_small_turn_is_a_full_one():
-    """Either side of straight behind the azimuth jumps by 2 pi, its slope does not."""
+    """Straight behind the platform the azimuth jumps by 2 pi; its slope does not."""
     left, right = [-1e-6, 3.0, -10.0, 4.0], [1e-6, 3.0, -10.0, 4.0]
     jump = platform_measurement(right, (0, 0, 0.0)) - platform_measurement(left, (0, 0, 0.0))
     assert jump[2] == pytest.approx(2 * np.pi, abs=1e-6)

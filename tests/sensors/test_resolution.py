@@ -1,4 +1,4 @@
-"""What a platform's settings are worth: resolution cells, unambiguous intervals and the image."""
+"""Variance and field of view of a platform's settings: resolution cells, unambiguous intervals and the image."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_documented_numbers():
 
 @given(prf=PRFS, bandwidth=BANDWIDTHS, angle=ANGLES, length=st.integers(1, 4096), pixels=st.integers(1, 4000))
 def test_cells_and_intervals(prf, bandwidth, angle, length, pixels):
-    """Uniform in a cell: (c / 2B)^2 / 12, a Doppler bin of PRF / Nfft, one pixel. In view: what repeats no earlier."""
+    """Uniform in a cell: (c / 2B)^2 / 12, a Doppler bin of PRF / Nfft, one pixel. In view: unambiguous values."""
     got = view(prf, bandwidth, angle, wavelength=WAVELENGTH, fft_length=length, pixels=pixels)
     doppler_bin = prf / length
     want = np.array([C / (2 * bandwidth), WAVELENGTH * doppler_bin / 2, angle]) ** 2 / 12
@@ -63,7 +63,7 @@ def test_printed_forms(prf, angle):
 
 
 def test_as_printed_a_fast_radar_sees_its_feet_only():
-    """60 kHz: 0.9 km and 2.5 km/s, where it is 2.5 km and 0.45 km/s."""
+    """60 kHz: printed 0.9 km and 2.5 km/s, correct 2.5 km and 0.45 km/s."""
     assert view(60e3, as_printed=True).high[:2] == pytest.approx([900.0, 2498.27], rel=1e-5)
 
 

@@ -12,14 +12,14 @@ E2 = 1 - (B / A) ** 2
 
 
 def geodetic(ecef: np.ndarray) -> tuple[float, float, float]:
-    """Latitude, longitude, height by fixed-point iteration on the latitude: an inverse that shares nothing."""
+    """Latitude, longitude, height by fixed-point iteration on the latitude: an independent inverse."""
     x, y, z = ecef
     rho, phi = np.hypot(x, y), np.arctan2(z, np.hypot(x, y))
     for _ in range(30):
         N = A / np.sqrt(1 - E2 * np.sin(phi) ** 2)
         phi = np.arctan2(z + E2 * N * np.sin(phi), rho)
     N = A / np.sqrt(1 - E2 * np.sin(phi) ** 2)
-    # height along the normal, well conditioned at the poles and at the equator alike
+    # height along the normal, well conditioned at all latitudes
     h = (rho - N * np.cos(phi)) * np.cos(phi) + (z - N * (1 - E2) * np.sin(phi)) * np.sin(phi)
     return np.degrees(phi), np.degrees(np.arctan2(y, x)), h
 

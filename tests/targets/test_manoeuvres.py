@@ -1,4 +1,4 @@
-"""Models of targets that manoeuvre: their paths are straight, bent or parabolic, their noise what it is said to be."""
+"""Models of manoeuvring targets against scripted paths, matrix exponentials and the paper's matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cutting, resampling and cataloguing of tracks, against motion whose closed form is known."""
+"""Cutting, resampling and cataloguing of tracks, against motion with a known closed form."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_unknown_heights_are_interpolated_in_time():
 
 
 @pytest.mark.parametrize("late", [[0], [1], [12], [38], [39], [5, 6], [3, 20, 22]])
-def test_late_reports_are_found_and_only_they(late):
+def test_late_reports_and_no_others_are_dropped(late):
     times = np.arange(0.0, 400.0, 10.0)
     stamped = times.copy()
     stamped[late] -= 6.0  # 6 s at 200 m/s: 1200 m behind the path; beyond 25 m + 8 m/s² (10 s)² / 2
@@ -55,7 +55,7 @@ def test_late_reports_are_found_and_only_they(late):
 
 @settings(max_examples=40)
 @given(st.lists(st.floats(0.0, 9.0), min_size=3, max_size=40), st.floats(4.0, 12.0))
-def test_what_is_left_could_be_flown(delays, limit):
+def test_the_kept_reports_respect_the_acceleration_limit(delays, limit):
     times = 10.0 * np.arange(len(delays))
     positions = circle(times - delays)
     mask = flyable(times, positions, limit)
@@ -106,7 +106,7 @@ def test_no_sample_lies_in_a_gap(steps, dt, max_gap):
         assert ((width <= max_gap) | on_report | np.isclose(piece.times, times[after - 1], rtol=0, atol=1e-6)).all()
         assert piece.times[0] in times
         np.testing.assert_allclose(np.diff(piece.times), dt, atol=1e-6)
-        # constant velocity is reproduced exactly, however uneven the reports
+        # constant velocity is reproduced exactly for any times of reports
         np.testing.assert_allclose(piece.velocities, [(200.0, 30.0, -5.0)] * len(piece.times), rtol=1e-6)
 
 
@@ -140,7 +140,7 @@ def test_samples_pass_through_the_reports_and_agree_with_each_other():
 def test_a_turning_aircraft_is_followed():
     times = np.arange(0.0, 300.0, 10.0)
     (piece,) = RecordedTrack("a", times, circle(times)).resample(1.0)
-    inner = slice(40, -40)  # the natural end condition is felt for some reports
+    inner = slice(40, -40)  # the natural end condition affects some reports
     # a spline errs by 5/384 h⁴ |p''''| at most: 0.4 m here, and 1/24 h³ |p''''| in velocity: 0.13 m/s
     fourth = 8000.0 * 0.025**4
     error = np.abs(piece.positions - circle(piece.times))[inner]
@@ -158,7 +158,7 @@ def test_the_result_does_not_depend_on_the_axes():
     np.testing.assert_allclose(turned.velocities, plain.velocities @ turn.T, atol=1e-9)
 
 
-def test_smoothing_minimises_what_it_says():
+def test_smoothing_minimises_the_documented_integral():
     """Σ|report - f|² + τ⁴/h ∫ f''², minimised over the knots of natural cubic splines by a general optimiser."""
     from scipy.interpolate import CubicSpline
 
@@ -258,9 +258,9 @@ def test_no_usable_window_says_what_was_found():
         (lambda t: t.resample(0.0), "dt is 0.0 s"),
         (lambda t: t.resample(1.0, max_gap=-3.0), "max_gap is -3.0 s"),
         (lambda t: t.resample(1.0, smoothing=-1.0), "smoothing is -1.0 s"),
-        (lambda t: t.resample(1e-9), "larger dt"),
+        (lambda t: t.resample(1e-9), "dt is 1e-09 s, expected a larger dt"),
         (lambda t: windows(t, 1.0, 0), "steps is 0"),
-        (lambda t: windows(t, 1.0, 2.5), "steps is 2.5, expected a whole number"),
+        (lambda t: windows(t, 1.0, 2.5), "steps is 2.5, expected an integer >= 1"),
         (lambda t: windows([], 1.0, 5), "tracks is empty"),
         (lambda t: range_paths(windows(t, 1.0, 5), radar=(0.0, 0.0)), "radar is"),
         (lambda t: range_paths(windows(t, 1.0, 5), limits=(0.0, 1e5)), "0 < nearest"),

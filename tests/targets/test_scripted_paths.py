@@ -139,7 +139,7 @@ def test_shape_of_times_is_kept():
         (lambda: Segment(0.0), "duration is 0.0 s"),
         (lambda: Segment(1.0, float("inf")), "acceleration is inf"),
         (lambda: Segment(1.0, turn_rate=float("nan")), "turn_rate is nan"),
-        (lambda: Segment(1.0, (1.0, 0.0), 0.1), "beside a vector"),
+        (lambda: Segment(1.0, (1.0, 0.0), 0.1), r"turn_rate is 0\.1 with a vector acceleration"),
         (lambda: ScriptedPath((0.0, 0.0), (1.0,)), "1 to 3 axes"),
         (lambda: ScriptedPath((0.0,) * 4, (1.0,) * 4), "1 to 3 axes"),
         (lambda: ScriptedPath((0.0, np.nan), (1.0, 1.0)), "finite"),

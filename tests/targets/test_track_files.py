@@ -1,4 +1,4 @@
-"""Reading CSV files of reports: what real recordings hold, and what is refused."""
+"""Reading CSV files of reports: real recordings, and files that are refused."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CLIMB = """270,40653d,52.301858,-0.713170,9745.98
 350,40653d,52.445389,-0.846405,10477.5
 360,40653d,52.463425,-0.863190,10568.94
 370,40653d,52.481049,-0.879669,10645.14""".splitlines()
-# A helicopter whose position was twice repeated.
+# A helicopter; the recorder repeats its position twice.
 STALE = """640,40774f,50.786350,-0.816727,480.06
 650,40774f,50.787979,-0.813446,381.0
 660,40774f,50.788330,-0.812766,350.52
@@ -162,13 +162,13 @@ def test_missing_heights(written):
         (["t,lat,lon", "0,1,361"], "tracks.csv:2: lon is 361.0"),
     ],
 )
-def test_what_cannot_be_read_is_named_with_its_line(written, lines, words):
+def test_errors_name_the_line(written, lines, words):
     with pytest.raises(InputError, match=words) as caught:
         read_tracks(written(*lines))
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_none(written, tmp_path):
+def test_missing_and_unreadable_files(written, tmp_path):
     written("t,x,y", "0,1,2", name="aircraft.csv")
     with pytest.raises(InputError, match=r"aircrafts\.csv: no such file; did you mean 'aircraft.csv'"):
         read_tracks(tmp_path / "aircrafts.csv")

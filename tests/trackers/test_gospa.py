@@ -1,4 +1,4 @@
-"""GOSPA against Stone Soup and against all assignments, and the laws of a metric."""
+"""GOSPA against Stone Soup and against all assignments, and the axioms of a metric."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_is_a_metric(T, N, K, seed):
 @pytest.mark.parametrize("p", [1.0, 2.0, 8.0, 14.0, 100.0])
 @pytest.mark.parametrize("apart", [0.1, 1.0, 19.0])
 def test_one_track_near_its_target_is_as_far_as_it_is(apart, p):
-    """At any order, of the nearer of two targets too; the other one costs c^p / 2."""
+    """At any order; with two targets the nearer is assigned and the other costs c^p / 2."""
     assert gospa([[0.0, 0.0]], [[apart, 0.0]], order=p).distance == pytest.approx(apart, rel=1e-9)
     two = gospa([[apart, 0.0], [0.5 * apart, 0.0]], [[0.0, 0.0]], order=p)
     assert two.localisation ** (1.0 / p) == pytest.approx(0.5 * apart, rel=1e-9)

@@ -1,4 +1,4 @@
-"""Interacting models and the unscented update against filterpy, plain sums, and what must hold of any outlier."""
+"""Interacting multiple models and the unscented update against filterpy and plain sums, and with outliers."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def filters(x, P):
 
 
 def tracks(count, seed=0):
-    """Ordinary beliefs on the way to the crossing: models differ a little, standard deviations are metres."""
+    """Ordinary beliefs near the crossing: the models differ slightly, standard deviations are metres."""
     rng = np.random.default_rng(seed)
     centre = np.array([2030.0, 1500.0, 8.0, 1.0, -0.5, 0.2]) + rng.normal(size=(count, 1, 6))
     x = centre + 0.3 * rng.normal(size=(count, 4, 6))
@@ -110,7 +110,7 @@ def test_a_scan_is_its_parts_and_a_batch_its_tracks():
         alone = imm_ukf_scan(x[k], P[k], mu[k], z[k], R, TX, RX, F, Q, TRANSITION)
         for a, b in zip(whole, alone, strict=True):
             np.testing.assert_array_equal(a[k], b)
-    assert whole[0].base is not x  # nothing of the caller's is changed
+    assert whole[0].base is not x  # the caller's arrays do not change
     np.testing.assert_array_equal(x, tracks(3)[0])
 
 
@@ -146,7 +146,7 @@ def test_the_paper_s_sets_of_models():
     near, far = variable_structure(TRANSITION, [[False, True, True, True], [True, True, False, False]])
     np.testing.assert_allclose(near[1], [0, 7 / 9, 1 / 9, 1 / 9])
     np.testing.assert_allclose(far[1], [1 / 8, 7 / 8, 0, 0])
-    np.testing.assert_allclose(near[0], [0, 1, 0, 0])  # what went straight on is now seen as what may turn
+    np.testing.assert_allclose(near[0], [0, 1, 0, 0])  # a target that went straight may now turn
     np.testing.assert_allclose(far[2:], [[0, 1, 0, 0], [0, 1, 0, 0]])
     x, P, mu, z = tracks(1)
     mean, covariance, after = imm_ukf_scan(x, P, mu, z, R, TX, RX, F, Q, near)
@@ -161,7 +161,7 @@ def test_mistakes():
         imm_mix(x, P, mu, TRANSITION + np.array([[0, 0.09, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]))
     with pytest.raises(InputError, match=r"transition\[0, 0\] is 1\.1, expected probabilities"):
         imm_mix(x, P, mu, [[1.1, -0.1], [0.0, 1.0]])
-    with pytest.raises(InputError, match="from model 2 no active one of"):
+    with pytest.raises(InputError, match="row 2 of transition leads to no active model of"):
         variable_structure(TRANSITION, [True, False, False, False])
     with pytest.raises(InputError, match=r"active has shape \(2,\), expected \(\.\.\., 4\)"):
         variable_structure(TRANSITION, [True, False])

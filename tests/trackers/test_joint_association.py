@@ -100,15 +100,15 @@ def test_targets_that_all_need_one_measurement(T):
 def test_certain_detection_and_no_feasible_association(T):
     W = np.zeros((T, T + 1))
     W[:, 1:] = np.random.default_rng(T).random((T, T))
-    assert_exact(W)  # nobody is missed
-    beta, *evidences = solve(np.ascontiguousarray(W[:, :T]))  # a measurement too few
+    assert_exact(W)  # no target is missed
+    beta, *evidences = solve(np.ascontiguousarray(W[:, :T]))  # one measurement too few
     assert np.isnan(beta).all()
     assert np.isnan(evidences).all()
 
 
 @pytest.mark.parametrize("sizes", [(1, 1), (2, 1), (1, 3, 2), (4, 2), (2, 2, 1, 3)])
 def test_disjoint_gates_factorise_exactly(sizes):
-    """Clusters of one to four targets, interleaved: together they equal themselves apart, bit for bit."""
+    """Interleaved clusters of one to four targets: solved together they equal each cluster alone, bit for bit."""
     rng, M = np.random.default_rng(sum(sizes)), 5
     labels, gates = rng.permutation(np.repeat(np.arange(len(sizes)), sizes)), rng.permutation(len(sizes) * M)
     N, pd, rho = np.zeros((sum(sizes), gates.size)), np.empty(sum(sizes)), 0.7
@@ -138,7 +138,7 @@ def test_order_does_not_matter_and_rows_are_probabilities(seed, T, M, random):
     np.testing.assert_allclose(log_other, log_evidence, rtol=1e-12, atol=1e-12)
     assert (beta >= 0.0).all()
     np.testing.assert_allclose(beta.sum(-1), 1.0, rtol=0.0, atol=1e-13)
-    assert (beta[:, 1:].sum(0) <= 1.0 + 1e-13).all()  # no measurement is anybody's twice
+    assert (beta[:, 1:].sum(0) <= 1.0 + 1e-13).all()  # no measurement belongs to two targets
     assert (beta[:, 1:][N == 0.0] == 0.0).all()
 
 

@@ -1,9 +1,9 @@
 """Joint association against Stone Soup's JPDA, by enumeration and by efficient hypothesis management (EHM).
 
-Stone Soup weighs "missed" with 1 - Pd Pg and a detection with Pd N / rho, Pg not in it, as ``joint_association`` does;
-Pg also sets its gate: squared Mahalanobis distance <= the Pg quantile of chi-square. Gating is our caller's, so the
-test puts 0 where Stone Soup cuts. Its joint sum is normalised over whole tracks, which cancels in the probabilities; it
-has no joint evidence to compare.
+Like ``joint_association``, Stone Soup weights "missed" by 1 - Pd Pg and a detection by Pd N / rho without Pg. Pg also
+sets its gate: squared Mahalanobis distance <= the Pg quantile of chi-square. In wavegym the caller gates, so the test
+sets the likelihood to 0 outside that gate. Stone Soup normalises its joint sum over whole tracks, which cancels in the
+probabilities; it has no joint evidence to compare.
 """
 
 from __future__ import annotations

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
 from wavegym.trackers import (
+    check_positive_definite,
     ekf_predict,
     ekf_update,
     nees,
     predict,
     predict_covariance,
-    require_positive_definite,
     update,
     update_covariance,
 )
@@ -143,13 +143,13 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_by_track():
 def test_positive_definite_matrices_pass_and_others_are_named():
     rng = np.random.default_rng(0)
     good = oracles.random_covariance(rng, 3, (4,))
-    assert (require_positive_definite("P0", good) == good).all()
+    assert (check_positive_definite("P0", good) == good).all()
     with pytest.raises(InputError, match="P0 has the eigenvalue -1, expected a positive definite matrix"):
-        require_positive_definite("P0", np.diag([1.0, -1.0]))
+        check_positive_definite("P0", np.diag([1.0, -1.0]))
     with pytest.raises(InputError, match="expected a symmetric matrix"):
-        require_positive_definite("P0", [[1.0, 0.5], [0.0, 1.0]])
+        check_positive_definite("P0", [[1.0, 0.5], [0.0, 1.0]])
     with pytest.raises(InputError, match="P0 has the eigenvalue 0"):
-        require_positive_definite("P0", np.zeros((2, 2)))
+        check_positive_definite("P0", np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5])

@@ -1,4 +1,4 @@
-"""LMIPDA against the paper's equations in two plain loops, IPDA for one track, and what must hold of probabilities."""
+"""LMIPDA against the paper's equations in plain loops, IPDA for one track, and the laws of probabilities."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wavegym.trackers import joint_association, lmipda
 
 
 def scan(T=3, r=2, M=4, seed=0):
-    """Likelihoods with closed gates here and there, model probabilities, existence, Pd and clutter density."""
+    """Likelihoods with some measurements gated out, model probabilities, existence, Pd and clutter density."""
     rng = np.random.default_rng(seed)
     p = rng.exponential(2.0, (T, r, M)) * (rng.random((T, 1, M)) < 0.7)
     return p, rng.dirichlet(np.ones(r), T), rng.random(T), rng.uniform(0.1, 0.95, T), rng.uniform(0.05, 1.0, (T, M))
@@ -64,7 +64,7 @@ def test_one_track_is_ipda(seed):
     np.testing.assert_allclose(ours.association[:, 0], pda)
 
 
-def test_tracks_with_disjoint_gates_know_nothing_of_each_other():
+def test_tracks_with_disjoint_gates_are_independent():
     p, mu, psi, pd, rho = scan(2, 2, 4, 5)
     p = np.ones_like(p)
     p[0, :, 2:] = p[1, :, :2] = 0.0

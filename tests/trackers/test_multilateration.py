@@ -1,4 +1,4 @@
-"""A new track's place and velocity: they measure as they were measured, and their errors are what is said."""
+"""Multilateration: both states give the measurements, and their errors have the stated covariance."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def test_one_of_the_two_states_is_the_target_and_both_measure_alike(bearing, dis
     off = np.abs(found - state).max(axis=1)
     assume(
         np.linalg.norm(found[0, :2] - found[1, :2]) > 1.0 or np.isnan(found).any()
-    )  # beside the line both fall together
+    )  # on the line both states coincide
     assert np.nanmin(off) < 1e-4
     for each in found[~np.isnan(found).any(axis=1)]:
         np.testing.assert_allclose(measure(each), measure(state), atol=1e-5)
 
 
 def test_the_covariance_is_that_of_many_trials():
-    """To first order: .2 m and .1 m/s are small against the curvature of what is seen at 100 m."""
+    """To first order: errors of 0.2 m and 0.1 m/s are small against the curvature at 100 m."""
     rng = np.random.default_rng(0)
     state = np.array([2069.0, 1570.0, 1.0, 9.0])
     errors = np.broadcast_to([[4e-4, 1e-4], [1e-4, 1e-2]], (2, 2, 2))

@@ -1,4 +1,4 @@
-"""Updates by one scalar after another against the information form of whole matrices, and their laws."""
+"""Updates one scalar at a time against the information form of whole matrices, and their laws."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wavegym.core.errors import InputError
 from wavegym.trackers import scalar_updates, update
 
 EPS = np.finfo(float).eps
-SIZES = [(1, 1), (2, 3), (4, 3), (4, 6), (6, 4)]  # each is compiled by itself
+SIZES = [(1, 1), (2, 3), (4, 3), (4, 6), (6, 4)]  # each pair is compiled once
 
 
 def problem(n, m, lead=(), seed=0):
@@ -34,7 +34,7 @@ def information_form(x, P, y, H, variance):
 
 
 def tolerance(P, H, variance):
-    """Every row's subtraction rounds by eps of the prior's h'Ph, of which no more than the variance may be left."""
+    """Each row's subtraction rounds by eps of the prior's h'Ph; as little as the variance may remain."""
     kept = 1 + np.einsum("ia,ab,ib->i", H, P, H) / variance
     correlation = P / np.sqrt(np.outer(np.diag(P), np.diag(P)))
     return 10 * EPS * (kept.max() * len(kept) + np.linalg.cond(correlation))
@@ -74,7 +74,7 @@ def test_the_order_of_rows_does_not_matter(seed, order):
 
 @given(seed=st.integers(0, 999), order=st.permutations(range(6)))
 def test_an_infinite_variance_leaves_its_row_out(seed, order):
-    """Bit for bit, whatever the row and its innovation are."""
+    """Bit for bit, for any row and any innovation."""
     x, P, y, H, variance = problem(4, 6, seed=seed)
     out, kept = order[:3], sorted(order[3:])
     y[out], H[out], variance[out] = np.nan, np.nan, np.inf

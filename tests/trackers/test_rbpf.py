@@ -1,7 +1,7 @@
 """The particle filter against the exact mixture over all histories of associations.
 
-A history says for every scan so far which return is whose. ``exact`` goes through all of them in plain NumPy, each with
-its unscented Kalman filters and its weight: what the particle filter samples from.
+A history assigns the returns of all scans so far to targets. ``exact`` computes all histories in plain NumPy, each with
+its unscented Kalman filters and its weight. The particle filter samples from this mixture.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import scipy.stats
 from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter
 
 from tests.oracles import motion
-from wavegym.trackers import joint_association, particle_update, predict
+from wavegym.trackers import joint_association, predict, rbpf_update
 from wavegym.trackers import rbpf_kernels as kernels
 
 SENSORS = np.array([[3000.0, -16000.0], [3000.0, 20400.0]])
@@ -125,11 +125,11 @@ def particles(s, count):
 
 
 def step(s, k, X, V, key, **more):
-    return particle_update(key, X, V, s.scans[k], s.pd, s.noise, SENSORS, DENSITY, PG, **more)
+    return rbpf_update(key, X, V, s.scans[k], s.pd, s.noise, SENSORS, DENSITY, PG, **more)
 
 
 def filtered(s, count, key=0):
-    """Each step's ``ParticleUpdate``."""
+    """Each step's ``RbpfUpdate``."""
     X, V = particles(s, count)
     for k in range(len(s.scans)):
         if k:
@@ -151,7 +151,7 @@ def test_equals_the_mixture_over_every_history(name):
     s, count = SCENES[name], 20_000
     mean, covariance, log_evidence = exact(s)
     done = list(filtered(s, count))
-    # Every step's resampling and weighing adds its share to the Monte Carlo variance.
+    # Each step adds the Monte Carlo variance of its weights and its resampling.
     error = np.sqrt(sum(1.0 / count + 1.0 / d.effective_sample_size for d in done))
     assert error < 0.04
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -163,7 +163,7 @@ def test_equals_the_mixture_over_every_history(name):
 
 @pytest.mark.parametrize("name", ["two targets, two steps", "three targets"])
 def test_scenes_are_of_several_modes(name):
-    """Histories that count lie far from the best one, so that one Gaussian for each target would not do."""
+    """Likely histories lie far from the best: one Gaussian per target would not be enough."""
     log_weight, x, P = every_history(SCENES[name])
     best = log_weight.argmax()
     d = x - x[best]
@@ -176,7 +176,7 @@ def test_the_evidence_of_identical_particles_is_the_joint_association_s():
     s = SCENES["two targets, two steps"]
     X, V = particles(s, 50)
     z, pd, noise = s.scans[0][1], s.pd[1], s.noise[1]
-    ours = particle_update(3, X, V, [z], pd[None], noise[None], SENSORS[1:], DENSITY, PG)
+    ours = rbpf_update(3, X, V, [z], pd[None], noise[None], SENSORS[1:], DENSITY, PG)
     predicted = [predict_ahead(*each, SENSORS[1]) for each in zip(s.mean, s.covariance, noise, strict=True)]
     N = [scipy.stats.multivariate_normal.pdf(z, centre, S) for centre, S, _ in predicted]
     wanted = joint_association(N, pd, DENSITY, PG).log_evidence
@@ -188,7 +188,7 @@ def test_the_evidence_of_identical_particles_is_the_joint_association_s():
 def test_without_clutter_every_particle_is_filterpys_unscented_kalman_filter():
     s = scene([[(0,), (0,)]], targets=1)
     X, V = particles(s, 100)
-    ours = particle_update(0, X, V, s.scans[0], np.full((2, 1), 1.0 - 1e-9), s.noise, SENSORS, 1e-12)
+    ours = rbpf_update(0, X, V, s.scans[0], np.full((2, 1), 1.0 - 1e-9), s.noise, SENSORS, 1e-12)
     points = JulierSigmaPoints(4, kappa=0.0)
     filter = UnscentedKalmanFilter(4, 2, 0.25, None, lambda x, dt: x, points)
     filter.x, filter.P, filter.Q, filter.R = s.mean[0].copy(), s.covariance[0].copy(), np.zeros((4, 4)), NOISE
@@ -237,7 +237,7 @@ def test_the_key_decides():
     assert (first.particles.mean != other.particles.mean).any()
 
 
-def test_absent_targets_are_not_touched_and_say_nothing():
+def test_absent_targets_are_neither_updated_nor_used():
     s = SCENES["two targets, two steps"]
     X, V = particles(s, 200)
     ours = step(s, 0, X, V, 6, present=[True, False])
@@ -259,10 +259,10 @@ def test_absent_targets_are_not_touched_and_say_nothing():
     assert (U[:, 1] == V[:, 1]).all()
 
 
-def test_a_return_that_nobody_explains_is_clutter_even_where_there_is_next_to_none():
+def test_a_return_far_from_all_targets_is_clutter_even_at_a_tiny_density():
     s = scene([[(0,), ()]], targets=1)
     s.scans[0][0][:] += 2000.0
-    ours = particle_update(0, *particles(s, 10), s.scans[0], s.pd, s.noise, SENSORS, 1e-20)
+    ours = rbpf_update(0, *particles(s, 10), s.scans[0], s.pd, s.noise, SENSORS, 1e-20)
     assert (ours.particles.mean == s.mean).all()
     assert ours.log_evidence == pytest.approx(np.log(1.0 - s.pd).sum())
 
@@ -275,7 +275,7 @@ def test_a_target_expected_outside_every_gate_is_not_missed():
     z, noise = measure(s.mean, SENSORS[0]), np.tile(NOISE, (2, 1, 1))
     gates = z, np.tile(30.0 * np.eye(2), (2, 1, 1)), 4.0, PG
     log_weight, present = np.zeros(count), np.ones(2, bool)
-    scan = np.empty((5, 2)), 0  # nothing was returned
+    scan = np.empty((5, 2)), 0  # no returns
     kernels.update_particles(
         np.uint64(0), present, X, V, log_weight, *scan, s.pd[0], noise, *SENSORS[0], gates, DENSITY, (0,) * 4
     )

@@ -1,4 +1,4 @@
-"""What the particle filter refuses: one line that names the value and what was expected."""
+"""Invalid input of the particle filter: errors are one line with the value and the expected value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavegym.core.errors import InputError
-from wavegym.trackers import particle_update
+from wavegym.trackers import rbpf_update
 
 
 def good(targets=2):
@@ -22,7 +22,7 @@ def good(targets=2):
 
 BAD = {
     "key": (-1, "key is -1"),
-    "key too large": (2**64, "key is 18446744073709551616, expected an integer below"),
+    "key too large": (2**64, r"key is 18446744073709551616, expected an integer in \[0, 2\^64\)"),
     "clutter_density": (0.0, "clutter_density is 0.0, expected finite numbers > 0"),
     "clutter_density too small": (
         1e-320,
@@ -46,21 +46,21 @@ BAD = {
 def test_bad_input_is_named(name):
     value, message = BAD[name]
     with pytest.raises(InputError, match=message) as caught:
-        particle_update(**(good() | {name.split()[0]: value}))
+        rbpf_update(**(good() | {name.split()[0]: value}))
     assert "\n" not in str(caught.value)
 
 
 def test_more_targets_than_the_exact_association_takes():
     with pytest.raises(InputError, match="11 targets, expected at most 10 that share measurements of sensor 0"):
-        particle_update(**good(11))
-    assert particle_update(**good(10)).ancestors == 10
-    assert particle_update(**(good(11) | {"present": [True] * 10 + [False]})).ancestors == 10
+        rbpf_update(**good(11))
+    assert rbpf_update(**good(10)).ancestors == 10
+    assert rbpf_update(**(good(11) | {"present": [True] * 10 + [False]})).ancestors == 10
 
 
 def test_no_sensor_and_no_return_are_fine():
     s = good()
     nothing = {"measurements": [], "pd": np.empty((0, 2)), "noise": np.empty((0, 2, 2, 2)), "sensors": np.empty((0, 2))}
-    assert particle_update(**(s | nothing)).log_evidence == 0.0
-    missed = particle_update(**(s | {"measurements": [[]]}))
+    assert rbpf_update(**(s | nothing)).log_evidence == 0.0
+    missed = rbpf_update(**(s | {"measurements": [[]]}))
     assert missed.log_evidence == pytest.approx(2.0 * np.log(0.1))
     assert (missed.particles.mean == s["mean"]).all()

@@ -1,4 +1,4 @@
-"""Systematic resampling against filterpy, the law of its counts, and the weights it starts from."""
+"""Systematic resampling against filterpy, the bounds of its counts, and effective sample sizes."""
 
 from __future__ import annotations
 

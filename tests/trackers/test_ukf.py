@@ -20,7 +20,7 @@ def predict_ahead(x, P, sensor=SENSOR):
     means, covariances = np.full((3, 4), np.nan), np.full((3, 4, 4), np.nan)
     means[1], covariances[1] = x, P
     A, z, S, G = np.empty((2, 4, 4)), np.empty((2, 2)), np.empty((2, 2, 2)), np.empty((2, 4, 2))
-    kernels.foresee_measurement_one(0, 1, means, covariances, sensor[0], sensor[1], A, z, S, G, (0,) * 4)
+    kernels.predict_measurement_one(0, 1, means, covariances, sensor[0], sensor[1], A, z, S, G, (0,) * 4)
     return z[0], S[0], G[0]
 
 
@@ -48,7 +48,7 @@ def test_equals_filterpy(seed):
     ours = predict_ahead(x, P)
     np.testing.assert_allclose(ours[0], z, rtol=1e-12, atol=1e-9)
     s, p = np.sqrt(np.diag(S)), np.sqrt(np.diag(P))
-    assert np.abs((ours[1] - S) / np.outer(s, s)).max() < 1e-7  # filterpy's range, 1e3 m, has lost that many digits
+    assert np.abs((ours[1] - S) / np.outer(s, s)).max() < 1e-7  # rounding of filterpy's range, 1e3 m
     assert np.abs((ours[2] - G) / np.outer(p, s)).max() < 1e-7
     assert (np.linalg.eigvalsh(ours[1]) > 0.0).all()
 
@@ -56,7 +56,7 @@ def test_equals_filterpy(seed):
 @settings(max_examples=50)
 @given(st.integers(0, 10_000))
 def test_from_transmitter_to_receiver_equals_filterpy(seed):
-    """With accelerations, which a measurement says nothing of, behind the velocities."""
+    """With accelerations, which are not measured, behind the velocities."""
     x, _ = problem(seed)
     x, P = np.append(x, [1.0, -2.0]), random_covariance(np.random.default_rng(seed), 6)
     transmitter = np.array([-1e3, 2e3])
@@ -66,7 +66,7 @@ def test_from_transmitter_to_receiver_equals_filterpy(seed):
     z, S = unscented_transform(images, points.Wm, points.Wc)
     G = np.einsum("i,ij,ik->jk", points.Wc, sigmas - x, images - z)
     A, ours = np.empty((1, 6, 6)), (np.empty((1, 2)), np.empty((1, 2, 2)), np.empty((1, 6, 2)))
-    kernels.foresee_multistatic_one(0, 0, x[None], P[None], *transmitter, *SENSOR, A, *ours, (0,) * 6)
+    kernels.predict_multistatic_one(0, 0, x[None], P[None], *transmitter, *SENSOR, A, *ours, (0,) * 6)
     np.testing.assert_allclose(ours[0][0], z, rtol=1e-12, atol=1e-9)
     s, p = np.sqrt(np.diag(S)), np.sqrt(np.diag(P))
     assert np.abs((ours[1][0] - S) / np.outer(s, s)).max() < 1e-7
@@ -108,7 +108,7 @@ def test_moments_of_a_curved_case_by_monte_carlo():
     cross = np.concatenate([half, -half]).T @ (images - mean) / len(images)
     sigma, spread = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(P))
     shift = (mean - measure(x)) / sigma
-    assert np.abs(shift).min() > 0.015  # what the linearised filter overlooks
+    assert np.abs(shift).min() > 0.015  # the shift that a linearised filter neglects
     assert np.abs((z - mean) / sigma).max() < 0.004
     assert np.abs((S - covariance) / np.outer(sigma, sigma)).max() < 0.03
     assert np.abs((G - cross) / np.outer(spread, sigma)).max() < 0.01

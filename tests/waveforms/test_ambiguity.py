@@ -26,7 +26,7 @@ def gaussian_ambiguity(chirp, delays, dopplers):
 
 
 def grid(chirp, points=23):
-    """Delays and Dopplers that reach past the pulse and its bandwidth, on and off the ridge."""
+    """Delays and Dopplers beyond the pulse and its bandwidth, on and off the ridge."""
     delays = chirp.duration * np.linspace(-9, 9, points)
     widest = 3 * np.sqrt(chirp.fisher_information()[0, 0]) / (2 * np.pi)
     near = np.linspace(-2, 2, points) / chirp.duration
@@ -110,7 +110,7 @@ def test_a_down_chirp_mirrors_the_up_chirp():
     ids=["up", "unmodulated", "train"],
 )
 def test_volume_is_one(waveform, delay, doppler):
-    """The ambiguity volume int int |chi|^2 = |chi(0, 0)|^2, whatever the waveform."""
+    """The ambiguity volume int int |chi|^2 = |chi(0, 0)|^2 for any waveform."""
     delays, dopplers = np.linspace(-delay, delay, 301), np.linspace(-doppler, doppler, 401)
     power = np.abs(ambiguity(waveform, delays, dopplers)) ** 2
     # The rectangle rule is spectrally exact for a smooth function that vanishes at the border.

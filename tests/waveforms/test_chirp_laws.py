@@ -1,4 +1,4 @@
-"""Frequency laws, their moments under a trapezoid, and their names."""
+"""Frequency laws, their moments with a trapezoid envelope, and their names."""
 
 import re
 from fractions import Fraction
@@ -71,7 +71,7 @@ powers = st.tuples(st.just("pfm"), st.floats(2.01, 20))
 
 @settings(max_examples=25)
 @given(st.one_of(curved, powers), st.floats(0.01, 0.499))
-@example(("pfm", 2.03125), 0.499)  # a law whose bend has no second derivative at the pulse's begin
+@example(("pfm", 2.03125), 0.499)  # the bend of this law has no second derivative where the pulse begins
 def test_moments_by_an_adaptive_quadrature(law, rise):
     kind, g = law
 
@@ -141,7 +141,7 @@ def test_laws_are_written_as_kind_and_shape(text, law, name):
         (lambda: chirp_law("efm", float("nan")), "shape g of 'efm' is nan, expected a number in [0.01, 100]:"),
         (
             lambda: chirp_law("lfm", rise_fraction=0.6),
-            "rise_fraction is 0.6, expected a share of the pulse in (0, 0.5]",
+            "rise_fraction is 0.6, expected a fraction of the pulse in (0, 0.5]",
         ),
         (lambda: chirp_law("lfm", rise_fraction=0), "(0, 0.5] (nearest: 0.05)"),
     ],

@@ -15,7 +15,7 @@ from wavegym.waveforms import (
 
 
 def printed_covariance(k, signed_rate, carrier_hz, eta):
-    """R as Kershaw and Evans print it."""
+    """R as printed by Kershaw and Evans."""
     c, wc = SPEED_OF_LIGHT, 2 * np.pi * carrier_hz
     off = -(c**2) * signed_rate * k**2 / wc
     return np.array([[c**2 * k**2 / 2, off], [off, (c / wc) ** 2 * (1 / (2 * k**2) + 2 * signed_rate**2 * k**2)]]) / eta

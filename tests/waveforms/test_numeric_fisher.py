@@ -9,7 +9,7 @@ from wavegym.waveforms.numeric import numeric_fisher_factors
 
 
 def normalised(J, waveform):
-    """J in units in which both its diagonal elements are near 1, so that tolerances are relative."""
+    """J in units that make both diagonal elements near 1: tolerances are relative."""
     unit = np.diag(1 / np.sqrt(np.diag(waveform.fisher_information())))
     return unit @ J @ unit
 
@@ -115,7 +115,7 @@ def test_an_undeclared_kink_is_an_error():
 
 
 class Scaled(Waveform):
-    """A Gaussian pulse with the wrong energy, or none."""
+    """A Gaussian pulse with a wrong energy or zero energy."""
 
     label = "scaled"
     support = (-8.0, 8.0)
@@ -142,7 +142,7 @@ def test_not_a_number_is_an_error():
 
 
 class Rectangle(Waveform):
-    """The first thing one tries; its delay information is infinite."""
+    """A rectangular pulse: its delay information is infinite."""
 
     label = "rectangle"
     support = (-5e-5, 5e-5)

@@ -19,7 +19,7 @@ def test_doppler_moment_grows_by_the_dwell(train):
 
 
 def test_a_train_of_one_is_its_pulse():
-    train = PulseTrain(PULSE, count=1, interval=1e-9)  # nothing to overlap with
+    train = PulseTrain(PULSE, count=1, interval=1e-9)  # one pulse cannot overlap
     t = np.linspace(-1e-5, 1e-5, 101)
     assert np.array_equal(train.signal(t), PULSE.signal(t))
     assert np.array_equal(train.measurement_covariance(1e10, 2.0), PULSE.measurement_covariance(1e10, 2.0))
@@ -38,7 +38,7 @@ def test_signal_is_the_sum_of_the_pulses():
 def test_energy_is_one(train):
     low, high = train.support
     t = np.linspace(low, high, 1 + int(20 * (high - low) / train.pulse.duration))
-    # Where neighbours meet (interval 9.7 durations) 1e-11 of the energy is given up.
+    # Where neighbours meet (interval 9.7 durations) 1e-11 of the energy is lost.
     assert np.trapezoid(np.abs(train.signal(t)) ** 2, t) == pytest.approx(1, abs=3e-11)
 
 
@@ -77,9 +77,9 @@ def test_label():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"count": 0, "interval": 1e-3}, "count is 0, expected a whole number >= 1"),
-        ({"count": 2.5, "interval": 1e-3}, "count is 2.5, expected a whole number"),
-        ({"count": True, "interval": 1e-3}, "count is True, expected a whole number"),
+        ({"count": 0, "interval": 1e-3}, "count is 0, expected an integer >= 1"),
+        ({"count": 2.5, "interval": 1e-3}, "count is 2.5, expected an integer"),
+        ({"count": True, "interval": 1e-3}, "count is True, expected an integer"),
         ({"count": 4, "interval": -1e-3}, "interval is -0.001 s, expected a finite number > 0"),
         ({"count": 4, "interval": 5e-6}, r"interval is 5e-06 s, expected one in which the pulse falls by 100 dB"),
     ],

@@ -1,4 +1,4 @@
-"""Generalised FM chirps under a trapezoid, against published-setting values, quadrature and the ambiguity function."""
+"""Generalised FM chirps with a trapezoid envelope, against reference values, quadrature and the ambiguity function."""
 
 import re
 from dataclasses import replace
@@ -37,7 +37,7 @@ def chirp_of(kind, **changes):
 
 @st.composite
 def trapezoids(draw, largest_product=1e4, rises=RISES):
-    """Any kind; the time-bandwidth product is 0 or spread over decades."""
+    """Chirps of any kind; the time-bandwidth product is 0 or spans decades."""
     kind, duration = draw(st.sampled_from(KINDS)), draw(durations)
     product = draw(st.one_of(st.just(0.0), st.floats(-1, np.log10(largest_product)).map(lambda e: 10.0**e)))
     return TrapezoidChirp(
@@ -130,7 +130,7 @@ def test_energy_is_one(chirp):
 
 
 @given(trapezoids())
-def test_the_frequency_sweeps_just_as_far_and_the_way_it_was_asked(chirp):
+def test_the_frequency_has_the_given_sweep_and_direction(chirp):
     begin, end = chirp.support
     sign = 1 if chirp.direction == "up" else -1
     frequency = np.array([_frequency(chirp, t) for t in np.linspace(begin, end, 21)])
@@ -206,7 +206,7 @@ def test_the_ambiguity_function_can_be_drawn(kind):
     assert magnitude.min() >= 0
 
 
-def test_a_rise_named_or_not_is_the_same_law():
+def test_the_default_rise_and_the_same_rise_given_are_one_law():
     assert chirp_of("hfm", rise=100e-6 / 20).law is chirp_of("hfm").law
     assert chirp_of("hfm", rise=7e-7, duration=14e-6).law is chirp_of("hfm").law
     assert len(chirp_of("hfm").pieces) == 3

@@ -1,4 +1,4 @@
-"""Waveforms that the tests share: random ones, and a kinked chirp that knows no closed form."""
+"""Waveforms that several tests share: random waveforms, and a chirp with kinks and without a closed form."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ directions = st.sampled_from(["up", "down"])
 
 @st.composite
 def chirps(draw, largest_product=1e4):
-    """Gaussian chirps; the product g k^2 (time-bandwidth) is 0 or spread over decades."""
+    """Gaussian chirps; the time-bandwidth product g k^2 is 0 or spans decades."""
     k = draw(durations)
     product = draw(st.one_of(st.just(0.0), st.floats(-3, np.log10(largest_product)).map(lambda e: 10.0**e)))
     return GaussianChirp(duration=k, chirp_rate=product / (k * k), direction=draw(directions))
@@ -57,7 +57,7 @@ class KinkedChirp(Waveform):
     duration: float
     sweep: float
     shape: float = 0.5
-    declared: bool = True  # whether the kinks are named in `pieces`
+    declared: bool = True  # whether `pieces` names the kinks
 
     @property
     def label(self):

@@ -1,1 +1,1 @@
-"""What the pictures of several systems share: panels, maps, time lines."""
+"""Pictures of episodes: panels, maps and timelines that several scenes share."""

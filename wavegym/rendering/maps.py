@@ -1,4 +1,4 @@
-"""What maps of targets share: colours, tracks, particles, and limits that keep x and y to one scale."""
+"""Elements of target maps: colours, tracks, particles, and axis limits with equal scales in x and y."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ if TYPE_CHECKING:
 
 
 PLANE = slice(0, 2)  # x and y among [x y xdot ydot]
-COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")  # C0, C1, ... are sensors
+# of targets; C0, C1, ... are sensors
+COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")
 PARTICLE: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 2.5, "markeredgewidth": 0, "alpha": 0.2}
-SPARE = 1.2  # of the map's extent, for names
+SPARE = 1.2  # extent of the map over that of its points, with room for names
 
 
 def colour(target: int) -> str:
-    """Of a target, in all panels."""
+    """The colour of a target in all panels."""
     return COLOURS[target % len(COLOURS)]
 
 
 def cross(target: int) -> dict[str, Any]:
-    """How its true place is marked."""
+    """Line properties of the mark at a target's true position."""
     return {**CROSS, "color": colour(target)}
 
 
 def draw_track(axes: Axes, target: int, truth: Array, mean: Array, outline: Array) -> None:
-    """A target's true path and estimates, (step, 2) each, the error ellipse (2, point) and its number."""
+    """Draw a target's true path and estimates, (step, 2) each, the error ellipse (2, point) and its number."""
     shade = colour(target)
     axes.plot(*truth.T, color=shade, linewidth=0.8)
     axes.plot(*mean.T, ".", color=shade, markersize=3.5)
@@ -42,7 +43,7 @@ def draw_track(axes: Axes, target: int, truth: Array, mean: Array, outline: Arra
 
 
 def to_scale(axes: Axes, points: Array) -> Array:
-    """Limits around points (2, point), x and y to the same scale; their middle (2,)."""
+    """Set limits around ``points`` (2, point) with equal scales in x and y; return the centre of the map (2,)."""
     low, high = points.min(axis=1), points.max(axis=1)
     pixels = np.array([axes.bbox.width, axes.bbox.height])
     half = 0.5 * SPARE * pixels * ((high - low) / pixels).max()
@@ -53,7 +54,7 @@ def to_scale(axes: Axes, points: Array) -> Array:
 
 
 def draw_particles(axes: Axes, now: State, target: int, origin: Array, scale: float = 1.0) -> None:
-    """Each particle's mean as a faint point, where the tracker has particles."""
+    """Draw each particle's mean as a faint point, if the tracker has particles."""
     if now.belief.particles is not None:
         points = scale * (now.belief.particles.mean[0, :, target, PLANE] - origin)
         axes.plot(*points.T, color=colour(target), **PARTICLE)

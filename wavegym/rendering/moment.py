@@ -1,4 +1,4 @@
-"""What a frame is drawn from, and what draws it."""
+"""The data of a frame, and the protocol of the scenes that draw it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from wavegym.core.system import State, System
 
 
 class Moment(NamedTuple):
-    """One environment's episode up to now; arrays of states and actions keep a leading axis of one."""
+    """One environment's episode so far; arrays of states and actions have a leading axis of one."""
 
     system: System
     states: list[State]  # at steps 0, 1, ..., now
-    actions: list[Array]  # (1, ...), one fewer than states
+    actions: list[Array]  # each (1, ...), one fewer than states
     costs: Array  # (step,), one for each state
 
     def label(self, action: Array) -> str:
@@ -23,7 +23,7 @@ class Moment(NamedTuple):
 
 
 class Scene(Protocol):
-    """Draws in a figure that lasts: axes are made once and wiped for each frame (see ``panels``)."""
+    """Draws frames in one figure: axes are made once and cleared for each frame (see ``panels``)."""
 
     def draw(self, moment: Moment) -> None:
-        """Show ``moment`` and nothing of earlier ones."""
+        """Draw ``moment``; nothing of an earlier frame remains."""

@@ -1,6 +1,6 @@
-"""Axes that live as long as a film: made and captioned once, wiped and filled for each frame.
+"""Axes that last for a whole film: made and labelled once, cleared and filled for each frame.
 
-Making axes and ticks and measuring text is where matplotlib's time goes; this halves it.
+Matplotlib spends most of its time on making axes and ticks and on measuring text; lasting axes halve it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SMALL = 7.5  # points
-LINE = 13.0  # pixels between lines of small print
+SMALL = 7.5  # font size in points
+LINE = 13.0  # pixels between lines of small text
 
 
 def caption(axes: Axes, title: str, x: str = "", y: str = "") -> None:
-    """Title and axis labels in small print at set places."""
+    """Title and axis labels in small text at fixed positions."""
     axes.set_title(title, fontsize=SMALL + 0.5, y=1.0 + 0.4 * LINE / axes.bbox.height, pad=0.0)
     axes.set_xlabel(x, fontsize=SMALL)
     axes.set_ylabel(y, fontsize=SMALL)
@@ -30,26 +30,26 @@ def caption(axes: Axes, title: str, x: str = "", y: str = "") -> None:
 
 
 def few_ticks(axes: Axes, most: int = 4) -> None:
-    """At most so many intervals between round ticks along linear axes."""
+    """At most ``most`` intervals between round ticks along linear axes."""
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(_round_ticks(most))
 
 
 def wipe(axes: Axes) -> None:
-    """Remove what the last frame drew; captions, ticks and legend stay."""
+    """Remove the contents of the last frame; captions, ticks and legend stay."""
     for artist in [*axes.lines, *axes.patches, *axes.collections, *axes.images, *axes.texts]:
         artist.remove()
-    axes.relim()  # of nothing: the next frame's limits owe nothing to the last one's data
+    axes.relim()  # no artists: the last frame's data no longer affect the limits
     axes.set_prop_cycle(None)
 
 
 def steps_along(axes: Axes, horizon: int) -> None:
-    """The episode's steps along x."""
+    """Set the x limits to the steps of an episode."""
     axes.set_xlim(-0.02 * horizon, 1.02 * horizon)
 
 
 def fit_y(axes: Axes, values: Array) -> None:
-    """Limits around ``values``; a logarithmic axis where they are positive and span more than a factor of three."""
+    """Set y limits around ``values``; logarithmic if they are positive and span more than a factor of three."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     low, high = float(np.min(values)), float(np.max(values))
@@ -75,7 +75,7 @@ def _round_ticks(most: int) -> Any:
 
 
 def legend(axes: Axes, place: Any, columns: int = 1, /, **entries: dict[str, Any]) -> None:
-    """A lasting legend: a name and the line properties of each entry."""
+    """A legend that stays in all frames: a name and the line properties of each entry."""
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], label=name.replace("_", " "), **style) for name, style in entries.items()]

@@ -1,4 +1,4 @@
-"""The part of a frame that any system can show: cost, predicted costs, choices."""
+"""The panels of a frame that suit any system: cost, predicted costs, choices."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
 
 COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
 MOST_LABELS = 7
-WIDEST = 26  # characters of a label's line
-MOST_NAMED = 6  # lines of a box that have a name: as many as there is room for
-APART = 0.2  # rows between two sensors' marks where both transmit the same waveform
+WIDEST = 26  # characters in a line of a label
+MOST_NAMED = 6  # parameters of a box with a name in the legend
+APART = 0.2  # rows between the marks of two sensors with the same waveform
 
 
 class Timelines:
-    """Three panels, one below the other.
+    """Three panels, one below the other: cost, predicted costs, choices.
 
     Args:
         system: the closed loop.
-        figure: where to draw.
+        figure: the figure to draw in.
     """
 
     def __init__(self, system: System, figure: SubFigure) -> None:
         place = {"left": 0.31, "right": 0.97, "top": 0.87, "bottom": 0.08, "hspace": 0.55}
-        self._cost, self._foreseen, self._choices = figure.subplots(3, 1, gridspec_kw=place)
-        for axes in (self._cost, self._foreseen, self._choices):
+        self._cost, self._predicted, self._choices = figure.subplots(3, 1, gridspec_kw=place)
+        for axes in (self._cost, self._predicted, self._choices):
             few_ticks(axes)
         caption(self._cost, "cost after each step", "step")
-        caption(self._foreseen, "", "candidate, one step ahead")
+        caption(self._predicted, "", "candidate, one step ahead")
         for axes in (self._cost, self._choices):
             steps_along(axes, system.horizon)
         if isinstance(system.actions, ParameterBox):
@@ -54,21 +54,21 @@ class Timelines:
                 _name_lines(self._choices, [f"sensor {i + 1}" for i in range(sensors)])
 
     def draw(self, moment: Moment) -> None:
-        """Fill the panels."""
-        for axes in (self._cost, self._foreseen, self._choices):
+        """Fill the panels with ``moment``."""
+        for axes in (self._cost, self._predicted, self._choices):
             wipe(axes)
         self._cost.plot(moment.costs, color=COST, linewidth=1.2)
         self._cost.plot([len(moment.costs) - 1], moment.costs[-1:], "o", color=COST, markersize=4)
         fit_y(self._cost, moment.costs)
-        draw_foreseen(self._foreseen, moment)
+        draw_predicted(self._predicted, moment)
         if isinstance(moment.system.actions, ParameterBox):
             draw_parameters(self._choices, moment)
         else:
             draw_choices(self._choices, moment)
 
 
-def draw_foreseen(axes: Axes, moment: Moment) -> None:
-    """What could be predicted of each candidate one step ahead, the least of it, and what was chosen."""
+def draw_predicted(axes: Axes, moment: Moment) -> None:
+    """The predicted cost of each candidate one step ahead; the least and the chosen candidate are marked."""
     belief = (moment.states[-2] if moment.actions else moment.states[-1]).belief
     try:
         candidates = moment.system.candidates()
@@ -79,7 +79,7 @@ def draw_foreseen(axes: Axes, moment: Moment) -> None:
     least = int(np.argmin(predicted))
     axes.plot(predicted, ".", color=OTHERS, markersize=3)
     axes.plot([least], [predicted[least]], "o", color=LEAST, markersize=6, fillstyle="none")
-    title = "foreseen cost: least ○"
+    title = "predicted cost: least ○"
     shown = predicted
     if moment.actions:
         action = moment.actions[-1]
@@ -97,7 +97,7 @@ def draw_foreseen(axes: Axes, moment: Moment) -> None:
 
 
 def draw_choices(axes: Axes, moment: Moment) -> None:
-    """A row for every waveform used since the reset, a line for each of several sensors."""
+    """A row for each waveform used since the reset, and a line for each of several sensors."""
     actions: Any = moment.system.actions
     if not moment.actions:
         axes.set(yticks=[], ylim=(-0.7, 0.7))
@@ -118,14 +118,14 @@ def draw_choices(axes: Axes, moment: Moment) -> None:
 
 
 def draw_parameters(axes: Axes, moment: Moment) -> None:
-    """A line for every parameter of the box."""
+    """A line for each parameter of the box."""
     if moment.actions:
         chosen = np.concatenate(moment.actions)  # (step, d)
         axes.plot(np.arange(1, len(chosen) + 1), 0.5 * (chosen + 1.0), ".-", linewidth=0.7, markersize=3)
 
 
 def _name_lines(axes: Axes, names: list[str]) -> None:
-    """A lasting legend of lines in the order of the colour cycle."""
+    """A legend of lines in the order of the colour cycle that stays in all frames."""
     legend(
         axes,
         "upper left",
@@ -135,6 +135,6 @@ def _name_lines(axes: Axes, names: list[str]) -> None:
 
 
 def _above(cost: float, least: float) -> str:
-    """How far ``cost`` lies above ``least``."""
+    """The difference of ``cost`` from ``least`` in per cent."""
     percent = 100.0 * (cost / least - 1.0) if least > 0 else 0.0
     return "the same" if abs(percent) < 0.05 else f"{percent:+.1f} %"

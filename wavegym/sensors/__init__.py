@@ -1,4 +1,4 @@
-"""Sensors: what a waveform's echo is worth at the target's place, whether it is seen, and among which false returns.
+"""Sensors: signal-to-noise ratio, detection, measurement functions and false returns.
 
 >>> import numpy as np
 >>> from wavegym.sensors import detection_probability, gate_probability, gate_volume, inside_gate
@@ -10,7 +10,7 @@
 >>> print(f"{snr:.0f}, detected with probability {detection_probability(snr, false_alarm=0.01):.2f}")
 122, detected with probability 0.93
 
-False returns fall into the tracker's validation gate, here of four standard deviations of (r, rdot):
+False returns also fall into the tracker's validation gate, here of four standard deviations of (r, rdot):
 
 >>> S = np.diag([100.0**2, 5.0**2])
 >>> print(f"{gate_volume(S, gate=4.0):.0f} m^2/s, {gate_probability(4.0):.5f} of the target's returns")

@@ -1,25 +1,25 @@
-"""Clutter: Poisson false returns, as many as a tracker's validation gates let in."""
+"""Clutter: Poisson false returns inside a tracker's validation gates."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_key, check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.sensors import clutter_kernels as kernels
-from wavegym.sensors.checks import shaped
 from wavegym.sensors.gates import cholesky, gate_volume
 
 MOST_POINTS = 1e7
-"""Most clutter points to be expected in one call."""
+"""Greatest expected number of clutter points in one call."""
 
 
 def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, density: float) -> Array:
     """Clutter points of one scan: Poisson in number, uniform in the union of the gates (overlaps count once).
 
-    A point depends on the key and its gate alone, not on what was drawn before: with the same key a higher density, or
-    a larger S, keeps all points of one gate (in coordinates whitened by S) and adds some.
+    A point depends on the key and its gate alone, not on earlier draws. With the same key, a higher density or a larger
+    S keeps all points of a gate (in coordinates whitened by S) and adds new ones.
 
     Args:
         key: an integer in [0, 2^64), one per world, step and sensor.
@@ -33,11 +33,10 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
 
     Raises:
         InputError: a key outside its range, a centre that is not finite, an S that is not symmetric positive definite,
-            a gate or density outside its range, shapes that do not fit, more than 1e7 points to be expected.
+            a gate or density outside its range, shapes that do not fit, or more than 1e7 expected points.
     """
-    if not hasattr(key, "__index__") or not 0 <= int(key) < 2**64:
-        raise InputError(f"key is {key!r}, expected an integer in [0, 2^64)")
-    points, L = np.array(shaped("centre", centre, 2), order="C"), cholesky(S)
+    own = check_key(key)
+    points, L = np.array(check_last_axes("centre", centre, 2), order="C"), cholesky(S)
     if points.ndim != 2 or L.shape != (len(points), 2, 2):
         raise InputError(
             f"centre and S have shapes {points.shape} and {L.shape}, expected (gates, 2) and (gates, 2, 2)"
@@ -47,7 +46,5 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
     expected = check_non_negative("density", density) * float(gate_volume(S, check_positive("gate", gate)).sum())
     check_within("expected number of clutter points (density x gate volumes)", expected, 0.0, MOST_POINTS)
     present = np.ones(len(points), dtype=np.bool_)
-    z, count = kernels.add_clutter(
-        np.uint64(key), points, L, present, float(gate), float(density), np.empty((64, 2)), 0
-    )
+    z, count = kernels.add_clutter(own, points, L, present, float(gate), float(density), np.empty((64, 2)), 0)
     return z[:count].copy()

@@ -1,8 +1,8 @@
-"""Poisson clutter in the union of validation gates, in compiled form; ``clutter.py`` is its public face.
+"""Poisson clutter in the union of validation gates, in compiled form; ``clutter.py`` holds the public function.
 
-Random numbers come by counter: gate t of a key has its own stream, its point n the draws 3n (gap to the point before,
-in expected points), 3n + 1 (radius) and 3n + 2 (angle). A gate made larger by another waveform therefore keeps its
-points in whitened coordinates and gains some: waveforms are compared on the same clutter.
+The random numbers are counter-based. Gate t of a key has its own stream; its point n uses the draws 3n (gap to the
+previous point, in expected points), 3n + 1 (radius) and 3n + 2 (angle). If another waveform makes a gate larger, the
+gate keeps its points in whitened coordinates and gains new ones: waveforms are compared on the same clutter.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -17,7 +17,7 @@ from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
 
 @kernel
 def room(z, count):
-    """z with at least ``count`` rows: itself, or a larger array that begins with its rows."""
+    """Return z if it has at least ``count`` rows, else a larger array that begins with the rows of z."""
     if count <= len(z):
         return z
     larger = np.empty((2 * count, 2))
@@ -39,10 +39,10 @@ def in_earlier_gate(t, z0, z1, centre, L, present, gate):
 def add_clutter(key, centre, L, present, gate, density, z, count):
     """Append clutter of spatial density ``density``, uniform in the union of the present gates, to z from ``count``.
 
-    centre (t, 2), L (t, 2, 2), present (t,) bool, z (capacity, 2); returns z, anew if it had to grow, and its count.
-    A gate's points arrive with exponential gaps until its expected count is used up, so that their number is Poisson
-    with exactly that mean; a point that an earlier gate covers too is dropped, as that gate has filled the overlap.
-    A gate without a finite volume gets none.
+    centre (t, 2), L (t, 2, 2), present (t,) bool, z (capacity, 2). Returns z, or a larger copy, and the new count.
+    The points of a gate arrive with exponential gaps up to its expected count: their number is Poisson with exactly
+    that mean. A point that also lies in an earlier gate is dropped, because that gate has filled the overlap. A gate
+    without a finite volume gets no points.
     """
     for t in range(len(present)):
         if not present[t]:

@@ -1,4 +1,4 @@
-"""Detection of a fluctuating target in compiled form; ``detection.py`` is its public face."""
+"""Detection of a fluctuating target in compiled form; ``detection.py`` holds the public functions."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Validation gates in compiled form; ``gates.py`` is their public face.
+"""Validation gates in compiled form; ``gates.py`` holds the public functions.
 
 Gate t is the ellipse {z : |L_t^-1 (z - centre_t)| <= gate} with L_t (2, 2) the lower Cholesky factor of the innovation
 covariance: centre (t, 2), L (t, 2, 2).

@@ -1,7 +1,7 @@
 """Validation gates: the ellipses in which a tracker looks for a target's return.
 
-A gate of size g holds the measurements z with (z - centre)' S^-1 (z - centre) <= g^2, S the innovation covariance of a
-measurement with two components (Bar-Shalom, Li, Kirubarajan 2001, section 5.4.2, there with gamma = g^2).
+A gate of size g holds the measurements z with (z - centre)' S^-1 (z - centre) <= g^2. S is the innovation covariance of
+a two-dimensional measurement (Bar-Shalom, Li, Kirubarajan 2001, section 5.4.2, with gamma = g^2).
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.array_checks import check_elements, check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_positive
 from wavegym.sensors import gate_kernels as kernels
-from wavegym.sensors.checks import every, shaped
 
 
 def gate_probability(gate: ArrayLike) -> Array:
     """Pg = 1 - exp(-g^2 / 2), the probability that a detected target's return lies in its gate of size g > 0."""
-    g = every(check_positive, "gate", gate)
+    g = check_elements(check_positive, "gate", gate)
     return -np.expm1(-0.5 * g * g)
 
 
@@ -29,21 +29,21 @@ def gate_volume(S: ArrayLike, gate: ArrayLike) -> Array:
         gate: g > 0, (...); leading axes broadcast.
 
     Raises:
-        InputError: an S that is not symmetric positive definite, g not finite and > 0, shapes that do not fit.
+        InputError: an S that is not symmetric positive definite, a g not finite and > 0, or shapes that do not fit.
     """
-    return kernels.volume(every(check_positive, "gate", gate), cholesky(S))
+    return kernels.volume(check_elements(check_positive, "gate", gate), cholesky(S))
 
 
 def inside_gate(innovation: ArrayLike, S: ArrayLike, gate: ArrayLike) -> NDArray[np.bool_]:
-    """Whether an innovation z - centre, (..., 2), lies in the gate: (...). Other arguments and errors as above."""
-    g = every(check_positive, "gate", gate)
-    squared = kernels.distance(shaped("innovation", innovation, 2), np.zeros(2), cholesky(S))
+    """Whether an innovation z - centre, (..., 2), lies in the gate: (...). S, gate, errors: see ``gate_volume``."""
+    g = check_elements(check_positive, "gate", gate)
+    squared = kernels.distance(check_last_axes("innovation", innovation, 2), np.zeros(2), cholesky(S))
     return np.asarray(squared <= g * g)
 
 
 def cholesky(S: ArrayLike) -> Array:
-    """Lower triangular L with L L' = S, (..., 2, 2); InputError for the first S that is no covariance."""
-    S = shaped("S", S, 2, 2)
+    """Lower triangular L with L L' = S, (..., 2, 2); raise an InputError for the first S that is no covariance."""
+    S = check_last_axes("S", S, 2, 2)
     L = np.zeros(S.shape)
     with np.errstate(all="ignore"):
         L[..., 0, 0] = np.sqrt(S[..., 0, 0])

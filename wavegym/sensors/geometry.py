@@ -1,12 +1,12 @@
-"""What a monostatic sensor measures of a moving target in the plane: range and range-rate."""
+"""Range and range-rate of a moving target in the plane, measured by a monostatic sensor."""
 
 from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.sensors import geometry_kernels as kernels
-from wavegym.sensors.checks import shaped
 
 
 def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
@@ -17,15 +17,15 @@ def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
         sensor: position s = (x, y) in m, (..., 2); leading axes broadcast with those of ``state``.
 
     Returns:
-        (r in m, rdot in m/s), (..., 2). r is held at 1e-9 m below it, so that at the sensor itself, where no direction
-        is defined, rdot is 0.
+        (r in m, rdot in m/s), (..., 2). r is at least 1e-9 m. At the sensor itself, where no direction is defined, rdot
+        is 0.
 
     Raises:
         InputError: shapes that do not fit.
     """
-    return kernels.measure(shaped("state", state, 4), shaped("sensor", sensor, 2))
+    return kernels.measure(check_last_axes("state", state, 4), check_last_axes("sensor", sensor, 2))
 
 
 def range_and_rate_jacobian(state: ArrayLike, sensor: ArrayLike) -> Array:
-    """H = dh/dx of ``range_and_rate``, (..., 2, 4): rows r, rdot; columns x, y, xdot, ydot. Arguments as there."""
-    return kernels.jacobian(shaped("state", state, 4), shaped("sensor", sensor, 2))
+    """H = dh/dx of ``range_and_rate``, (..., 2, 4): rows r, rdot; columns x, y, xdot, ydot. Same arguments."""
+    return kernels.jacobian(check_last_axes("state", state, 4), check_last_axes("sensor", sensor, 2))

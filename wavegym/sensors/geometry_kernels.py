@@ -1,4 +1,4 @@
-"""Range and range-rate in compiled form; ``geometry.py`` is their public face."""
+"""Range and range-rate in compiled form; ``geometry.py`` holds the public functions."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -8,7 +8,7 @@ import numpy as np
 from wavegym.core.kernels import batched, inlined, kernel
 
 NEAREST = 1e-9
-"""r is held at this many metres below it, so that at the sensor itself rdot is 0 instead of 0 / 0; |rdot| <= speed."""
+"""Least range r in m: at the sensor itself rdot is then 0 instead of 0 / 0, and |rdot| <= speed everywhere."""
 
 
 @kernel
@@ -21,7 +21,7 @@ def range_and_rate(px, py, vx, vy, sx, sy):
 
 @inlined
 def multistatic_range_and_rate(px, py, vx, vy, tx, ty, sx, sy):
-    """Half the way from (tx, ty) by the target to (sx, sy), and its rate; ``range_and_rate`` itself from one place."""
+    """Half the path (tx, ty), target, (sx, sy), and its rate; equals ``range_and_rate`` for equal positions."""
     out, out_rate = range_and_rate(px, py, vx, vy, tx, ty)
     back, back_rate = range_and_rate(px, py, vx, vy, sx, sy)
     return 0.5 * (out + back), 0.5 * (out_rate + back_rate)

@@ -1,4 +1,4 @@
-"""Compiled pieces of the radar equation, for the fused kernels of the systems and for ``snr.py``."""
+"""Signal-to-noise ratio in compiled form, for the fused kernels of the systems and for ``snr.py``."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -8,7 +8,7 @@ from wavegym.core.kernels import batched, kernel
 
 @kernel
 def inverse_snr(r, reference, nearest):
-    """1 / eta = (r / reference)^4, r held at ``nearest`` below it; products, so that scalars and arrays agree."""
+    """1 / eta = (r / reference)^4 with r at least ``nearest``; products, because scalar and array powers may differ."""
     ratio = max(abs(r), nearest) / reference
     square = ratio * ratio
     return square * square

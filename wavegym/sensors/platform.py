@@ -1,38 +1,41 @@
-"""What an RF/EO platform measures of a moving target in the plane: range, range-rate and azimuth."""
+"""Range, range-rate and azimuth of a moving target in the plane, measured by an RF/EO platform."""
 
 from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import shaped
 
 
 def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool = False) -> Array:
-    """c(x) = (r, rdot, azimuth): O'Rourke and Swindlehurst's eqs. (4) and (5), and the bearing after them.
+    """c(x) = (r, rdot, azimuth): eqs. (4) and (5) of O'Rourke and Swindlehurst, and the azimuth that follows them.
 
     Args:
         state: x = [x xdot y ydot] in m and m/s, (..., 4).
-        platform: (x, y, look direction) in m, m and rad, (..., 3); the look direction counts clockwise from +y. Leading
+        platform: (x, y, look direction) in m, m and rad, (..., 3); the look direction is clockwise from +y. Leading
             axes broadcast with those of ``state``.
-        as_printed: the paper's range-rate, whose second term has the wrong sign, and its arcsin(dx / r), which takes
-            what is behind the platform for what is in front.
+        as_printed: use the paper's range-rate, whose second term has the wrong sign, and its arcsin(dx / r), which does
+            not tell a target behind the platform from one in front.
 
     Returns:
-        (r in m, rdot in m/s, azimuth in rad from the look direction, wrapped to [-pi, pi]), (..., 3): rdot is positive
-        when the target recedes, azimuth = atan2(dx, dy) - look. r is held at 1e-9 m below it, so that on top of the
-        platform rdot is 0.
+        (r in m, rdot in m/s, azimuth in rad from the look direction, wrapped to [-pi, pi]), (..., 3). rdot is positive
+        when the target recedes; azimuth = atan2(dx, dy) - look. r is at least 1e-9 m; at the platform itself rdot is 0.
 
     Raises:
         InputError: shapes that do not fit.
     """
-    return kernels.measure(shaped("state", state, 4), shaped("platform", platform, 3), float(as_printed))
+    return kernels.measure(
+        check_last_axes("state", state, 4), check_last_axes("platform", platform, 3), float(as_printed)
+    )
 
 
 def platform_jacobian(state: ArrayLike, platform: ArrayLike, as_printed: bool = False) -> Array:
     """C = dc/dx of ``platform_measurement``, (..., 3, 4): rows r, rdot, azimuth; columns x, xdot, y, ydot.
 
-    Arguments as there.
+    The arguments are those of ``platform_measurement``.
     """
-    return kernels.jacobian(shaped("state", state, 4), shaped("platform", platform, 3), float(as_printed))
+    return kernels.jacobian(
+        check_last_axes("state", state, 4), check_last_axes("platform", platform, 3), float(as_printed)
+    )

@@ -1,4 +1,4 @@
-"""What an RF/EO platform measures, in compiled form; ``platform.py`` and ``penalties.py`` are its public faces."""
+"""RF/EO measurements and penalties in compiled form, for ``platform.py``, ``resolution.py`` and ``penalties.py``."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -10,21 +10,21 @@ from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 LOGISTIC, HARD, DEADZONE, LOG_BARRIER = 0, 1, 2, 3
-NEGLIGIBLE = 90.0  # e^-90 is 1e-39: of any height less than the rounding of any variance
-CELL = 1.0 / 12.0  # variance of what is uniform in a cell of width 1
+NEGLIGIBLE = 90.0  # e^-90 is 1e-39: below the rounding of any variance at any height
+CELL = 1.0 / 12.0  # variance of a uniform error in a cell of width 1
 HALF_C = 0.5 * SPEED_OF_LIGHT
-FULL_CIRCLE = np.pi * (1.0 - 1e-9)  # an image that reaches so far to either side, but for rounding, has no edge
+FULL_CIRCLE = np.pi * (1.0 - 1e-9)  # half an image of at least this angle covers the full circle, up to rounding
 
 
 @inlined
 def wrapped(angle):
-    """The same direction in [-pi, pi]."""
+    """``angle`` wrapped to [-pi, pi]."""
     return angle - 2.0 * np.pi * np.rint(angle / (2.0 * np.pi))
 
 
 @inlined
 def bearing(dx, dy):
-    """atan2(dx, dy), the angle from +y clockwise, in a third of its time; 0 where there is no direction."""
+    """atan2(dx, dy), the angle clockwise from +y, in a third of the time of atan2; 0 for dx = dy = 0."""
     if abs(dx) > abs(dy):
         return np.copysign(0.5 * np.pi, dx) - np.arctan(dy / dx)
     if dy > 0.0:
@@ -34,7 +34,7 @@ def bearing(dx, dy):
 
 @inlined
 def polar(x, vx, y, vy, sx, sy, look, printed):
-    """(r, rdot, azimuth from ``look``); ``printed``: eq. (5) with its minus, and the arcsine."""
+    """(r, rdot, azimuth from ``look``); ``printed``: eq. (5) with the wrong sign, and the arcsine."""
     if not printed:
         r, rdot = range_and_rate(x, y, vx, vy, sx, sy)
         return r, rdot, wrapped(bearing(x - sx, y - sy) - look)
@@ -51,7 +51,7 @@ def polar_rows(x, vx, y, vy, sx, sy, r, rdot, printed, a, H):
     H[a, 0], H[a, 1], H[a, 2], H[a, 3] = ux, 0.0, uy, 0.0
     H[a + 1, 0], H[a + 1, 1] = (vx - rdot * ux) * inverse, ux
     H[a + 1, 2], H[a + 1, 3] = (sign * vy - rdot * uy) * inverse, sign * uy
-    front = -1.0 if printed and uy < 0.0 else 1.0  # the arcsine turns back behind the platform
+    front = -1.0 if printed and uy < 0.0 else 1.0  # the arcsine decreases behind the platform
     H[a + 2, 0], H[a + 2, 1], H[a + 2, 2], H[a + 2, 3] = front * uy * inverse, 0.0, -front * ux * inverse, 0.0
 
 
@@ -81,7 +81,7 @@ def penalty_one(kind, x, low, high, sharpness, height):
 
 @inlined
 def view_one(prf, bandwidth, pixel_angle, wavelength, fft_length, pixels, printed, j, variance, low, high):
-    """Row j of variance, low and high (p, 3): what a platform's settings are worth, and its field of view."""
+    """Fill row j of variance, low and high (p, 3) from a platform's settings."""
     r, rdot = HALF_C / bandwidth, 0.5 * wavelength * prf / fft_length
     variance[j, 0], variance[j, 1], variance[j, 2] = r * r * CELL, rdot * rdot * CELL, pixel_angle * pixel_angle * CELL
     farthest, fastest, edge = HALF_C / prf, 0.25 * wavelength * prf, 0.5 * pixels * pixel_angle
@@ -96,7 +96,7 @@ def view_one(prf, bandwidth, pixel_angle, wavelength, fft_length, pixels, printe
 
 @batched("(m),(),(),(),()->(m),(m),(m)")
 def view(settings, wavelength, fft_length, pixels, printed, variance, low, high, mm):
-    """What settings (PRF, B, alpha) are worth."""
+    """``view_one`` for a batch of settings (PRF, B, alpha)."""
     for e in range(settings.shape[0]):
         view_one(
             settings[e, 0], settings[e, 1], settings[e, 2], wavelength[e], fft_length[e], pixels[e], printed[e] > 0.0,

@@ -1,4 +1,4 @@
-"""Resolution and field of view of an RF/EO platform, from its pulses and pixels."""
+"""Resolution and field of view of an RF/EO platform as functions of its pulses and pixels."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_broadcast, check_elements
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int, check_positive
 from wavegym.sensors import platform_kernels as kernels
-from wavegym.sensors.checks import alike, every
 
 
 class View(NamedTuple):
-    """What settings are worth, of (range, range-rate, azimuth from the look direction), in m, m/s and rad."""
+    """Variance and field of view of (range, range-rate, azimuth from the look direction), in m, m/s and rad."""
 
-    variance: Array  # (..., 3) of what is in the field of view
-    low: Array  # (..., 3) its lower edges; of the range -inf
-    high: Array  # (..., 3) and upper ones; of the azimuth -inf and inf where the image is the full circle
+    variance: Array  # (..., 3) of a target in the field of view
+    low: Array  # (..., 3) lower edges; -inf for the range
+    high: Array  # (..., 3) upper edges; an azimuth image of the full circle has -inf and inf
 
 
 def platform_view(
@@ -33,24 +33,25 @@ def platform_view(
     """Variances and field of view of (range, range-rate, azimuth).
 
     Errors are uniform in a resolution cell: c / 2B, lambda PRF / (2 Nfft), one pixel (O'Rourke and Swindlehurst,
-    section V). In view is what is unambiguous and on the image: r <= c / (2 PRF), |rdot| <= lambda PRF / 4 and
-    |azimuth| <= Npix alpha / 2 (eq. 15); an image of the full circle has no edge.
+    section V). The field of view holds the unambiguous ranges and range-rates and the image: r <= c / (2 PRF),
+    |rdot| <= lambda PRF / 4 and |azimuth| <= Npix alpha / 2 (eq. 15). An image of the full circle has no edge.
 
     Args:
         prf: pulse repetition frequency in Hz, (...).
         bandwidth: B of a pulse in Hz, (...).
-        pixel_angle: alpha, the angle that a pixel subtends, rad, (...).
+        pixel_angle: alpha, the angle of a pixel in rad, (...).
         wavelength: lambda in m.
-        fft_length: Nfft, pulses integrated.
-        pixels: Npix, of the one-dimensional image.
-        as_printed: r <= lambda PRF / 2 (in m) and 0 <= rdot <= c / (2 PRF) (in m/s): eqs. (14a) and (14b) have the two
-            swapped, a factor wrong and the second one-sided.
+        fft_length: Nfft, number of integrated pulses.
+        pixels: Npix, number of pixels of the one-dimensional image.
+        as_printed: use r <= lambda PRF / 2 (in m) and 0 <= rdot <= c / (2 PRF) (in m/s). Eqs. (14a) and (14b) swap the
+            two bounds, have a wrong factor, and bound rdot on one side only.
 
     Raises:
-        InputError: anything that is not > 0, shapes that do not fit.
+        InputError: a value that is not > 0, or shapes that do not fit.
     """
-    values = {"prf": prf, "bandwidth": bandwidth, "pixel_angle": pixel_angle}
-    settings = np.stack(alike(**{name: every(check_positive, name, value) for name, value in values.items()}), axis=-1)
+    given = {"prf": prf, "bandwidth": bandwidth, "pixel_angle": pixel_angle}
+    checked = {name: check_elements(check_positive, name, values) for name, values in given.items()}
+    settings = np.stack(check_broadcast(**checked), axis=-1)
     check_positive("wavelength", wavelength, "m")
     lengths = check_int("fft_length", fft_length, 1), check_int("pixels", pixels, 1)
     return View(*kernels.view(settings, wavelength, *lengths, float(as_printed)))

@@ -16,6 +16,6 @@ def range_law_snr(
     Args:
         range_m: r in metres, any shape.
         reference_range: r0 in metres, where eta = 1.
-        nearest_range: r is held here below it, so that a target overhead has a finite SNR.
+        nearest_range: least r in metres; a target overhead has a finite SNR.
     """
     return kernels.snr(range_m, reference_range, nearest_range)

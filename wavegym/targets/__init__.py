@@ -1,7 +1,6 @@
-"""Targets: what there is to track, as motion models, scripted paths and recordings.
+"""Targets: motion models, scripted paths and recorded tracks.
 
-Motion models are what a tracker believes and what random targets obey. They carry named components, in the order that
-a paper uses:
+Trackers and random targets share the same motion models. The state components have names, in one of two orders:
 
 >>> import numpy as np
 >>> from wavegym.targets import constant_velocity, random_path
@@ -12,7 +11,7 @@ a paper uses:
 >>> random_path(model, [20e3, 0.0, 200.0, 0.0], rng, steps=50).shape  # the start and 50 steps
 (51, 4)
 
-A scripted path does exactly what it is told. This one brakes, turns left by 90 degrees and drives on:
+A scripted path follows its segments exactly. This target brakes, turns left by 90 degrees and drives on:
 
 >>> from wavegym.targets import ScriptedPath, Segment
 >>> left = Segment(10.0, turn_rate=np.pi / 20)
@@ -23,8 +22,8 @@ array([[10.,  0.],
        [ 5.,  0.],
        [ 0.,  5.]])
 
-A recording is a CSV file of positions over time, in metres or in degrees. It is read, cleaned, cut at gaps and
-resampled; a window is a stretch long enough for one episode, and a generator draws among all windows:
+A recording is a CSV file of positions over time, in metres or in degrees. ``read_tracks`` reads and cleans the file.
+``windows`` cuts the tracks at gaps, resamples them and lists all windows: stretches long enough for one episode.
 
 >>> import tempfile, pathlib
 >>> from wavegym.targets import range_paths, read_tracks, windows
@@ -32,7 +31,7 @@ resampled; a window is a stretch long enough for one episode, and a generator dr
 >>> file = pathlib.Path(folder.name) / "tracks.csv"
 >>> rows = [f"{10 * k},4009cc,52.0,{0.5 + 0.03 * k},9000" for k in range(12)]
 >>> _ = file.write_text("time_s,id,lat_deg,lon_deg,alt_m\\n" + "\\n".join(rows))
->>> tracks = read_tracks(file, origin=(52.0, 0.0))  # the radar's place becomes (0, 0, 0)
+>>> tracks = read_tracks(file, origin=(52.0, 0.0))  # the radar's position becomes (0, 0, 0)
 >>> seen = range_paths(windows(tracks, dt=1.0, steps=50), radar=(0.0, 0.0, 0.0))
 >>> len(seen), seen.names
 (61, ('r', 'rdot'))
@@ -41,7 +40,7 @@ resampled; a window is a stretch long enough for one episode, and a generator dr
 ((51, 2), True)
 >>> folder.cleanup()
 
-What cannot be used is refused in one line that names file and line:
+Errors are one line and name the file, and the line in the file:
 
 >>> read_tracks("no_such_file.csv")  # doctest: +ELLIPSIS
 Traceback (most recent call last):

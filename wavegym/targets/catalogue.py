@@ -1,4 +1,4 @@
-"""Catalogues of truth windows cut from recorded tracks, for a generator to draw from uniformly."""
+"""Catalogues of truth windows cut from recorded tracks, for uniform random draws."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_int
 from wavegym.targets.recorded import Piece, RecordedTrack
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """All windows of ``steps`` + 1 successive samples that some recorded pieces hold; overlapping, each counted once.
+    """All windows of ``steps`` + 1 successive samples in some recorded pieces; windows overlap.
 
-    ``len(windows)`` is their number and ``windows[index]`` the samples of one, (steps + 1, component), or of many:
-    an index array (...) gives (..., steps + 1, component). Draw uniformly with ``rng.integers(len(windows))``.
+    ``len(windows)`` is the number of windows. ``windows[index]`` holds the samples of one window, (steps + 1,
+    component); an index array (...) gives (..., steps + 1, component). ``rng.integers(len(windows))`` draws uniformly.
 
     Args:
-        samples: the pieces end to end, (sample, component).
+        samples: the samples of all pieces, piece after piece, (sample, component).
         starts: first sample of each window, (window,).
         steps: steps in a window.
         names: one name per component.
-        pieces: where the samples come from, in their order.
+        pieces: the pieces, in the order of the samples.
     """
 
     samples: FloatArray
@@ -44,7 +44,7 @@ class Windows:
         return window
 
     def locate(self, index: int) -> tuple[Piece, int]:
-        """The piece that a window was cut from, and the window's first sample in it."""
+        """The piece that holds a window, and the index of the window's first sample in that piece."""
         begins = _begins(self.pieces)
         which = int(np.searchsorted(begins, self.starts[index], side="right")) - 1
         return self.pieces[which], int(self.starts[index] - begins[which])
@@ -57,24 +57,23 @@ def windows(
     max_gap: float = 30.0,
     smoothing: float = 0.0,
 ) -> Windows:
-    """Resample tracks and list every window of ``steps`` + 1 samples that crosses no gap.
+    """Resample tracks and list all windows of ``steps`` + 1 samples that cross no gap.
 
     Args:
-        tracks: one or several.
+        tracks: one track or several.
         dt: time between samples [s].
         steps: steps in a window, >= 1.
-        max_gap: longest time between reports to be bridged [s].
+        max_gap: longest time between reports without a cut [s].
         smoothing: time constant of ``RecordedTrack.resample`` [s].
 
     Returns:
         Windows with 9 components: x, y, z, their rates and their accelerations [m, m/s, m/s²].
 
     Raises:
-        InputError: steps < 1; no window in any track (with the longest gap-free piece found and the length needed);
-            and as ``RecordedTrack.resample``.
+        InputError: steps < 1; no window in any track (the message gives the longest gap-free piece and the length
+            needed); or an argument that ``RecordedTrack.resample`` refuses.
     """
-    if not isinstance(steps, int | np.integer) or steps < 1:
-        raise InputError(f"steps is {steps!r}, expected a whole number >= 1")
+    check_int("steps", steps, 1)
     sources = [tracks] if isinstance(tracks, RecordedTrack) else list(tracks)
     pieces = tuple(piece for track in sources for piece in track.resample(dt, max_gap, smoothing))
     usable = tuple(piece for piece in pieces if len(piece.times) > steps)
@@ -94,21 +93,20 @@ def range_paths(
     acceleration: bool = False,
     limits: tuple[float, float] = (1.0, math.inf),
 ) -> Windows:
-    """Turn windows of positions into windows of what a radar sees along its line of sight.
+    """Turn windows of positions into windows of range and range-rate as seen by a radar.
 
     Args:
         catalogue: from ``windows``.
         radar: position in the coordinates of the tracks [m], (3,): (0, 0, 0) is the origin of the tangent plane.
         acceleration: add the range acceleration.
-        limits: nearest and farthest range [m]; windows that leave them at any sample are left out. The lower one is
-            > 0: a radar cannot stand in the target.
+        limits: least (> 0) and greatest range [m]; a window with a sample outside is left out.
 
     Returns:
-        Windows with the components r, rdot (receding positive) and, if wanted, rddot.
+        Windows with the components r, rdot (receding positive) and, with ``acceleration``, rddot.
 
     Raises:
         InputError: a radar that is not three finite numbers, limits that are not 0 < low < high, no window within
-            them, a catalogue that does not come from ``windows``.
+            the limits, or a catalogue that does not come from ``windows``.
     """
     place = np.asarray(radar, np.float64)
     if place.shape != (3,) or not np.isfinite(place).all():
@@ -129,7 +127,7 @@ def range_paths(
             f"no window stays between {low:g} and {high:g} m from the radar: "
             f"the targets are {r.min():.0f} to {r.max():.0f} m away"
         )
-    divisor = np.where(outside, 1.0, r)  # samples outside are in no window
+    divisor = np.where(outside, 1.0, r)  # samples outside the limits are in no window
     rdot = np.sum(p * v, axis=1) / divisor
     columns = [r, rdot]
     if acceleration:
@@ -140,7 +138,7 @@ def range_paths(
 
 
 def _begins(pieces: Sequence[Piece]) -> NDArray[np.int64]:
-    """First sample of each piece, (piece,), when they lie end to end."""
+    """First sample of each piece, (piece,), where the samples lie piece after piece."""
     return np.cumsum([0, *(len(piece.times) for piece in pieces[:-1])])
 
 

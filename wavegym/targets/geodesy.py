@@ -1,7 +1,7 @@
-"""WGS-84: geodetic coordinates to a local tangent plane (east, north, up), by way of earth-centred coordinates.
+"""WGS-84: geodetic coordinates to earth-centred coordinates and a local tangent plane (east, north, up).
 
-The plane is an exact rotation and shift of earth-centred coordinates, so distances in it are true slant ranges; a
-target far from the origin has a low or negative "up" because the earth curves away, as a radar at the origin sees it.
+The tangent plane is an exact rotation and shift of earth-centred coordinates: distances in it are true slant ranges.
+Because of the earth's curvature a target far from the origin has a low or negative "up", as a radar at the origin sees.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def ecef_to_enu(ecef: ArrayLike, latitude: float, longitude: float, altitude: fl
 
 
 def mean_direction(latitude: ArrayLike, longitude: ArrayLike) -> tuple[float, float]:
-    """Latitude and longitude [deg] of the mean surface normal: right across the 180° meridian and at the poles too."""
+    """Latitude and longitude [deg] of the mean surface normal; valid across the 180° meridian and at the poles."""
     phi, lam = np.radians(latitude), np.radians(longitude)
     x, y, z = (float(np.mean(c)) for c in (np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)))
     return float(np.degrees(np.arctan2(z, np.hypot(x, y)))), float(np.degrees(np.arctan2(y, x)))

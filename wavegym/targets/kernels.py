@@ -1,4 +1,4 @@
-"""The compiled scan behind random target paths: it runs at every reset of every episode."""
+"""Random target paths in compiled form: they are drawn at every reset of an episode."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def scan(step: FloatArray, start: FloatArray, noise: FloatArray, nn: Sizes) -> F
     """One path x_{k+1} = F x_k + L w_k.
 
     Args:
-        step: F beside the lower triangular L, (n, 2 n); one array, because each costs 0.2 us at the call.
+        step: [F L] with the lower triangular L, (n, 2 n); one array, because each argument costs 0.2 us per call.
         start: x_0, (n,).
         noise: standard normal w_k, (steps, n).
-        nn: n zeros, so that the compiler knows n.
+        nn: n zeros; the compiler knows the length of a tuple.
 
     Returns:
         x_0 ... x_steps, (steps + 1, n).

@@ -1,9 +1,9 @@
-"""Straight on, faster or slower, or round a bend: the discrete-time models of targets that manoeuvre in the plane.
+"""Discrete-time models of manoeuvring targets in the plane: constant velocity, coordinated turn, constant acceleration.
 
-All share one state, x = (x, y, xdot, ydot, xddot, yddot), so that an interacting multiple model filter can mix them.
+All models share the state x = (x, y, xdot, ydot, xddot, yddot): an interacting multiple model filter can mix them.
 
 Reference: Barbosa et al., *Controlled tracking in urban terrain*, section 3.3, after Li and Jilkov's survey (2003). The
-paper orders the state [x xdot y ydot xddot yddot], and prints a noise of twelve rows; meant is G diag(s², s²) G'.
+paper orders the state [x xdot y ydot xddot yddot]. Its printed noise has twelve rows; G diag(s², s²) G' is meant.
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ NAMES = ("x", "y", "xdot", "ydot", "xddot", "yddot")
 
 
 def nearly_constant_velocity(dt: float, sigma: float, acceleration: float = 0.5) -> MotionModel:
-    """NCV: accelerations are white, of standard deviation ``sigma``, constant through each step.
+    """NCV: white acceleration of standard deviation ``sigma``, constant during each step.
 
     Args:
         dt: step [s].
         sigma: standard deviation of the acceleration on each axis [m/s²].
-        acceleration: standard deviation that the state's own accelerations are reset to [m/s²]; the model has no use
-            for them, and the paper sets them to 0, but a covariance with a variance of 0 has no Cholesky factor.
+        acceleration: standard deviation of the state's acceleration components after each step [m/s²]. The model does
+            not use them. The paper sets them to 0, but a covariance with a variance of 0 has no Cholesky factor.
 
     Raises:
-        InputError: dt not > 0, a negative standard deviation.
+        InputError: dt not > 0, or a negative standard deviation.
     """
     return _turning(dt, 0.0, sigma, acceleration)
 
 
 def coordinated_turn(dt: float, turn_rate: float, sigma: float, acceleration: float = 0.5) -> MotionModel:
-    """CT: the velocity turns at a known rate [rad/s], positive to the left; else as ``nearly_constant_velocity``."""
+    """CT: the velocity turns at a known rate [rad/s], positive to the left; rest as ``nearly_constant_velocity``."""
     if not math.isfinite(turn_rate):
         raise InputError(f"turn_rate is {turn_rate!r}, expected a finite number [rad/s]")
     return _turning(dt, turn_rate, sigma, acceleration)
 
 
 def nearly_constant_acceleration(dt: float, sigma: float) -> MotionModel:
-    """NCA, a Wiener sequence: each step the acceleration changes by a white amount of standard deviation ``sigma``.
+    """NCA (Wiener sequence): the acceleration changes by white steps of standard deviation ``sigma``.
 
     Args:
         dt: step [s].
-        sigma: standard deviation of the change of acceleration a step on each axis [m/s²].
+        sigma: standard deviation of the change of acceleration per step on each axis [m/s²].
 
     Raises:
-        InputError: dt not > 0, a negative standard deviation.
+        InputError: dt not > 0, or a negative standard deviation.
     """
     T = check_positive("dt", dt, "s")
     F = np.kron(np.array([[1.0, T, T * T / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]]), np.eye(2))

@@ -1,4 +1,4 @@
-"""Linear motion models driven by continuous white noise, and random paths drawn from them."""
+"""Linear motion models driven by white noise, and random paths drawn from them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class MotionModel:
         names: one name per state component, such as ``("r", "rdot")``.
 
     Raises:
-        InputError: shapes that disagree, entries that are not finite, repeated names, or a Q that is no covariance.
+        InputError: shapes that do not fit, entries that are not finite, repeated names, or a Q that is no covariance.
     """
 
     F: FloatArray
@@ -43,7 +43,7 @@ class MotionModel:
                 raise InputError(f"{symbol} has shape {matrix.shape}, expected {(n, n)} finite numbers for {names!r}")
         for field, value in (("F", F), ("Q", Q), ("names", names)):
             object.__setattr__(self, field, value)
-        _ = self.noise_factor  # a Q that is no covariance is reported here, not at the first draw
+        _ = self.noise_factor  # raises here, not at the first draw, if Q is no covariance
 
     @cached_property
     def noise_factor(self) -> FloatArray:
@@ -52,7 +52,7 @@ class MotionModel:
 
     @cached_property
     def _step(self) -> FloatArray:
-        """[F L], (n, 2 n), as the kernels take it."""
+        """[F L], (n, 2 n), the form that the kernels use."""
         return np.hstack([self.F, self.noise_factor])
 
 
@@ -66,10 +66,10 @@ def constant_velocity(dt: float, q: float, axes: Sequence[str] = ("r",), order: 
         order: ``"axis"`` for [x ẋ y ẏ], ``"derivative"`` for [x y ẋ ẏ].
 
     Returns:
-        The model with 2 components an axis, named ``x``, ``xdot``.
+        The model with 2 components per axis, named ``x``, ``xdot``.
 
     Raises:
-        InputError: dt not > 0, q negative, no or repeated axes, an unknown order.
+        InputError: dt not > 0, a negative q, no axes, repeated axes, or an unknown order.
     """
     return _white_noise_model(2, dt, q, axes, order)
 
@@ -84,10 +84,10 @@ def constant_acceleration(dt: float, q: float, axes: Sequence[str] = ("r",), ord
         order: ``"axis"`` for [x ẋ ẍ y ẏ ÿ], ``"derivative"`` for [x y ẋ ẏ ẍ ÿ].
 
     Returns:
-        The model with 3 components an axis, named ``x``, ``xdot``, ``xddot``.
+        The model with 3 components per axis, named ``x``, ``xdot``, ``xddot``.
 
     Raises:
-        InputError: dt not > 0, q negative, no or repeated axes, an unknown order.
+        InputError: dt not > 0, a negative q, no axes, repeated axes, or an unknown order.
     """
     return _white_noise_model(3, dt, q, axes, order)
 
@@ -100,15 +100,15 @@ def random_path(
     Args:
         model: motion model of n components.
         start: first state, (..., n).
-        noise: standard normal draws w, (..., steps, n); or a Generator to draw them from, with ``steps`` given.
-            Draws from the same Generator do not depend on the model, so that worlds stay comparable.
-        steps: number of steps; read only where ``noise`` is a Generator.
+        noise: standard normal draws w, (..., steps, n), or a Generator. The draws of a Generator do not depend on the
+            model: worlds stay comparable.
+        steps: number of steps; used with a Generator only.
 
     Returns:
-        The path including its start, (..., steps + 1, n); leading axes broadcast.
+        The paths with their start, (..., steps + 1, n); leading axes broadcast.
 
     Raises:
-        InputError: a last axis that is not n, leading axes that do not broadcast, steps < 1 with a Generator.
+        InputError: a last axis that is not n, leading axes that do not broadcast, or steps < 1 with a Generator.
     """
     x0 = np.asarray(start, np.float64, "C")
     n = len(model.names)
@@ -117,7 +117,7 @@ def random_path(
         w = noise.standard_normal((*x0.shape[:-1], steps, n))
     else:
         w = np.asarray(noise, np.float64, "C")
-    if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without the cost of broadcasting
+    if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without broadcasting
         single: FloatArray = scan(model._step, x0, w, (0,) * n)
         return single
     if w.ndim < 2 or not x0.shape[-1:] == w.shape[-1:] == (n,):
@@ -127,7 +127,9 @@ def random_path(
     try:
         lead = np.broadcast_shapes(x0.shape[:-1], w.shape[:-2])
     except ValueError as error:
-        raise InputError(f"start and noise have shapes {x0.shape} and {w.shape}: leading axes differ") from error
+        raise InputError(
+            f"start and noise have shapes {x0.shape} and {w.shape}, expected leading axes that broadcast"
+        ) from error
     tail = w.shape[-2:]
     starts = _spread(x0, (*lead, n)).reshape(-1, n)
     draws = _spread(w, lead + tail).reshape(len(starts), *tail)
@@ -136,7 +138,7 @@ def random_path(
 
 
 def _spread(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """``array`` broadcast to ``shape``; copied only where it has to be (a read-only one would be compiled for anew)."""
+    """``array`` broadcast to ``shape`` and writeable; a read-only array would compile the kernel for another type."""
     return array if array.shape == shape and array.flags.writeable else np.array(np.broadcast_to(array, shape))
 
 
@@ -158,9 +160,9 @@ def _white_noise_model(dim: int, dt: float, q: float, axes: Sequence[str], order
 
 
 def _semidefinite_cholesky(Q: FloatArray) -> FloatArray:
-    """L Lᵀ = Q for positive semidefinite Q; numpy's Cholesky stops at a singular one, such as q = 0."""
+    """Lower triangular L with L Lᵀ = Q for a positive semidefinite Q; NumPy's Cholesky rejects a singular Q."""
     L = np.zeros_like(Q)
-    # A pivot is what remains of its own diagonal entry, so rounding is judged against that, whatever the units.
+    # The rounding error of a pivot is relative to its diagonal entry, whatever the units.
     scale = np.sqrt(np.abs(np.diag(Q)))
     for j in range(len(Q)):
         column = Q[j:, j] - L[j:, :j] @ L[j, :j]

@@ -1,4 +1,4 @@
-"""Scripted paths: straight runs, speed changes and turns, each in closed form, joined end to end."""
+"""Scripted paths: straight segments, speed changes and turns in closed form, one after another."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive
 
-STANDSTILL = 1e-9  # a speed below this part of the one before is rounding: the target has stopped
+STANDSTILL = 1e-9  # relative to the speed before: a smaller speed is a rounding error, the target has stopped
 
 
 class Kinematics(NamedTuple):
@@ -31,12 +31,12 @@ class Segment:
 
     Args:
         duration: seconds, > 0.
-        acceleration: a vector [m/s²], one entry an axis; or a number: along the direction of motion (< 0 brakes, as
-            far as to a standstill).
-        turn_rate: rate of turn [rad/s], positive to the left; only in two axes, and not beside a vector acceleration.
+        acceleration: a vector [m/s²] with one entry per axis; or a number along the direction of motion (< 0 brakes, at
+            most to a standstill).
+        turn_rate: rate of turn [rad/s], positive to the left; in two axes only, not with a vector acceleration.
 
     Raises:
-        InputError: duration not > 0, a number that is not finite, a turn rate beside a vector acceleration.
+        InputError: duration not > 0, a number that is not finite, or a turn rate with a vector acceleration.
     """
 
     duration: float
@@ -51,25 +51,24 @@ class Segment:
             raise InputError(f"turn_rate is {self.turn_rate!r}, expected a finite number [rad/s]")
         if self.turn_rate and np.ndim(self.acceleration):
             raise InputError(
-                "turn_rate stands beside a vector acceleration; expected a number along the motion instead"
+                f"turn_rate is {self.turn_rate!r} with a vector acceleration, expected a number along the motion"
             )
 
 
 @dataclass(frozen=True, eq=False)
 class ScriptedPath:
-    """A path given by where it starts and what it does, with exact positions, velocities and accelerations.
+    """A path of segments with exact positions, velocities and accelerations.
 
-    After the last segment the target keeps its velocity. At a joint the acceleration is that of the segment which
-    begins.
+    After the last segment the target keeps its velocity. Between two segments the acceleration is that of the second.
 
     Args:
         start: first position [m], 1 to 3 axes.
         velocity: first velocity [m/s], as many axes.
-        segments: what the target does, in order.
+        segments: the segments in order.
 
     Raises:
-        InputError: axes that disagree, numbers that are not finite, a turn in other than two axes, acceleration along
-            the motion of a target that has never moved, braking beyond standstill.
+        InputError: numbers of axes that differ, numbers that are not finite, a turn in other than two axes,
+            acceleration along the motion of a target that has never moved, or braking beyond standstill.
     """
 
     start: Sequence[float] | FloatArray
@@ -84,7 +83,7 @@ class ScriptedPath:
             )
         if not (np.isfinite(p).all() and np.isfinite(v).all()):
             raise InputError(f"start and velocity are {p.tolist()} and {v.tolist()}, expected finite numbers")
-        _ = self._legs  # what cannot be flown is reported here
+        _ = self._legs  # raises here, not at the first sample, if a segment is impossible
 
     @property
     def duration(self) -> float:
@@ -92,7 +91,7 @@ class ScriptedPath:
         return math.fsum(segment.duration for segment in self.segments)
 
     def sample(self, times: ArrayLike) -> Kinematics:
-        """State of the target at any times.
+        """Position, velocity and acceleration of the target at any times.
 
         Args:
             times: seconds from the start, >= 0, any shape (...).
@@ -101,7 +100,7 @@ class ScriptedPath:
             Positions [m], velocities [m/s] and accelerations [m/s²], each (..., d).
 
         Raises:
-            InputError: a time that is negative or not finite.
+            InputError: a negative time, or one that is not finite.
         """
         t = np.asarray(times, np.float64)
         if not (np.isfinite(t) & (t >= 0)).all():
@@ -134,7 +133,7 @@ class ScriptedPath:
 
 @dataclass(frozen=True)
 class _Leg:
-    """A segment placed in space and time.
+    """A segment with its start in space and time.
 
     With a speed s along a heading u, position is p + ∫ (s + a t) R(ω t) u dt + b t²/2.
     """
@@ -142,7 +141,7 @@ class _Leg:
     begin: float
     position: FloatArray  # (d,)
     speed: float
-    heading: FloatArray | None  # (d,), unit vector of the last motion; None: has never moved
+    heading: FloatArray | None  # (d,), unit vector of the last motion; None if the target has never moved
     tangential: float = 0.0
     turn_rate: float = 0.0
     vector: FloatArray | float = 0.0  # (d,), b
@@ -170,7 +169,7 @@ class _Leg:
         )
 
     def end(self, duration: float) -> tuple[FloatArray, float, FloatArray | None]:
-        """Position, speed and heading where the leg ends; a target at a standstill keeps its heading."""
+        """Position, speed and heading at the end of the leg; a target at a standstill keeps its heading."""
         last = self.at(np.array([duration]))
         velocity = last.velocities[0]
         speed = float(np.linalg.norm(velocity))
@@ -212,7 +211,7 @@ def _moment(power: int, angle: FloatArray) -> NDArray[np.complex128]:
     """∫₀¹ xᵐ exp(j φ x) dx for m = 0 or 1; a series where the closed form would cancel."""
     z = 1j * np.asarray(angle)
     small = np.abs(z) < 1.0
-    # 20 terms: the first one left out is below 1/20! = 4e-19
+    # 20 terms: the next is below 1/20! = 4e-19
     series = sum(np.where(small, z, 0) ** k / (math.factorial(k) * (k + power + 1)) for k in range(20))
     w = np.where(small, 1.0, z)
     closed = (np.exp(w) - 1) / w if power == 0 else (np.exp(w) * (w - 1) + 1) / (w * w)

@@ -1,4 +1,4 @@
-"""Reading recorded tracks from CSV files, with errors that name file and line."""
+"""Reader of recorded tracks in CSV files; errors name the file and the line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from wavegym.targets.geodesy import ecef_to_enu, geodetic_to_ecef, mean_directio
 from wavegym.targets.recorded import RecordedTrack
 from wavegym.targets.reports import fill_heights, flyable, fresh, last_of_each_time
 
-AIRCRAFT_ACCELERATION = 8.0  # m/s²: airliners stay below 6 (bank of 30°), late reports every 10 s look like 9 to 16
+AIRCRAFT_ACCELERATION = 8.0  # m/s²: airliners stay below 6 (bank of 30°); late reports at 10 s intervals give 9 to 16
 
 TIME = ("time_s", "time", "t")
 ID = ("id",)
@@ -43,23 +43,23 @@ def read_tracks(
 ) -> list[RecordedTrack]:
     """Read the tracks in a CSV file.
 
-    The header names the columns, in any order and case; others are ignored:
+    The header names the columns in any order and case. Other columns are ignored:
 
     - ``time_s``, ``time`` or ``t``: seconds;
     - ``id``, if there are several targets; without it the file is one track, named after the file;
-    - ``x_m`` or ``x``, ``y_m`` or ``y``, and perhaps ``z_m`` or ``z``: metres; these are taken where a file has both;
-    - or ``lat_deg``, ``lat`` or ``latitude``; ``lon_deg``, ``lon`` or ``longitude``: degrees (WGS-84); and perhaps
+    - ``x_m`` or ``x``, ``y_m`` or ``y``, optionally ``z_m`` or ``z``: metres; preferred if a file also has degrees;
+    - or ``lat_deg``, ``lat`` or ``latitude``; ``lon_deg``, ``lon`` or ``longitude``: degrees (WGS-84); optionally
       ``alt_m``, ``alt`` or ``altitude``: metres above the ellipsoid.
 
-    Rows may be in any order and ids interleaved. Of several reports of a target at one time the last in the file
-    counts. Reports that repeat the position before are stale and dropped, and so are reports that no target within
-    ``max_acceleration`` can have made (stamped late, or plain wrong). A missing height (empty cell) is interpolated in
-    time; a track without any lies at height 0 and says so (``height_known``).
+    Rows may be in any order, with ids interleaved. Of several reports of a target at one time, the last in the file
+    counts. Dropped are reports that repeat the position before, and reports that need more than ``max_acceleration``
+    (late time stamps or wrong positions). A missing height (empty cell) is interpolated in time. A track without any
+    height lies at height 0, with ``height_known`` False.
 
     Args:
         file: path of the file.
-        origin: latitude [deg], longitude [deg] and perhaps height [m] of the origin of the local tangent plane, where a
-            radar may stand. Default: the mean of the reports, at height 0.
+        origin: latitude [deg], longitude [deg] and optionally height [m] of the origin of the local tangent plane, such
+            as the position of the radar. Default: the mean of the reports, at height 0.
         max_acceleration: [m/s²]; infinite keeps every report. Default: 8 m/s² for latitude and longitude, which come
             from aircraft, ships and vehicles; infinite for metres.
 
@@ -67,13 +67,13 @@ def read_tracks(
         One track per id, in order of id; positions in metres.
 
     Raises:
-        InputError: no such file, nothing in it, columns missing, a cell that is not a finite number, a latitude
-            outside [-90, 90], an origin that is no place or that a file in metres cannot have.
+        InputError: no such file, an empty file, a missing column, a cell that is not a finite number, a latitude
+            outside [-90, 90], an invalid origin, or an origin for a file in metres.
     """
     if max_acceleration is not None and not max_acceleration > 0:
         raise InputError(f"max_acceleration is {max_acceleration!r} m/s², expected a number > 0")
     table = _read_table(Path(file))
-    place = _checked_origin(origin)
+    place = _check_origin(origin)
     if place is not None and not table.geodetic:
         raise InputError(f"{file}: origin is {place}, expected none, because the file gives x and y in metres")
     limit = max_acceleration or (AIRCRAFT_ACCELERATION if table.geodetic else math.inf)
@@ -105,11 +105,12 @@ def _clean(table: _Table, rows: NDArray[np.int64], limit: float) -> tuple[FloatA
 
 
 def _placed(track: RecordedTrack, place: tuple[float, float, float] | None) -> RecordedTrack:
-    """The track in the local tangent plane at ``place``, if it is one of a geodetic file."""
+    """The track in the local tangent plane at ``place``; unchanged if ``place`` is None."""
     return track if place is None else replace(track, positions=ecef_to_enu(track.positions, *place), origin=place)
 
 
-def _checked_origin(origin: Sequence[float] | None) -> tuple[float, float, float] | None:
+def _check_origin(origin: Sequence[float] | None) -> tuple[float, float, float] | None:
+    """Return latitude, longitude and height of ``origin``; otherwise raise an InputError."""
     if origin is None:
         return None
     numbers = np.asarray(origin, np.float64)
@@ -164,7 +165,7 @@ def _parse(path: Path, stream: TextIO) -> _Table:
 
 
 def _numbered(stream: TextIO) -> Iterator[tuple[int, list[str]]]:
-    """Lines that are not blank, with the number of their line in the file."""
+    """Non-blank rows with their line numbers in the file."""
     reader = csv.reader(stream)
     for cells in reader:
         if any(cell.strip() for cell in cells):
@@ -201,7 +202,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _what_is_there(header: list[str], wanted: Sequence[str]) -> str:
-    """The header, and the first unknown column in it that may be a misspelt wanted one."""
+    """The header, and a hint at the first unknown column that resembles a wanted column."""
     known = {name for group in (TIME, ID, *METRES, *DEGREES) for name in group}
     hints = (
         f"; for {name!r}{nearest(name, wanted)[1:]}" for name in header if name not in known and nearest(name, wanted)

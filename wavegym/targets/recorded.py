@@ -1,4 +1,4 @@
-"""Recorded tracks: reports of one target, cut at gaps and resampled to a path smooth enough to be a truth."""
+"""Recorded tracks: reports of one target, cut at gaps and resampled to a smooth true path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Piece:
     """A gap-free stretch of a track, sampled uniformly.
 
     Args:
-        id: of the track it comes from.
+        id: id of the recorded track.
         dt: time between samples [s].
         times: as recorded [s], (n,).
         positions: metres, (n, 3).
@@ -37,15 +37,15 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class RecordedTrack:
-    """The reports of one target, in order of time.
+    """The reports of one target in order of time.
 
     Args:
         id: as recorded.
         times: ascending [s], (report,).
         positions: metres, (report, 3): x, y, z as recorded, or east, north, up of the local tangent plane.
-        height_known: False where no report had a height: the whole track then lies at height 0.
-        dropped: how many reports were left out and why: ``repeated time``, ``repeated position``, ``too fast``.
-        source: file it was read from.
+        height_known: False if no report had a height: the whole track then lies at height 0.
+        dropped: number of dropped reports by reason: ``repeated time``, ``repeated position``, ``too fast``.
+        source: file that holds the track.
         origin: latitude [deg], longitude [deg] and height [m] of the tangent plane's origin; None for x, y, z files.
     """
 
@@ -63,7 +63,7 @@ class RecordedTrack:
         return float(self.times[-1] - self.times[0])
 
     def pieces(self, max_gap: float = 30.0) -> list[RecordedTrack]:
-        """The track cut wherever two reports lie more than ``max_gap`` seconds apart.
+        """Cut the track between reports more than ``max_gap`` seconds apart.
 
         Raises:
             InputError: max_gap not > 0.
@@ -74,40 +74,40 @@ class RecordedTrack:
         return [replace(self, times=times, positions=positions) for times, positions in parts]
 
     def resample(self, dt: float, max_gap: float = 30.0, smoothing: float = 0.0) -> list[Piece]:
-        """Uniform samples of each gap-free stretch, beginning at its first report and never beyond its last.
+        """Sample each gap-free stretch uniformly from its first report to its last.
 
-        Between reports runs the natural cubic spline. Among all curves through the reports it has the least integral
-        of squared acceleration, so it is the most probable path of the constant velocity model with white
-        acceleration (Wahba 1978), the model that the trackers use. Its acceleration is continuous (PCHIP's jumps), it
-        does not depend on the direction of the axes (PCHIP levels off wherever one coordinate turns), and velocity and
-        acceleration are its own derivatives: the samples contradict each other nowhere.
+        The curve between reports is the natural cubic spline. Of all curves through the reports it has the least
+        integral of squared acceleration. It is the most probable path of the constant velocity model with white
+        acceleration (Wahba 1978), the model of the trackers. Its acceleration is continuous, unlike PCHIP's. It does
+        not depend on the direction of the axes; PCHIP is flat wherever one coordinate turns. Velocity and acceleration
+        are derivatives of the curve, so all samples are consistent.
 
         Args:
             dt: time between samples [s].
-            max_gap: longest time between reports to be bridged [s].
-            smoothing: time constant τ [s] of a smoothing spline with Σ|report - curve|² + (τ⁴/h)∫|acceleration|² dt,
-                h the mean time between reports; motion faster than τ is taken for error of the reports. For aircraft
-                reports every 10 s, stamped to about 1 s, 5 to 7 s do well. 0: through every report. Stretches of less
-                than 5 reports are not smoothed.
+            max_gap: longest time between reports without a cut [s].
+            smoothing: time constant τ [s] of a smoothing spline that minimises Σ|report - curve|² +
+                (τ⁴/h)∫|acceleration|² dt, h the mean time between reports. Motion faster than τ counts as error of the
+                reports. For aircraft reports every 10 s with time stamps to about 1 s, 5 to 7 s work well. 0: the curve
+                meets every report. Stretches of fewer than 5 reports are not smoothed.
 
         Returns:
-            The stretches of at least two reports and two samples.
+            The stretches with at least two reports and two samples.
 
         Raises:
-            InputError: dt or max_gap not > 0, smoothing negative, a dt that would give more than ten million samples.
+            InputError: dt or max_gap not > 0, a negative smoothing, or a dt that gives more than ten million samples.
         """
         check_positive("dt", dt, "s")
         check_non_negative("smoothing", smoothing, "s")
         if self.duration / dt > MOST_SAMPLES:
             raise InputError(
-                f"dt is {dt!r} s: track {self.id!r} would give over {MOST_SAMPLES} samples, expected a larger dt"
+                f"dt is {dt!r} s, expected a larger dt: track {self.id!r} would have over {MOST_SAMPLES} samples"
             )
         stretches = [part for part in self.pieces(max_gap) if part.duration >= dt]
         return [_resampled(part, dt, smoothing) for part in stretches]
 
 
 def _resampled(part: RecordedTrack, dt: float, smoothing: float) -> Piece:
-    # Seconds since the first report: times since 1970 would cost the spline half of its digits.
+    # Times from the first report: times since 1970 would cost the spline half of its digits.
     t = part.times - part.times[0]
     if smoothing and len(t) >= 5:
         weight = smoothing**4 * (len(t) - 1) / t[-1]

@@ -1,9 +1,9 @@
-"""Trackers: from a measurement and its covariance to a belief.
+"""Trackers: functions that turn a measurement and its covariance into a belief about a target.
 
 >>> import numpy as np
 >>> from wavegym.trackers import predict, update
 >>> F, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2)
->>> mean, covariance = predict(np.zeros((3, 2)), 100 * np.eye(2), F, Q)  # three tracks at once
+>>> mean, covariance = predict(np.zeros((3, 2)), 100 * np.eye(2), F, Q)  # three tracks in one call
 >>> mean, covariance = update(mean, covariance, np.ones((3, 2)), np.eye(2), np.eye(2))
 >>> covariance.shape
 (3, 2, 2)
@@ -15,29 +15,30 @@ from wavegym.trackers.information_reduction import fitted_information_reduction,
 from wavegym.trackers.joint_association import Association, joint_association
 from wavegym.trackers.jpda import jpda_update
 from wavegym.trackers.kalman import (
+    check_positive_definite,
     ekf_predict,
     ekf_update,
     nees,
     predict,
     predict_covariance,
-    require_positive_definite,
     scalar_updates,
     update,
     update_covariance,
 )
-from wavegym.trackers.lmipda import Integrated, lmipda
+from wavegym.trackers.lmipda import LmipdaUpdate, lmipda
 from wavegym.trackers.multilateration import multilaterate
-from wavegym.trackers.rbpf import Particles, ParticleUpdate, particle_update, systematic_resample
+from wavegym.trackers.rbpf import Particles, RbpfUpdate, rbpf_update, systematic_resample
 from wavegym.trackers.urban.tracker import StreetTracker, Tracks
 
 __all__ = [
     "Association",
     "Gospa",
-    "Integrated",
-    "ParticleUpdate",
+    "LmipdaUpdate",
     "Particles",
+    "RbpfUpdate",
     "StreetTracker",
     "Tracks",
+    "check_positive_definite",
     "ekf_predict",
     "ekf_update",
     "fitted_information_reduction",
@@ -52,10 +53,9 @@ __all__ = [
     "lmipda",
     "multilaterate",
     "nees",
-    "particle_update",
     "predict",
     "predict_covariance",
-    "require_positive_definite",
+    "rbpf_update",
     "scalar_updates",
     "systematic_resample",
     "ukf_update",

@@ -1,4 +1,4 @@
-"""How far a set of tracks is from a set of targets: errors of position, missed targets and false tracks in one number.
+"""The GOSPA metric: position errors, missed targets and false tracks of a multitarget tracker in one distance.
 
 Reference: Rahmathullah, Garcia-Fernandez and Svensson, *Generalized optimal sub-pattern assignment metric* (2017), with
 alpha = 2.
@@ -13,17 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive, check_within
-from wavegym.sensors.checks import shaped
 from wavegym.trackers import gospa_kernels as kernels
-from wavegym.trackers.checks import flat
 
-MOST_TARGETS = 12  # whose subsets are looked at one by one
+MOST_TARGETS = 12  # the assignment goes through all 2^targets subsets
 
 
 class Gospa(NamedTuple):
-    """What ``gospa`` returns, each (...): distance^p = localisation + missed + false."""
+    """The result of ``gospa``, each field (...): distance^p = localisation + missed + false."""
 
     distance: FloatArray  # m
     localisation: FloatArray  # sum of d^p over targets that have a track, m^p
@@ -39,21 +38,21 @@ def gospa(
     cutoff: float = 20.0,
     order: float = 2.0,
 ) -> Gospa:
-    """The least sum over all ways to pair targets with tracks.
+    """The GOSPA distance (alpha = 2): the least sum over all assignments of tracks to targets.
 
     Args:
-        targets: their places in m, (..., T, d); at most 12.
-        tracks: where they are estimated, in m, (..., N, d).
-        present: whether each target is there, (..., T).
+        targets: true positions in m, (..., T, d); at most 12 targets.
+        tracks: estimated positions in m, (..., N, d).
+        present: whether each target exists, (..., T).
         alive: whether each track counts, (..., N).
-        cutoff: c in m, > 0: a target and a track farther apart are none of each other's.
-        order: p, >= 1.
+        cutoff: c in m, > 0; a target and a track at least c apart are never assigned to each other.
+        order: p in [1, 100].
 
     Returns:
         See ``Gospa``; leading axes broadcast.
 
     Raises:
-        InputError: shapes that do not fit, more than 12 targets, a cutoff or order out of range.
+        InputError: shapes that do not fit, more than 12 targets, or a cutoff or order out of range.
     """
     c, p = check_positive("cutoff", cutoff, "m"), check_within("order", order, 1.0, 100.0)
     if p * math.log(c) > math.log(sys.float_info.max):
@@ -61,7 +60,7 @@ def gospa(
         raise InputError(
             f"order is {order!r}, expected at most {most:.4g} with a cutoff of {cutoff!r} m: c^p overflows"
         )
-    truth, found = shaped("targets", targets), shaped("tracks", tracks)
+    truth, found = check_last_axes("targets", targets), check_last_axes("tracks", tracks)
     if min(truth.ndim, found.ndim) < 2 or truth.shape[-1] != found.shape[-1]:
         raise InputError(
             f"targets and tracks have shapes {truth.shape} and {found.shape}, expected (..., T, d) and (..., N, d)"
@@ -72,7 +71,12 @@ def gospa(
     there, counts = np.asarray(present, np.bool_), np.asarray(alive, np.bool_)
     try:
         lead = np.broadcast_shapes(truth.shape[:-2], found.shape[:-2], there.shape[:-1], counts.shape[:-1])
-        arrays = flat(truth, lead, T, d), flat(there, lead, T), flat(found, lead, N, d), flat(counts, lead, N)
+        arrays = (
+            flatten_lead(truth, lead, T, d),
+            flatten_lead(there, lead, T),
+            flatten_lead(found, lead, N, d),
+            flatten_lead(counts, lead, N),
+        )
     except ValueError:
         raise InputError(
             f"present and alive have shapes {there.shape} and {counts.shape} beside targets {truth.shape} and tracks "

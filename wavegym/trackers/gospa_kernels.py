@@ -1,4 +1,4 @@
-"""The generalised optimal sub-pattern assignment metric in compiled form; ``set_distance.py`` is its public face."""
+"""The generalised optimal sub-pattern assignment metric in compiled form; ``gospa.py`` is the public function."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -10,11 +10,11 @@ from wavegym.core.kernels import kernel
 
 @kernel
 def assign(truth, present, tracks, alive, c, p, least):
-    """(sum of (d / c)^p over the pairs of the best assignment, number of pairs), for one moment.
+    """Sum of (d / c)^p over the pairs of the best assignment, and the number of pairs, for one time step.
 
-    ``least`` (2^targets,) is scratch space: that sum for the best pairs of the tracks so far with exactly these
-    targets. Only pairs nearer than c are made; what is left out costs 1 a pair. Nothing is subtracted from a sum, whose
-    terms may be as small as high orders make them.
+    ``least`` (2^targets,) is scratch space: ``least[A]`` is the least such sum that assigns the tracks so far to all
+    targets of the bit mask A and no others. Only pairs closer than c are assigned. Each pair fewer costs 1. Nothing is
+    subtracted from the sums: at a high order their terms are very small.
     """
     targets = len(truth)
     least[0] = 0.0
@@ -23,7 +23,7 @@ def assign(truth, present, tracks, alive, c, p, least):
     for n in range(len(tracks)):
         if not alive[n]:
             continue
-        for chosen in range((1 << targets) - 1, 0, -1):  # downwards: every track is taken once
+        for chosen in range((1 << targets) - 1, 0, -1):  # downwards, so that each track is used at most once
             for t in range(targets):
                 if chosen >> t & 1 and present[t]:
                     squared = 0.0
@@ -44,7 +44,7 @@ def assign(truth, present, tracks, alive, c, p, least):
 
 @kernel
 def gospa(truth, present, tracks, alive, c, p, out):
-    """distance, localisation, missed, false for a batch with one flat leading axis, out (moment, 4)."""
+    """Distance, localisation, missed and false of a batch with one flat leading axis, to out (batch, 4)."""
     least = np.empty(1 << truth.shape[1])
     cut = c**p
     for e in range(len(truth)):

@@ -1,8 +1,7 @@
-"""Interacting multiple models in compiled form; ``interacting.py`` is their public face.
+"""Interacting multiple models in compiled form; ``imm.py`` holds the public functions.
 
-A track has a mean and a covariance for each of its models. They stand in rows, track after track: those of track ``t``
-begin at row t * models, in x (rows, n) and P (rows, n, n). ``mm`` has one zero for each model, ``nn`` one for each
-component of the state.
+A track has one mean and one covariance for each model. x (rows, n) and P (rows, n, n) hold them track after track: the
+rows of track ``t`` begin at t * models. ``mm`` has one zero for each model, ``nn`` one for each state component.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -13,16 +12,16 @@ import numpy as np
 from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
-from wavegym.trackers.ukf_kernels import foresee_multistatic_one
+from wavegym.trackers.ukf_kernels import predict_multistatic_one
 
 LOG_2PI = np.log(2.0 * np.pi)
 
 
 @inlined
 def mix_one(t, x, P, mu, s, transition, c, X, PP, nn, mm):
-    """What each model begins with: X[row], PP[row] from all models' x, P, and c[t] = predicted model probabilities.
+    """Mixed X[row], PP[row] of each model from all models' x, P, and c[t] = predicted model probabilities.
 
-    transition[s] (models, models), from row to column; a model that cannot be entered keeps its own x, P with c = 0.
+    transition[s] (models, models) leads from row to column. A model with c = 0 keeps its own x and P.
     """
     M, n, first = len(mm), len(nn), t * len(mm)
     for j in range(M):
@@ -65,7 +64,7 @@ def combine_one(t, x, P, mu, x_out, P_out, nn, mm):
 
 @inlined
 def reweigh_one(t, c, log_likelihood, mu, mm):
-    """mu[t] from the predicted c[t] and log likelihoods [t]: the greatest is taken as 1, and no evidence is lost."""
+    """mu[t] from the predicted c[t] and log_likelihood[t]; the greatest likelihood is scaled to 1 against underflow."""
     best = -np.inf
     for j in range(len(mm)):
         if c[t, j] > 0.0:
@@ -80,7 +79,7 @@ def reweigh_one(t, c, log_likelihood, mu, mm):
 
 @inlined
 def squared_length(d0, d1, s00, s01, s11):
-    """d' S^-1 d of two dimensions, and det S."""
+    """d' S^-1 d in two dimensions, and det S."""
     determinant = s00 * s11 - s01 * s01
     return (s11 * d0 * d0 - 2.0 * s01 * d0 * d1 + s00 * d1 * d1) / determinant, determinant
 
@@ -96,7 +95,7 @@ def log_density_one(row, d0, d1, S):
 
 @batched("(m,n),(m,n,n),(m),(m,m)->(m,n),(m,n,n),(m)")
 def mix(x, P, mu, transition, X, PP, c, mm, nn):
-    """What each model begins with, and the predicted model probabilities."""
+    """``mix_one`` for a batch."""
     E, M, n = len(x), len(mm), len(nn)
     rows, squares = x.reshape(E * M, n), P.reshape(E * M, n, n)
     X, PP = X.reshape(E * M, n), PP.reshape(E * M, n, n)
@@ -106,7 +105,7 @@ def mix(x, P, mu, transition, X, PP, c, mm, nn):
 
 @batched("(m,n),(m,n,n),(m)->(n),(n,n)")
 def combine(x, P, mu, x_out, P_out, mm, nn):
-    """Mean and covariance of a mixture."""
+    """``combine_one`` for a batch."""
     E, M, n = len(x), len(mm), len(nn)
     rows, squares = x.reshape(E * M, n), P.reshape(E * M, n, n)
     for e in range(E):
@@ -115,15 +114,15 @@ def combine(x, P, mu, x_out, P_out, mm, nn):
 
 @batched("(m),(m)->(m)")
 def reweigh(c, log_likelihood, mu, mm):
-    """Model probabilities after a measurement."""
+    """``reweigh_one`` for a batch."""
     for e in range(len(c)):
         reweigh_one(e, c, log_likelihood, mu, mm)
 
 
 @inlined
-def unscented_update_one(row, x, P, z0, z1, R, r, tx, ty, sx, sy, A, z, S, G, K, nn):
-    """x[row], P[row] after the measurement (z0, z1) with covariance R[r]; its log likelihood. The rest is scratch."""
-    foresee_multistatic_one(row, row, x, P, tx, ty, sx, sy, A, z, S, G, nn)
+def ukf_update_one(row, x, P, z0, z1, R, r, tx, ty, sx, sy, A, z, S, G, K, nn):
+    """Update x[row], P[row] by (z0, z1) with covariance R[r]; return its log likelihood. A, z, S, G, K are scratch."""
+    predict_multistatic_one(row, row, x, P, tx, ty, sx, sy, A, z, S, G, nn)
     S[row, 0, 0] += R[r, 0, 0]
     S[row, 0, 1] += R[r, 0, 1]
     S[row, 1, 0] += R[r, 1, 0]
@@ -137,13 +136,13 @@ def unscented_update_one(row, x, P, z0, z1, R, r, tx, ty, sx, sy, A, z, S, G, K,
 
 
 @batched("(n),(n,n),(b),(b,b),(a),(a)->(n),(n,n),()")
-def unscented_update(x, P, measurement, R, transmitter, receiver, x_out, P_out, log_likelihood, nn, bb, aa):
-    """x and P after a measurement of range and range-rate, and the measurement's log likelihood."""
+def ukf_update(x, P, measurement, R, transmitter, receiver, x_out, P_out, log_likelihood, nn, bb, aa):
+    """``ukf_update_one`` for a batch: x_out, P_out and the log likelihood of each measurement."""
     E, n = len(x), len(nn)
     x_out[...], P_out[...] = x, P
     A, z, S, G, K = np.empty((E, n, n)), np.empty((E, 2)), np.empty((E, 2, 2)), np.empty((E, n, 2)), np.empty((n, 2))
     for e in range(E):
-        log_likelihood[e] = unscented_update_one(
+        log_likelihood[e] = ukf_update_one(
             e, x_out, P_out, measurement[e, 0], measurement[e, 1], R, e,
             transmitter[e, 0], transmitter[e, 1], receiver[e, 0], receiver[e, 1], A, z, S, G, K, nn,
         )  # fmt: skip
@@ -151,7 +150,7 @@ def unscented_update(x, P, measurement, R, transmitter, receiver, x_out, P_out, 
 
 @kernel
 def scan(x, P, mu, measurement, R, transmitter, receiver, F, Q, transition, nn, mm):
-    """One measurement of each track: x (track, model, n), P and mu are mixed, predicted and updated in place."""
+    """Mix, predict and update x (track, model, n), P and mu in place by one measurement of each track."""
     E, M, n = len(x), len(mm), len(nn)
     rows, squares = x.reshape(E * M, n), P.reshape(E * M, n, n)
     X, PP, c, log_likelihood = np.empty((E * M, n)), np.empty((E * M, n, n)), np.empty((E, M)), np.empty((E, M))
@@ -163,7 +162,7 @@ def scan(x, P, mu, measurement, R, transmitter, receiver, F, Q, transition, nn, 
             row = e * M + j
             predict_mean_one(row, X, F, j, rows, nn)
             predict_covariance_one(row, PP, F, Q, j, T, squares, nn)
-            log_likelihood[e, j] = unscented_update_one(
+            log_likelihood[e, j] = ukf_update_one(
                 row, rows, squares, measurement[e, 0], measurement[e, 1], R, e,
                 transmitter[0], transmitter[1], receiver[0], receiver[1], A, z, S, G, K, nn,
             )  # fmt: skip

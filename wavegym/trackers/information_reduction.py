@@ -1,11 +1,11 @@
-"""The information reduction factor q2: what uncertain detection and clutter leave of a measurement's information.
+"""The information reduction factor q2: the share of a measurement's information left by missed detections and clutter.
 
-A tracker that associates probabilistically (PDA) expects, over everything it may receive, the covariance
-P - q2 K S K' (T. E. Fortmann, Y. Bar-Shalom, M. Scheffe and S. Gelfand, "Detection thresholds for tracking in clutter",
-IEEE Trans. Automatic Control 30, 1985). Here q2 = tr E[nu nu'] / 2, with nu the PDA's combined innovation of a
-two-dimensional measurement in whitened coordinates: by the law of total covariance the exact expectation. The PDA's
-equations in their usual form, which let a missed return leave P as it was even where it fell outside the gate g, report
-Pd (g^2 / 2) exp(-g^2 / 2) more: 0.0027 Pd at g = 4.
+The expected covariance of a probabilistic data association (PDA) filter after a scan is P - q2 K S K' (T. E. Fortmann,
+Y. Bar-Shalom, M. Scheffe and S. Gelfand, "Detection thresholds for tracking in clutter", IEEE Trans. Automatic Control
+30, 1985). Here q2 = tr E[nu nu'] / 2, where nu is the combined innovation of a two-dimensional measurement in whitened
+coordinates. By the law of total covariance this expectation is exact. The usual PDA equations keep P after a missed
+detection, also where the return fell outside the gate g. Their q2 is larger by Pd (g^2 / 2) exp(-g^2 / 2): 0.0027 Pd at
+g = 4.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from wavegym.core.errors import check_non_negative, check_within
 from wavegym.trackers.information_reduction_kernels import GATE, LIMIT, reduction
 
 TABLE = Path(__file__).with_name("information_reduction_table.csv")
-FAINTEST = np.log(LIMIT / 2 / (1 - (1 + GATE**2) * np.exp(-(GATE**2))))  # log f at Pd = 0, see reduction_kernels
+FAINTEST = np.log(LIMIT / 2 / (1 - (1 + GATE**2) * np.exp(-(GATE**2))))  # log f at Pd = 0
 
 
 def information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArray:
@@ -30,26 +30,26 @@ def information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArray:
     Args:
         pd: probability of detection in [0, 1], any shape.
         clutter: mean number rho V >= 0 of clutter points in the gate g = 4, V = 16 pi sqrt(det S); broadcasts with
-            ``pd``. For another gate, give 16 pi rho sqrt(det S) all the same: q2 depends on the clutter's density, and
-            on the gate by less than 0.31 % for g >= 4, 1.3 % for g = 3.5 and 5.9 % for g = 3 (least in heavy clutter).
+            ``pd``. Give 16 pi rho sqrt(det S) for any other gate too: q2 depends on the clutter density. It depends on
+            the gate by less than 0.31 % for g >= 4, 1.3 % for g = 3.5 and 5.9 % for g = 3 (least in heavy clutter).
 
     Returns:
-        FloatArray of the broadcast shape; falls from 0.997 Pd without clutter to 2 Pd^2 / (rho V) in heavy clutter.
+        q2 in the broadcast shape, from 0.997 Pd without clutter to 2 Pd^2 / (rho V) in heavy clutter.
 
     Raises:
-        InputError: pd outside [0, 1], or clutter negative or not finite.
+        InputError: a pd outside [0, 1], or a clutter that is negative or not finite.
     """
-    shape, p, n = _checked(pd, clutter)
+    shape, p, n = _check_arguments(pd, clutter)
     return np.asarray(reduction(p.ravel(), n.ravel(), *reduction_table())).reshape(shape)
 
 
 def fitted_information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArray:
     """The published fit 0.997 Pd / (1 + 0.37 Pd^-1.57 rho V) to q2, for comparison; arguments as for the table.
 
-    Within 9 % for Pd in [0.5, 1] and rho V <= 1. For rho V >= 50 it is high by 27 % at Pd = 0.9 and 35 % at Pd = 1, and
-    low by 9 % at Pd = 0.5 and 64 % at Pd = 0.1.
+    The fit is within 9 % for Pd in [0.5, 1] and rho V <= 1. For rho V >= 50 it is too high by 27 % at Pd = 0.9 and 35 %
+    at Pd = 1, and too low by 9 % at Pd = 0.5 and 64 % at Pd = 0.1.
     """
-    shape, p, n = _checked(pd, clutter)
+    shape, p, n = _check_arguments(pd, clutter)
     power = p**1.57
     scale = power + 0.37 * n
     return np.asarray(np.divide(0.997 * p * power, scale, out=np.zeros(shape), where=scale > 0.0))
@@ -57,11 +57,11 @@ def fitted_information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArra
 
 @lru_cache(maxsize=1)
 def reduction_table() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The shipped values of q2 turned into log f, as ``reduction_one`` takes them, with the limit at Pd = 0 first.
+    """The shipped values of q2 as log f, the form that ``reduction_one`` reads; the first row is the limit at Pd = 0.
 
     Returns:
-        pd (p,), log clutter (n,), log f (p, n): one set for all callers, writeable as compiled code wants it, and not
-        to be written.
+        pd (p,), log clutter (n,), log f (p, n). All callers share these arrays: do not write to them. They stay
+        writeable so that kernels are compiled for one array type only.
     """
     rows = np.loadtxt(TABLE, delimiter=",", skiprows=1)
     clutter = np.array(TABLE.read_text("utf-8").split("\n", 1)[0].split(",")[1:], np.float64)
@@ -71,8 +71,8 @@ def reduction_table() -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.append(0.0, rows[:, 0]), np.log(clutter), table
 
 
-def _checked(pd: ArrayLike, clutter: ArrayLike) -> tuple[tuple[int, ...], FloatArray, FloatArray]:
-    """The broadcast shape and both arguments, of that shape, C-contiguous and writeable."""
+def _check_arguments(pd: ArrayLike, clutter: ArrayLike) -> tuple[tuple[int, ...], FloatArray, FloatArray]:
+    """Return the broadcast shape and fresh C-contiguous arrays of that shape; otherwise raise an InputError."""
     p, n = np.asarray(pd, np.float64), np.asarray(clutter, np.float64)
     for value in p[~((p >= 0.0) & (p <= 1.0))].flat:
         check_within("pd", float(value), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The information reduction factor in compiled form: its table read inside other kernels, and its simulation."""
+"""The information reduction factor in compiled form: table look-up for other kernels, and a Monte Carlo simulation."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -16,9 +16,9 @@ LIMIT = 1.0 - (1.0 + GATE * GATE / 2.0) * np.exp(-GATE * GATE / 2.0)  # q2 / Pd 
 def reduction_one(pd, log_clutter, pd_grid, log_clutter_grid, table):
     """q2 for one Pd and one log(rho V), V the volume of the gate g = 4, from the arrays of ``reduction_table()``.
 
-    ``table`` holds log f of q2 = LIMIT Pd / (1 + f rho V / Pd): f stays within [0.27, 2.7], is read bilinearly and kept
-    beyond the ends of the grid, where that form has the right limits: LIMIT Pd without clutter, 2 Pd^2 / (rho V) in
-    heavy clutter.
+    ``table`` holds log f of q2 = LIMIT Pd / (1 + f rho V / Pd) with f in [0.27, 2.7]. Between grid points log f is
+    interpolated bilinearly; beyond the grid it is held. The formula then has the right limits: LIMIT Pd without clutter
+    and 2 Pd^2 / (rho V) in heavy clutter.
     """
     if not pd > 0.0:
         return 0.0 if pd == 0.0 else np.nan
@@ -42,7 +42,7 @@ def reduction_one(pd, log_clutter, pd_grid, log_clutter_grid, table):
 
 @kernel
 def reduction(pd, clutter, pd_grid, log_clutter_grid, table):
-    """``reduction_one`` over arrays of one shape (n,), of Pd and rho V."""
+    """``reduction_one`` for arrays of Pd and rho V, both (n,)."""
     out = np.empty(len(pd))
     for e in range(len(pd)):
         out[e] = reduction_one(pd[e], np.log(clutter[e]), pd_grid, log_clutter_grid, table)
@@ -53,9 +53,9 @@ def reduction(pd, clutter, pd_grid, log_clutter_grid, table):
 def simulated_reduction(key, scenes, clutter, gate, pd):
     """Mean and standard error of |nu|^2 / 2 over ``scenes`` drawn innovations nu of the PDA; each (p,) for pd (p,).
 
-    A scene is a target's return, standard normal in whitened coordinates, and clutter. Every Pd uses the same scenes,
-    and in each the detected and the missed case with their probabilities. The clutter's squared radii are a Poisson
-    process on the line (0, gate^2), because area is, so that their spacings are exponential.
+    A scene holds a target's return, standard normal in whitened coordinates, and clutter. All Pd use the same scenes.
+    Each scene counts as detected and as missed, weighted by the probabilities. The clutter's squared radii are a
+    Poisson process on (0, gate^2), since area is proportional to them: their spacings are exponential.
     """
     spacing, edge = gate * gate / clutter, gate * gate
     inside = 1.0 - np.exp(-0.5 * edge)

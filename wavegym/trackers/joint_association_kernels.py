@@ -1,12 +1,13 @@
-"""Joint association in compiled form; ``association.py`` is its public face.
+"""Joint association in compiled form; ``joint_association.py`` holds the public function.
 
-W (T, M+1) holds the weights of one problem, all >= 0: W[t, 0] of "target t missed", W[t, m] of "measurement m is target
-t's", relative to m being clutter. A feasible association gives each target at most one measurement and each measurement
-at most one target; its weight is the product of its T entries, and the evidence Z is the sum over all of them.
+W (T, M+1) holds the weights of one problem, all >= 0. W[t, 0] is the weight of "target t is missed". W[t, m] is the
+weight of "measurement m comes from target t" relative to "m is clutter". A feasible association gives each target at
+most one measurement and each measurement at most one target. Its weight is the product of its T entries. The evidence Z
+is the sum of the weights of all feasible associations.
 
-Targets that share measurements form a cluster, and Z is the product over clusters. Clusters of one and of two, nearly
-all of them, are solved here in a few M steps; those of more, or with weights beyond 1e+-200, in ``subset_kernels.py``.
-A problem without an answer gives NaN, never an exception; that weights are not negative is the caller's to see to.
+Targets that share measurements form a cluster, and Z is the product over clusters. Most clusters have one or two
+targets: this file solves them in a few M steps. ``subset_kernels.py`` solves larger ones, and weights beyond 1e+-200.
+A problem without a solution gives NaN, never an exception. The caller ensures that weights are not negative.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -27,16 +28,16 @@ def associate(W, beta, log_evidence):
 
 @kernel
 def associate_one(W, T, M, beta):
-    """Fill the marginals beta (T, M+1) and return log Z; arrays may be larger than the block that counts.
+    """Fill the marginals beta (T, M+1) and return log Z; W and beta may be larger than the (T, M+1) in use.
 
-    NaN, and beta NaN too, where no association is feasible or a cluster has more targets than CLUSTER_LIMIT.
+    Log Z and beta are NaN where no association is feasible or a cluster has more targets than CLUSTER_LIMIT.
     """
     for t in range(T):
         for m in range(M + 1):
             beta[t, m] = 0.0
     if T == 1:
         log_evidence = single(W, 0, M, beta)
-    elif T == 2:  # what comes below, without its arrays
+    elif T == 2:  # as ``clusters``, without allocating arrays
         log_evidence = pair(W, 0, 1, M, beta) if share(W, M) else single(W, 0, M, beta) + single(W, 1, M, beta)
     else:
         log_evidence = clusters(W, T, M, beta)
@@ -90,7 +91,7 @@ def row_sum(W, t, M):
 
 @kernel
 def single(W, t, M, beta):
-    """A target that shares no measurement: W / sum W. Fills its row of beta and returns the log of the sum."""
+    """Fill the row of beta of a target that shares no measurement, W / sum W, and return the log of the sum."""
     total = row_sum(W, t, M)
     if not 1.0 / SAFE > total > SAFE:
         return several(W, np.full(1, t), 1, np.arange(M + 1), M, beta)
@@ -101,7 +102,7 @@ def single(W, t, M, beta):
 
 @kernel
 def pair_evidence(W, a, b, M):
-    """Z of the targets a and b: the forward recursion, unscaled, as every term is a product of only two factors."""
+    """Z of the targets a and b by the forward recursion; terms of two factors need no scaling."""
     first, second, both = 0.0, 0.0, 0.0
     for m in range(1, M + 1):
         both += W[a, m] * second + W[b, m] * first
@@ -112,13 +113,13 @@ def pair_evidence(W, a, b, M):
 
 @kernel
 def pair(W, a, b, M, beta):
-    """Two targets: what one of them may have beside measurement m is the other's row without m. Returns log Z."""
+    """Fill the rows of beta of a cluster of two targets and return log Z: W[a, m] is weighted by row b without m."""
     Z = pair_evidence(W, a, b, M)
     if not 1.0 / SAFE > Z > SAFE:
         rows = np.full(2, a)
         rows[1] = b
         return several(W, rows, 2, np.arange(M + 1), M, beta)
-    first, second = W[a, 0], W[b, 0]  # sums of the columns before m, then of those after it: nothing is subtracted
+    first, second = W[a, 0], W[b, 0]  # sums of the columns before m, then after m: no subtraction
     for m in range(1, M + 1):
         beta[a, m], beta[b, m] = second, first
         first += W[a, m]
@@ -144,7 +145,7 @@ def share(W, M):
 
 @kernel
 def label_clusters(W, T, M, label):
-    """label[t]: the first target of the cluster of t; targets that share a measurement (transitively) are a cluster."""
+    """Set label[t] to the first target of the cluster of t: targets that share measurements, also through others."""
     for t in range(T):
         label[t] = t
     for m in range(1, M + 1):
@@ -174,7 +175,7 @@ def largest_cluster(W):
 
 @kernel
 def members(W, T, M, label, first, rows, columns):
-    """Fill in the targets and the measurements (after column 0) of one cluster; return how many of each."""
+    """Write one cluster's targets to ``rows`` and measurements to ``columns`` (after column 0); return both counts."""
     count, used = 0, 0
     for t in range(T):
         if label[t] == first:

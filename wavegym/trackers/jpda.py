@@ -1,4 +1,4 @@
-"""The joint probabilistic data association update, for any number of environments at once.
+"""The joint probabilistic data association (JPDA) update for any number of environments at once.
 
 References: Bar-Shalom & Fortmann, *Tracking and Data Association* (1988), chapter 9.
 """
@@ -14,9 +14,9 @@ from wavegym import sensors
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive
 from wavegym.trackers import jpda_kernels
-from wavegym.trackers.checks import association_terms
+from wavegym.trackers.checks import check_association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.kalman import require_positive_definite
+from wavegym.trackers.kalman import check_positive_definite
 
 
 def jpda_update(
@@ -33,8 +33,8 @@ def jpda_update(
 ) -> tuple[FloatArray, FloatArray]:
     """Update all targets with one scan of two-dimensional measurements of unknown origin.
 
-    The filter decides what the predicted measurement is made of: an EKF has h(x), H P H' + R and P H', an unscented
-    filter the transform's moments.
+    The caller computes the predicted measurements: an EKF gives h(x), H P H' + R and P H', an unscented filter the
+    moments of its transform.
 
     Args:
         mean: predicted x, (..., target, n).
@@ -44,34 +44,34 @@ def jpda_update(
         S: innovation covariances, (..., target, 2, 2).
         cross_covariance: cov(x, z), (..., target, n, 2).
         pd: detection probabilities, (..., target), each in (0, 1).
-        clutter_density: false returns per unit of measurement space, (...), > 0.
-        gate: a target is associated only with measurements within this many standard deviations of its prediction.
-        gate_probability: that its own return is; 1 - exp(-gate^2 / 2) if None.
+        clutter_density: expected false returns per unit volume of the measurement space, (...), > 0.
+        gate: size of the gates in standard deviations; a target is associated only with measurements in its gate.
+        gate_probability: probability that a detected target's return lies in its gate; 1 - exp(-gate^2 / 2) if None.
 
     Returns:
         Updated mean (..., target, n) and covariance (..., target, n, n).
 
     Raises:
-        InputError: shapes that disagree, pd or gate_probability out of range, a clutter density or gate not > 0, an S
-            that is not positive definite, or more targets than the exact association takes in one cluster.
+        InputError: shapes that do not fit, a pd or gate_probability out of range, a clutter density or gate not > 0, an
+            S that is not positive definite, or more than ten targets in one cluster.
     """
     check_positive("gate", gate)
     share = float(sensors.gate_probability(gate)) if gate_probability is None else gate_probability
-    detection, density, share = association_terms(pd, clutter_density, share)
-    x, P, *rest = _aligned(mean, covariance, measurements, predicted, S, cross_covariance, detection, density)
+    detection, density, share = check_association_terms(pd, clutter_density, share)
+    x, P, *rest = _check_shapes(mean, covariance, measurements, predicted, S, cross_covariance, detection, density)
     lead, targets, n = x.shape[:-2], *x.shape[-2:]
     count = math.prod(lead)
     flat = [array.reshape(count, *array.shape[len(lead) :]) for array in (x, P, *rest)]
     jpda_kernels.jpda_update(*flat, gate, share, (0,) * n)
     if np.isnan(P).any():
-        require_positive_definite("S", S)
+        check_positive_definite("S", S)
         many = f"more than CLUSTER_LIMIT = {CLUSTER_LIMIT} of {targets} targets share measurements in one cluster"
         raise InputError(f"{many}, expected fewer (use a smaller gate)")
     return x, P
 
 
-def _aligned(*given: ArrayLike) -> list[FloatArray]:
-    """The arguments of ``jpda_update`` as fresh arrays whose leading axes are broadcast."""
+def _check_shapes(*given: ArrayLike) -> list[FloatArray]:
+    """Return the array arguments of ``jpda_update`` as copies with broadcast leading axes; otherwise raise."""
     arrays = [np.asarray(a, np.float64) for a in given]
     T, n = arrays[0].shape[-2:] if arrays[0].ndim > 1 else (0, 0)
     M = arrays[2].shape[-2] if arrays[2].ndim > 1 else 0
@@ -79,7 +79,7 @@ def _aligned(*given: ArrayLike) -> list[FloatArray]:
     shapes = [a.shape for a in arrays]
     leads = [s[: len(s) - len(core)] for s, core in zip(shapes, cores, strict=True)]
     try:
-        lead = leads[0] if len(set(leads)) == 1 else np.broadcast_shapes(*leads)  # which takes as long as all the rest
+        lead = leads[0] if len(set(leads)) == 1 else np.broadcast_shapes(*leads)  # broadcast_shapes is slow
     except ValueError:
         lead = None
     if lead is None or any(s != own + core for s, own, core in zip(shapes, leads, cores, strict=True)):
@@ -91,7 +91,7 @@ def _aligned(*given: ArrayLike) -> list[FloatArray]:
 
 
 def _copy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """A fresh array that ``array`` is broadcast to."""
+    """A copy of ``array``, broadcast to ``shape``."""
     fresh = np.empty(shape)
     fresh[...] = array
     return fresh

@@ -1,7 +1,7 @@
 """Joint probabilistic data association in compiled form: one sensor's scan updates the targets of one environment.
 
-The update is the unscented one: gain G S^-1 with the cross-covariance G of ``foresee_measurement_one``. Arrays hold
-the targets of one environment, ``t`` is the target, and ``rows[t]`` its row in the association's arrays.
+The gain is G S^-1 with the cross-covariance G, such as that of ``predict_measurement_one``. Arrays hold the targets of
+one environment; ``t`` is the target.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -34,10 +34,10 @@ def weigh(z, count, centre, L, present, pd, gate, gate_probability, density, W):
 
 @kernel
 def update_targets(present, x, P, z, count, pd, centre, L, S, G, gate, gate_probability, density, nn):
-    """One sensor's scan z[: count] for all present targets; log evidence of the scan.
+    """Update all present targets by one sensor's scan z[: count] and return the log evidence of the scan.
 
-    x (t, n) and P (t, n, n) are the predicted ones and become the updated ones. centre (t, 2), S = L L' (t, 2, 2) and
-    G (t, n, 2): predicted measurement, innovation covariance, cross-covariance. pd (t,).
+    The predicted x (t, n) and P (t, n, n) are overwritten. centre (t, 2), S = L L' (t, 2, 2) and G (t, n, 2) are the
+    predicted measurement, innovation covariance and cross-covariance; pd (t,).
     """
     rows = 0
     for t in range(len(present)):
@@ -55,7 +55,7 @@ def update_targets(present, x, P, z, count, pd, centre, L, S, G, gate, gate_prob
 
 @kernel
 def update_one(t, x, P, z, count, beta, row, centre, S, G, K, nn):
-    """x[t], P[t] after a scan with association probabilities beta[row] (1 + count); column 0 = missed.
+    """Update x[t], P[t] by a scan with association probabilities beta[row] (1 + count); column 0 = missed.
 
     P - K [(1 - beta_0) S - (sum beta v v' - v v')] K' with the combined innovation v = sum beta_m v_m
     (Bar-Shalom & Fortmann 1988). S (t, 2, 2) is the innovation covariance; K (n, 2) is scratch space.
@@ -101,7 +101,7 @@ def shrink_one(t, P, K, c00, c01, c11, nn):
 
 @kernel
 def jpda_update(x, P, z, centre, S, G, pd, density, gate, gate_probability, nn):
-    """``update_targets`` for a batch, all arrays with one flat leading axis; x and P become the updated ones."""
+    """``update_targets`` for a batch, all arrays with one flat leading axis; x and P are overwritten."""
     targets = centre.shape[1]
     present, L = np.ones(targets, np.bool_), np.empty((targets, 2, 2))
     for e in range(len(x)):

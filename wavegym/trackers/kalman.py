@@ -1,9 +1,9 @@
-"""The Kalman filter and its extended form, for any number of tracks at once.
+"""The Kalman filter and the extended Kalman filter (EKF) for any number of tracks at once.
 
-Every function takes arrays with any leading axes (environments, targets, candidates); they broadcast like NumPy's.
-Model matrices without leading axes are shared by all tracks. The extended filter (EKF) is the same update with the
-innovation z - h(x) and the Jacobian H of h at the predicted mean, and the same covariance prediction with the Jacobian
-of the motion; ``ekf_predict`` and ``ekf_update`` write that out.
+All functions take arrays with any leading axes (environments, targets, candidates), which broadcast as in NumPy. All
+tracks share a model matrix without leading axes. The EKF is the same update with the innovation z - h(x) and the
+Jacobian H of h at the predicted mean, and the same covariance prediction with the Jacobian of the motion:
+``ekf_predict`` and ``ekf_update``.
 
 References: Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation* (2001), sections 5.2
 and 10.3.
@@ -40,7 +40,7 @@ def predict(mean: ArrayLike, covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) 
 
 
 def predict_covariance(covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> FloatArray:
-    """F P F' + Q, (..., n, n): the covariance recursion alone, as planners need it."""
+    """F P F' + Q, (..., n, n): the covariance recursion alone, for planners."""
     return kernels.predict_covariance(covariance, F, Q)
 
 
@@ -57,50 +57,50 @@ def update(
         R: measurement noise covariance, (..., m, m).
 
     Returns:
-        The updated mean (..., n) and covariance (..., n, n), the latter exactly symmetric.
+        The updated mean (..., n) and the exactly symmetric covariance (..., n, n).
 
     Raises:
-        InputError: where P, R or the innovation covariance S is not positive definite and the update shows it.
+        InputError: a P, R or innovation covariance S that is not positive definite, if the update shows it.
     """
     x, P = kernels.update(mean, covariance, innovation, H, R)
-    _require_definite(P, covariance, H, R)
+    _check_updated(P, covariance, H, R)
     return x, P
 
 
 def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> FloatArray:
     """P - K S K', (..., n, n): the covariance recursion alone. Raises as ``update`` does."""
     P = kernels.update_covariance(covariance, H, R)
-    _require_definite(P, covariance, H, R)
+    _check_updated(P, covariance, H, R)
     return P
 
 
 def scalar_updates(
     mean: ArrayLike, covariance: ArrayLike, innovation: ArrayLike, H: ArrayLike, variance: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """``update`` for independent errors, one scalar after another: P' = [P^-1 + H' R^-1 H]^-1, x' = x + P' H' R^-1 y.
+    """``update`` for a diagonal R, one scalar at a time: P' = [P^-1 + H' R^-1 H]^-1, x' = x + P' H' R^-1 y.
 
-    A rank-one update for each row of H, exact whatever their order, with no matrix to invert: the information form
-    where R is diagonal, as in the EKF of O'Rourke and Swindlehurst, eqs. (10) and (11).
+    One rank-one update for each row of H. The result does not depend on the order of the rows, and no matrix is
+    inverted. The EKF of O'Rourke and Swindlehurst, eqs. (10) and (11), has the same information form.
 
     Args:
         mean: predicted x, (..., n).
         covariance: predicted P, (..., n, n).
         innovation: y = z - h(x), (..., m).
         H: measurement matrix or Jacobian, (..., m, n).
-        variance: diagonal of R, (..., m); infinite where a measurement is missing, whatever its innovation and row.
+        variance: diagonal of R, (..., m); inf for a missing measurement, whose innovation and row are not used.
 
     Returns:
-        The updated mean (..., n) and covariance (..., n, n), the latter exactly symmetric.
+        The updated mean (..., n) and the exactly symmetric covariance (..., n, n).
 
     Raises:
-        InputError: a variance that is not > 0, shapes that do not fit, or a P that is not positive definite where the
+        InputError: a variance that is not > 0, shapes that do not fit, or a P that is not positive definite, if the
             update shows it.
     """
     errors = np.atleast_1d(np.asarray(variance, dtype=np.float64))
     if not (errors > 0.0).all():
         raise InputError(f"variance is {errors[~(errors > 0.0)][0]}, expected numbers > 0, or inf where missing")
     x, P = rank_one_update(mean, covariance, innovation, H, errors)
-    _require_definite(P, covariance, H, np.nan_to_num(errors)[..., None] * np.eye(errors.shape[-1]))  # inf * 0 is NaN
+    _check_updated(P, covariance, H, np.nan_to_num(errors)[..., None] * np.eye(errors.shape[-1]))  # inf * 0 is NaN
     return x, P
 
 
@@ -119,19 +119,19 @@ def ekf_update(
 
 
 def nees(error: ArrayLike, covariance: ArrayLike) -> FloatArray:
-    """Normalised estimation error squared e' P^-1 e, (...): chi-square with n degrees of freedom for a right filter.
+    """Normalised estimation error squared e' P^-1 e, (...): chi-square with n degrees of freedom when consistent.
 
     Raises:
-        InputError: where a P is not positive definite.
+        InputError: a P that is not positive definite.
     """
     values = kernels.squared_mahalanobis(error, covariance)
     if np.isnan(values).any():
-        require_positive_definite("covariance", covariance)
+        check_positive_definite("covariance", covariance)
     return values
 
 
-def require_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
-    """Return ``matrix`` (..., n, n) if symmetric positive definite; otherwise InputError with its least eigenvalue."""
+def check_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
+    """Return ``matrix`` (..., n, n) if symmetric positive definite; otherwise raise an InputError."""
     array = np.asarray(matrix, dtype=np.float64)
     if not np.allclose(array, np.swapaxes(array, -1, -2), rtol=1e-9, atol=0.0):
         raise InputError(f"{name} is {array.tolist()}, expected a symmetric matrix")
@@ -141,10 +141,10 @@ def require_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
     return array
 
 
-def _require_definite(updated: FloatArray, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
-    """InputError for the first track that came out with a variance that is negative or NaN (S has no factorisation).
+def _check_updated(updated: FloatArray, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
+    """Raise an InputError for the first track whose updated variance is negative or NaN.
 
-    That is how a P or R that is no covariance shows, at a twentieth of the price of looking at its eigenvalues.
+    Such a variance reveals a P or R that is not positive definite, in a twentieth of the time of its eigenvalues.
     """
     n = updated.shape[-1]
     variances = updated.reshape(-1, n * n)[:, :: n + 1]

@@ -1,9 +1,9 @@
-"""Kalman predict and update in compiled form; ``kalman.py`` is their public face.
+"""Kalman predict and update in compiled form; ``kalman.py`` holds the public functions.
 
-Sizes arrive as tuples ``nn`` and ``mm`` of n and m zeros: a tuple's length is part of its type, so the compiler knows
-it and unrolls the small loops (five times faster than sizes read from the arrays).
-The ``*_one`` functions work on entry ``e`` of a batch (indexing a whole array is three times faster in compiled code
-than slicing a view off it) and are also called from the fused kernels of the systems.
+The sizes n and m are given as tuples ``nn`` and ``mm`` of n and m zeros. The length of a tuple is part of its type, so
+the compiler unrolls the small loops: five times faster than sizes read from the arrays.
+The ``*_one`` functions work on entry ``e`` of a batch, because indexing a whole array is three times faster in compiled
+code than taking a view. The fused kernels of the systems call them too.
 A matrix that is not positive definite gives NaN, never an exception: a kernel must not stop half-way through a batch.
 """
 

@@ -1,9 +1,9 @@
-"""Linear multitarget integrated probabilistic data association: whose is a measurement, and does its track exist.
+"""Linear multitarget integrated probabilistic data association (LMIPDA): association and existence probabilities.
 
-References: Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment* (2008), LMIPDA;
-Musicki, Evans and Stankovic, *Integrated probabilistic data association* (1994), which it is for a single track.
-Barbosa et al., section 4.2.4, print a spurious ``1 -`` before Pd Pg in the association probabilities, and leave out the
-model probabilities in p = sum mu_r p_r.
+References: Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment* (2008), for LMIPDA;
+Musicki, Evans and Stankovic, *Integrated probabilistic data association* (1994), for the case of one track.
+Barbosa et al., section 4.2.4, print a wrong ``1 -`` before Pd Pg in the association probabilities and omit the model
+probabilities in p = sum mu_r p_r.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_each, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
 from wavegym.trackers import lmipda_kernels as kernels
-from wavegym.trackers.checks import association_terms, flat, require_distribution, require_each
+from wavegym.trackers.checks import check_association_terms, check_distribution
 
 
-class Integrated(NamedTuple):
-    """What ``lmipda`` returns."""
+class LmipdaUpdate(NamedTuple):
+    """The result of ``lmipda``."""
 
     association: FloatArray  # (..., T, r, 1 + M): column 0 missed, column m detected as measurement m; rows sum to 1
-    models: FloatArray  # mu, (..., T, r)
-    existence: FloatArray  # psi, (..., T)
+    models: FloatArray  # updated model probabilities mu, (..., T, r)
+    existence: FloatArray  # updated existence probabilities psi, (..., T)
 
 
 def lmipda(
@@ -34,27 +35,28 @@ def lmipda(
     pd: ArrayLike,
     clutter_density: ArrayLike,
     gate_probability: float = 1.0,
-) -> Integrated:
-    """One scan: association probabilities for each model of each track, model and existence probabilities after it.
+) -> LmipdaUpdate:
+    """Association, model and existence probabilities of all tracks after one scan.
 
-    A track sees the other tracks as more clutter, as dense at each measurement as they are likely to have caused it:
-    the cost grows with tracks times measurements, not with the number of joint associations.
+    For each track the other tracks are additional clutter. Its density at a measurement grows with the probability that
+    they caused the measurement. The cost grows with tracks times measurements, not with the number of joint
+    associations.
 
     Args:
         likelihood: p = N(z_m; the model's predicted measurement, S) / Pg, 0 outside the gate, (..., T, r, M), in
             1/unit volume.
         models: predicted model probabilities mu, (..., T, r).
-        existence: predicted probabilities psi that the tracks exist, (..., T), in [0, 1].
+        existence: predicted existence probabilities psi, (..., T), in [0, 1].
         pd: probability of detection Pd, (..., T), in (0, 1).
-        clutter_density: expected number of clutter points per unit volume rho, (...) or, at each measurement in each
-            track's gate, (..., T, M); > 0.
+        clutter_density: expected number of clutter points per unit volume rho > 0, (...); or its value at each
+            measurement in each track's gate, (..., T, M).
         gate_probability: Pg, in (0, 1].
 
     Returns:
-        See ``Integrated``. M = 0 and T = 0 work.
+        See ``LmipdaUpdate``. M = 0 and T = 0 are valid.
 
     Raises:
-        InputError: values outside these ranges, shapes that disagree.
+        InputError: values outside these ranges, or shapes that do not fit.
     """
     p, mu, psi, Pd = (np.asarray(a, np.float64) for a in (likelihood, models, existence, pd))
     rho = np.asarray(clutter_density, np.float64)
@@ -67,18 +69,19 @@ def lmipda(
         lead = np.broadcast_shapes(p.shape[:-3], mu.shape[:-2], psi.shape[:-1], Pd.shape[:-1], rho.shape[:-2])
     except ValueError:
         raise InputError(_shapes(p, mu, psi, Pd, np.asarray(clutter_density))) from None
-    require_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
-    require_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
-    require_distribution("models", mu)
-    association_terms(Pd, rho, gate_probability)
-    mu, psi, seen = flat(mu, lead, T, r), flat(psi, lead, T), flat(Pd * gate_probability, lead, T)
+    check_each("likelihood", p, (p >= 0.0) & np.isfinite(p), "finite numbers >= 0")
+    check_each("existence", psi, (psi >= 0.0) & (psi <= 1.0), "probabilities")
+    check_distribution("models", mu)
+    check_association_terms(Pd, rho, gate_probability)
+    mu, psi = flatten_lead(mu, lead, T, r), flatten_lead(psi, lead, T)
+    seen = flatten_lead(Pd * gate_probability, lead, T)
     beta = np.empty((len(mu), T * r, 1 + M))
-    kernels.lmipda(flat(p, lead, T, r, M), mu, seen, psi, flat(rho, lead, T, M), beta)
+    kernels.lmipda(flatten_lead(p, lead, T, r, M), mu, seen, psi, flatten_lead(rho, lead, T, M), beta)
     if not np.isfinite(psi).all():
         raise InputError(
             f"likelihood goes up to {p.max():g}, expected numbers whose ratio to clutter_density is finite"
         )
-    return Integrated(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
+    return LmipdaUpdate(beta.reshape(*lead, T, r, 1 + M), mu.reshape(*lead, T, r), psi.reshape(*lead, T))
 
 
 def _shapes(p: FloatArray, mu: FloatArray, psi: FloatArray, Pd: FloatArray, rho: FloatArray) -> str:

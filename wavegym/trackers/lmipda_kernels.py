@@ -1,6 +1,6 @@
-"""LMIPDA in compiled form: one receiver's scan, several tracks that may or may not exist, each with several models.
+"""LMIPDA in compiled form: one receiver's scan, several tracks with existence probabilities, several models each.
 
-``integrated.py`` is its public face; arrays hold the tracks of one environment.
+``lmipda.py`` holds the public function; arrays hold the tracks of one environment.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -15,7 +15,7 @@ from wavegym.core.kernels import inlined, kernel
 def claims(t, p, mu, pd, existence, density, count, own, claim):
     """own[t] = p^(t)_i = sum_r mu_r p^(t,r)_i, and claim[t] = p^(t)_i P^(t)_i / (1 - P^(t)_i), (measurement,).
 
-    P^(t)_i is the probability, before other tracks are looked at, that measurement i is track t's.
+    P^(t)_i is the probability that measurement i comes from track t, without regard to the other tracks.
     """
     total = 0.0
     for i in range(count):
@@ -29,17 +29,17 @@ def claims(t, p, mu, pd, existence, density, count, own, claim):
 
 
 @kernel
-def integrate(p, mu, pd, existence, density, count, beta, own, claim):
-    """One scan: association probabilities beta (track * model, 1 + measurement), and mu and existence in place.
+def lmipda_one(p, mu, pd, existence, density, count, beta, own, claim):
+    """Fill the association probabilities beta (track * model, 1 + measurement) and update mu and existence in place.
 
-    p (track, model, measurement) likelihoods, 0 outside a gate; pd = Pd Pg (track,); density (track, measurement);
-    own and claim (track, measurement) are scratch space. Only the first ``count`` measurements count.
+    Likelihoods p (track, model, measurement), 0 outside a gate; pd = Pd Pg (track,); density (track, measurement);
+    own and claim (track, measurement) are scratch space. Only the first ``count`` measurements are used.
     """
     tracks, models = mu.shape
     for t in range(tracks):
         claims(t, p, mu, pd, existence, density, count, own, claim)
     for t in range(tracks):
-        for i in range(count):  # own becomes Omega: clutter, and what other tracks claim
+        for i in range(count):  # own becomes Omega: clutter and the claims of the other tracks
             own[t, i] = density[t, i]
             for s in range(tracks):
                 if s != t:
@@ -63,7 +63,7 @@ def integrate(p, mu, pd, existence, density, count, beta, own, claim):
 
 @kernel
 def lmipda(p, mu, pd, existence, density, beta):
-    """``integrate`` for a batch, all arrays with one flat leading axis; beta (env, track * model, 1 + measurement)."""
+    """``lmipda_one`` for a batch, all arrays with one flat leading axis; beta (env, track * model, 1 + measurement)."""
     own, claim = np.empty(density.shape[1:]), np.empty(density.shape[1:])
     for e in range(len(p)):
-        integrate(p[e], mu[e], pd[e], existence[e], density[e], p.shape[3], beta[e], own, claim)
+        lmipda_one(p[e], mu[e], pd[e], existence[e], density[e], p.shape[3], beta[e], own, claim)

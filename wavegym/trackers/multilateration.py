@@ -1,7 +1,7 @@
-"""Where a new track begins: a place and a velocity from one scan of two receivers.
+"""Multilateration: position and velocity of a new track from one scan of two receivers.
 
-Barbosa et al., section 4.2.1, difference two scans; but range and range-rate from one place say nothing of direction,
-so that it takes two receivers, and what is known of the roads, to choose between the two places that they leave.
+Barbosa et al., section 4.2.1, take differences of two scans. Range and range-rate at one receiver hold no direction, so
+two receivers are needed. Two positions remain; the caller chooses by the road map.
 """
 
 from __future__ import annotations
@@ -9,34 +9,34 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_last_axes, checked_copy, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
-from wavegym.sensors.checks import exactly, shaped
 from wavegym.trackers import multilateration_kernels as kernels
-from wavegym.trackers.checks import flat
 
 
 def multilaterate(
     measurements: ArrayLike, R: ArrayLike, transmitter: ArrayLike, receivers: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Both states that explain what two receivers measure of one target, and their covariances to first order.
+    """Both states that fit one target's measurements at two receivers, with covariances to first order.
 
     Args:
-        measurements: z = (r in m, rdot in m/s), half the way and its rate, at either receiver, (..., 2, 2).
+        measurements: z = (r in m, rdot in m/s) at each receiver: half the path transmitter, target, receiver, and its
+            rate, (..., 2, 2).
         R: their error covariances, (..., 2, 2, 2).
         transmitter: (x, y) in m, (2,).
         receivers: (x, y) in m, (2, 2); not in one line with the transmitter.
 
     Returns:
-        States (x, y, xdot, ydot) in m and m/s, (..., 2, 4), and covariances (..., 2, 4, 4); NaN where the ranges do not
-        meet. Where receivers are close together, the error across the line of sight is large, as the covariance says.
+        States (x, y, xdot, ydot) in m and m/s, (..., 2, 4), and covariances (..., 2, 4, 4); NaN where the range
+        ellipses do not intersect. Receivers close together give a large error across the line of sight.
 
     Raises:
-        InputError: shapes that do not fit, antennas in one line.
+        InputError: shapes that do not fit, or antennas in one line.
     """
-    z, errors = shaped("measurements", measurements, 2, 2), shaped("R", R, 2, 2, 2)
-    t, s = exactly("transmitter", transmitter, 2), exactly("receivers", receivers, 2, 2)
-    require_triangle(t, s)
+    z, errors = check_last_axes("measurements", measurements, 2, 2), check_last_axes("R", R, 2, 2, 2)
+    t, s = checked_copy("transmitter", transmitter, 2), checked_copy("receivers", receivers, 2, 2)
+    check_triangle(t, s)
     try:
         lead = np.broadcast_shapes(z.shape[:-2], errors.shape[:-3])
     except ValueError:
@@ -44,17 +44,17 @@ def multilaterate(
             f"measurements and R have shapes {z.shape} and {errors.shape}, expected (..., 2, 2) and (..., 2, 2, 2) "
             "that broadcast"
         ) from None
-    z, errors = flat(z, lead, 2, 2), flat(errors, lead, 2, 2, 2)
+    z, errors = flatten_lead(z, lead, 2, 2), flatten_lead(errors, lead, 2, 2, 2)
     x, P = np.empty((len(z), 2, 4)), np.empty((len(z), 2, 4, 4))
     kernels.multilaterate(z, errors, t, s, x, P)
     return x.reshape(*lead, 2, 4), P.reshape(*lead, 2, 4, 4)
 
 
-def require_triangle(transmitter: FloatArray, receivers: FloatArray) -> None:
-    """InputError where a transmitter (2,) and two receivers (2, 2) stand in one line."""
+def check_triangle(transmitter: FloatArray, receivers: FloatArray) -> None:
+    """Raise an InputError if a transmitter (2,) and two receivers (2, 2) stand in one line."""
     a, b = receivers - transmitter
     if abs(a[0] * b[1] - a[1] * b[0]) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
         raise InputError(
             f"transmitter {transmitter.tolist()} and receivers {receivers.tolist()} stand in one line, expected a"
-            " triangle: from a line either side looks the same"
+            " triangle: in one line they cannot tell left from right"
         )

@@ -1,4 +1,4 @@
-"""Where a target is from one range and range-rate at each of two receivers, in compiled form; see ``initiation.py``."""
+"""Multilateration in compiled form; ``multilateration.py`` holds the public function."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -10,10 +10,10 @@ from wavegym.core.kernels import inlined, kernel
 
 @inlined
 def half_ellipse_crossing(r0, r1, tx, ty, ax, ay, bx, by, root):
-    """A place (x, y) with |p - t| + |p - a| = 2 r0 and |p - t| + |p - b| = 2 r1; NaN where there is none.
+    """A point p = (x, y) with |p - t| + |p - a| = 2 r0 and |p - t| + |p - b| = 2 r1; NaN where there is none.
 
-    With p and the receivers counted from the transmitter, and d = |p|: 2 p'a = |a|^2 - 4 r0^2 + 4 r0 d, so that p is
-    linear in d, and |p|^2 = d^2 a quadratic. ``root`` is -1 for its smaller solution, 1 for the larger one.
+    Relative to the transmitter, with d = |p|: 2 p'a = |a|^2 - 4 r0^2 + 4 r0 d. Hence p is linear in d, and |p|^2 = d^2
+    is a quadratic equation in d. ``root`` is -1 for its smaller solution, 1 for the larger.
     """
     ax, ay, bx, by = ax - tx, ay - ty, bx - tx, by - ty
     determinant = 2.0 * (ax * by - ay * bx)
@@ -24,7 +24,7 @@ def half_ellipse_crossing(r0, r1, tx, ty, ax, ay, bx, by, root):
     rest = cross * cross - square * constant
     if not rest >= 0.0:
         return np.nan, np.nan
-    far = -cross - np.copysign(np.sqrt(rest), cross)  # the solution in which nothing cancels
+    far = -cross - np.copysign(np.sqrt(rest), cross)  # the solution without cancellation
     one, other = far / square, constant / far
     d = min(one, other) if root < 0 else max(one, other)
     if not (d >= 0.0 and d <= 2.0 * r0 and d <= 2.0 * r1):
@@ -34,7 +34,7 @@ def half_ellipse_crossing(r0, r1, tx, ty, ax, ay, bx, by, root):
 
 @inlined
 def directions(x, y, tx, ty, sx, sy):
-    """Gradient of half the way from (tx, ty) by (x, y) to (sx, sy), and the curvatures xx, xy, yy of that."""
+    """Gradient and second derivatives xx, xy, yy of half the path (tx, ty), (x, y), (sx, sy)."""
     out, back = np.hypot(x - tx, y - ty), np.hypot(x - sx, y - sy)
     ox, oy, bx, by = (x - tx) / out, (y - ty) / out, (x - sx) / back, (y - sy) / back
     xx, xy, yy = oy * oy / out + by * by / back, -ox * oy / out - bx * by / back, ox * ox / out + bx * bx / back
@@ -45,8 +45,8 @@ def directions(x, y, tx, ty, sx, sy):
 def locate_one(z0, z1, R0, R1, tx, ty, ax, ay, bx, by, root, row, x, P, J):
     """State x[row] = (x, y, xdot, ydot) and its covariance P[row] from z = (r, rdot) and R at both receivers.
 
-    To first order: the state as a function of the four numbers has the inverse of their Jacobian, J (4, 4) scratch.
-    NaN where the two ranges do not meet.
+    P is exact to first order: J (4, 4), scratch space, is the inverse of the Jacobian of the four measured numbers.
+    Both are NaN where the two range ellipses do not intersect.
     """
     x[row, 0], x[row, 1] = half_ellipse_crossing(z0[0], z1[0], tx, ty, ax, ay, bx, by, root)
     px, qx, axx, axy, ayy = directions(x[row, 0], x[row, 1], tx, ty, ax, ay)
@@ -55,7 +55,7 @@ def locate_one(z0, z1, R0, R1, tx, ty, ax, ay, bx, by, root, row, x, P, J):
     i00, i01, i10, i11 = qy / determinant, -qx / determinant, -py / determinant, px / determinant
     vx, vy = i00 * z0[1] + i01 * z1[1], i10 * z0[1] + i11 * z1[1]
     x[row, 2], x[row, 3] = vx, vy
-    # rates change with the place: d rdot / d p = v' d2 r, which the velocity has to make good
+    # rates depend on the position too: d rdot / d p = v' d2 r
     c00, c01, c10, c11 = axx * vx + axy * vy, axy * vx + ayy * vy, bxx * vx + bxy * vy, bxy * vx + byy * vy
     m00, m01, m10, m11 = c00 * i00 + c01 * i10, c00 * i01 + c01 * i11, c10 * i00 + c11 * i10, c10 * i01 + c11 * i11
     J[0, 0], J[0, 1], J[0, 2], J[0, 3] = i00, 0.0, i01, 0.0

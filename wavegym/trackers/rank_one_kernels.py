@@ -1,8 +1,8 @@
-"""Measurement updates by one scalar at a time, exact where measurement errors are independent.
+"""Measurement updates one scalar at a time, exact for independent measurement errors; in compiled form.
 
-With R diagonal, [P^-1 + H' R^-1 H]^-1 is reached by a rank-one update for each row h of H (Sherman and Morrison), with
-no matrix to invert: P - v v' / s with v = P h, s = h'v + variance. A missing measurement has an infinite variance.
-``cc`` are the columns in which a row may differ from 0, known when compiling: positions alone are half the work.
+With a diagonal R, [P^-1 + H' R^-1 H]^-1 is one rank-one update for each row h of H (Sherman and Morrison), without a
+matrix inverse: P - v v' / s with v = P h, s = h'v + variance. A missing measurement has an infinite variance.
+``cc`` holds the columns in which a row may differ from 0, known at compile time: position columns alone halve the work.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -53,7 +53,7 @@ def shrink_one(e, P, v, s, nn):
 
 @inlined
 def correct_one(d, H, a, v, s, y, nn):
-    """d (n,) += v (y - h'd) / s: the correction of the mean so far, which the next innovation y has to take off."""
+    """d (n,) += v (y - h'd) / s: d is the correction of the mean so far; y is an innovation at the predicted mean."""
     rest = y
     for i in range(len(nn)):
         rest -= H[a, i] * d[i]

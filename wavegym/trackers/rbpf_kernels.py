@@ -1,9 +1,7 @@
 """Rao-Blackwellised particle filter over joint associations in compiled form (Särkkä, Vehtari & Lampinen 2007).
 
-What is sampled is which return is whose; given that, every target is a Gaussian and is updated exactly (but for the
-unscented transform). A particle therefore is one history of associations with a mean and a covariance for each target,
-and a posterior of many modes, which clutter makes of a target just found, costs a few particles for each mode. Arrays
-are those of one environment: X (particle, target, n), V (particle, target, n, n).
+``rbpf.py`` describes the method and holds the public functions. Arrays are those of one environment: X (particle,
+target, n), V (particle, target, n, n).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -18,10 +16,10 @@ from wavegym.trackers.joint_association_kernels import associate_one, row_sum
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.subset_kernels import SAFE
-from wavegym.trackers.ukf_kernels import foresee_measurement_one
+from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 FARTHEST = 60.0
-"""Squared distance beyond which a return is not a target's: its weight would be below 1e-13 of the peak's."""
+"""Squared distance beyond which a return is not associated: its weight would be below 1e-13 of the peak weight."""
 
 
 @kernel
@@ -40,7 +38,7 @@ def predict_particles(X, V, present, F, Q, X_out, V_out, nn):
 
 @kernel
 def copy_one(e, x, P, x_out, P_out, nn):
-    """Mean x[e] and covariance P[e]."""
+    """Copy x[e] to x_out[e] and P[e] to P_out[e]."""
     fetch_one(e, x, P, e, x_out, P_out, nn)
 
 
@@ -55,12 +53,12 @@ def fetch_one(source, x, P, e, x_out, P_out, nn):
 
 @kernel
 def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gates, density, nn):
-    """One sensor's scan z[: count] for every particle: draw its association, update, count its evidence.
+    """Process one sensor's scan z[: count] for each particle: draw the association, update, add the log evidence.
 
-    log_weight (particle,) gains the log of the sum over all feasible associations: the joint likelihood, exactly.
+    log_weight (particle,) grows by the exact joint log likelihood, a sum over all feasible associations.
     pd (t,), noise (t, 2, 2). ``gates`` = (centre (t, 2), L (t, 2, 2), gate, gate probability): only returns in one of
-    them were received; gate = inf: all. A particle that expects its target's return outside of all learns nothing from
-    its absence: 1 - Pd for it would kill the lesser modes of a posterior because nobody looked there.
+    the gates were received; gate = inf: all returns. A missing return says nothing about a particle that predicts it
+    outside all gates. A factor 1 - Pd there would remove the small modes of a posterior although nobody looked there.
     """
     n, slots, here = len(nn), len(present), np.flatnonzero(present)
     x, P, T = X.reshape(-1, n), V.reshape(-1, n, n), len(here)
@@ -70,7 +68,7 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
     for j in range(len(X)):
         for row in range(T):
             t = here[row]
-            foresee_measurement_one(row, j * slots + t, x, P, sx, sy, A, centre, S, G, nn)
+            predict_measurement_one(row, j * slots + t, x, P, sx, sy, A, centre, S, G, nn)
             for a in range(2):
                 for b in range(2):
                     S[row, a, b] += noise[t, a, b]
@@ -86,7 +84,7 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
 
 @inlined
 def received(z0, z1, present, gates):
-    """The gate probability if a return expected at (z0, z1) is in a present target's gate, else 0."""
+    """The gate probability if a return predicted at (z0, z1) lies in a present target's gate, else 0."""
     centre, L, gate, gate_probability = gates
     for t in range(len(present)):
         if present[t] and in_gate(t, z0, z1, centre, L, gate):
@@ -108,17 +106,17 @@ def weigh_row(row, z, count, centre, L, pd, seen, density, W):
 
 @kernel
 def whiten(d0, d1, first, below, second):
-    """L^-1 d for a lower triangular L (2, 2), whose diagonal comes as its reciprocals."""
+    """L^-1 d for a lower triangular L (2, 2); ``first`` and ``second`` are the reciprocals of its diagonal."""
     w0 = d0 * first
     return w0, (d1 - below * w0) * second
 
 
 @inlined
 def draw_association(key, W, T, M, beta, owner):
-    """Draw owner (T,), each target's measurement or 0, from the joint posterior of W; log evidence. W is used up.
+    """Draw owner (T,), each target's measurement or 0, from the joint posterior of W; return the log evidence.
 
-    Target after target from the last: its marginal, then the same problem without it and without what it took. The
-    first is then alone, so that its marginal is its row of W.
+    The targets are drawn from the last to the first, each from its marginal; then the target and its measurement leave
+    the problem. The marginal of the first target is its remaining row of W. W is overwritten.
     """
     if T == 0:
         return 0.0
@@ -140,7 +138,7 @@ def draw_association(key, W, T, M, beta, owner):
 
 @inlined
 def last_of_two(W, M, beta):
-    """beta[1] = Z times the second target's marginal: each of its weights times the first one's others; returns Z."""
+    """beta[1] = Z times the second target's marginal: W[1, m] times the sum of row 0 without m; returns Z."""
     left = W[0, 0]
     for m in range(1, M + 1):
         beta[1, m] = left
@@ -156,9 +154,9 @@ def last_of_two(W, M, beta):
 
 @inlined
 def draw_column(t, p, M, left):
-    """The column in whose share of p[t] (M+1) the number ``left`` in [0, sum) lies, counted from the last.
+    """The column of p[t] (M+1) whose interval of the cumulative sum from the last column holds ``left`` in [0, sum).
 
-    Rounding thus ends at column 0, the one that is never impossible.
+    A rounding error thus ends at column 0, which is always possible.
     """
     m = M
     while m > 0 and left >= p[t, m]:
@@ -186,7 +184,7 @@ def correct_one(e, x, P, z0, z1, row, centre, L, G, U, nn):
 
 @kernel
 def normalise(log_weight, weight):
-    """weight (particle,) of sum 1; the effective sample size 1 / sum w^2. Equal ones where none is finite."""
+    """Fill weight (particle,) of sum 1, equal if none is finite; return the effective sample size 1 / sum w^2."""
     top, total, squares = log_weight.max(), 0.0, 0.0
     for j in range(len(weight)):
         weight[j] = np.exp(log_weight[j] - top)
@@ -199,7 +197,7 @@ def normalise(log_weight, weight):
 
 @kernel
 def mixture(weight, X, V, present, mean, covariance, nn):
-    """mean (t, n), covariance (t, n, n) of the present targets' Gaussian mixtures."""
+    """Fill mean (t, n) and covariance (t, n, n) of the present targets' Gaussian mixtures."""
     n = len(nn)
     for t in range(len(present)):
         if not present[t]:
@@ -223,7 +221,7 @@ def mixture(weight, X, V, present, mean, covariance, nn):
 
 @kernel
 def resample(key, weight, X, V, X_out, V_out, nn):
-    """Equally weighted particles from weighted ones, systematically; how many different ones survive."""
+    """Systematic resampling to equally weighted X_out, V_out; returns the number of different survivors."""
     index = np.empty(len(weight), np.int64)
     distinct = systematic(uniform(key, 0), weight, index)
     n, slots = len(nn), X.shape[1]
@@ -236,7 +234,7 @@ def resample(key, weight, X, V, X_out, V_out, nn):
 
 @kernel
 def systematic(u, weight, index):
-    """index (particle,): particle j comes from the one whose share of [0, 1) holds (j + u) / N; how many differ."""
+    """Set index[j] to the particle whose weight interval of [0, 1) holds (j + u) / N; return how many differ."""
     count, reached, source, distinct = len(weight), weight[0], 0, 1
     for j in range(count):
         while (j + u) / count >= reached and source < count - 1:

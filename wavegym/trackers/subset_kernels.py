@@ -1,16 +1,17 @@
 """The sum over feasible associations by dynamic programming over subsets of targets.
 
-The weights W (T, M+1) of one cluster are what ``association_kernels.py`` says, and Z is their evidence.
-With A a set of targets (a bit mask), f_m[A] is the sum over the ways in which the measurements 1 to m go to exactly the
-targets A, and g_m[A] the sum over the ways to complete that with the others:
+The weights W (T, M+1) of one cluster and its evidence Z are defined in ``joint_association_kernels.py``.
+A is a set of targets (a bit mask). f_m[A] is the sum over all assignments of the measurements 1 to m to exactly the
+targets A. g_m[A] is the sum over all completions with the other measurements and targets:
 
     f_m[A] = c_m f_{m-1}[A] + sum_{t in A} W[t, m] f_{m-1}[A - t],          f_0[{}] = 1, f_0[A] = 0
     g_{m-1}[A] = c_m g_m[A] + sum_{t not in A} W[t, m] g_m[A + t],          g_M[A] = prod_{t not in A} W[t, 0]
     Z = sum_A f_M[A] g_M[A],    beta[t, m] = W[t, m] sum_{A without t} f_{m-1}[A] g_m[A + t] / Z
 
 in M T 2^T steps and without a subtraction. Entries are scaled by powers of two, 2^-u_t for a target and 2^-p_m for a
-measurement, whose weight of being clutter then is c_m = 2^-p_m instead of 1: exact, and undone in log Z.
-A problem without an answer gives NaN, never an exception; that weights are not negative is the caller's to see to.
+measurement. The clutter weight of measurement m is then c_m = 2^-p_m instead of 1. The scaling is exact and undone in
+log Z.
+A problem without a solution gives NaN, never an exception. The caller ensures that weights are not negative.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -23,15 +24,15 @@ import numpy as np
 from wavegym.core.kernels import kernel
 
 CLUSTER_LIMIT = 10  # targets that share measurements, directly or through others: 2^10 sets of them
-IMPOSSIBLE = -40_000  # stands for the exponent of 0: no product of CLUSTER_LIMIT doubles is that small
-# With entries <= 1 what underflows on the way amounts to less than 1e-270: nothing beside a Z of this size.
+IMPOSSIBLE = -40_000  # exponent of 0: below that of any product of CLUSTER_LIMIT doubles
+# With entries <= 1 all underflow adds up to less than 1e-270, which is negligible beside a Z of this size.
 SAFE = 1e-200
 LN2 = math.log(2.0)
 
 
 @kernel
 def top_exponent(W, t, columns, M):
-    """The exponent of the largest weight of target t, so that it is in [1/2, 1) times two to that power."""
+    """The exponent of the largest weight of target t: the weight is in [1/2, 1) times two to that power."""
     top = 0.0
     for m in range(M + 1):
         top = max(top, W[t, columns[m]])
@@ -40,7 +41,7 @@ def top_exponent(W, t, columns, M):
 
 @kernel
 def several(W, rows, T, columns, M, beta):
-    """One cluster: the targets ``rows`` and measurements ``columns`` of W; fills beta and returns log Z."""
+    """Fill beta and return log Z of one cluster: the targets ``rows`` and measurements ``columns`` of W."""
     u, p, sets = np.empty(T, np.int64), np.zeros(M + 1, np.int64), 1 << T
     V, c, F, G = np.empty((T, M + 1)), np.empty(M + 1), np.empty((M + 1) * sets), np.empty(sets)
     Z = forward(W, rows, T, columns, M, u, p, V, c, F, G, sets)
@@ -68,8 +69,9 @@ def log_of(Z, u, p):
 def forward(W, rows, T, columns, M, u, p, V, c, F, G, stride):
     """Choose scales u, p, fill the scaled V (T, M+1), c and G = g_M, run f_0 to f_M; return the scaled Z.
 
-    p comes as zeros. f_m lies at m * stride in F: a stride of 2^T keeps all of them, 0 only the last. One power per
-    target is enough unless several need one measurement so badly that Z vanishes beside their best weights' product.
+    p is zero on entry. f_m begins at m * stride in F: a stride of 2^T keeps all of them, a stride of 0 only the last.
+    The scales u are enough unless Z underflows beside the product of the targets' best weights, because several
+    targets compete for one measurement. Then ``auction`` chooses u and p.
     """
     for t in range(T):
         u[t] = top_exponent(W, rows[t], columns, M)
@@ -136,10 +138,10 @@ def backward(rows, T, columns, M, V, c, F, G, Z, beta):
 
 @kernel
 def auction(W, rows, T, columns, M, u, p):
-    """Scales u, p under which every entry is <= 1 and one association's factors are all >= 1/4: Z cannot vanish.
+    """Choose u, p so that all entries are <= 1 and one association has factors >= 1/4 only: Z cannot underflow.
 
-    Bertsekas' auction on the binary exponents, with bids of at least one: measurements are goods of price p, anyone
-    may have "missed" for nothing, and u is what a target's best choice is worth to it at the final prices.
+    Bertsekas' auction on the binary exponents, with bids of at least one. Measurements are goods with prices p;
+    "missed" is free. u is the value of a target's best choice at the final prices.
     """
     owner, waiting, count = np.full(M + 1, -1), np.arange(T), T
     while count > 0:
@@ -158,7 +160,7 @@ def auction(W, rows, T, columns, M, u, p):
 
 @kernel
 def bid(W, t, columns, M, p):
-    """The column most worth its price to target t, what it is worth beyond that, and what the next best is."""
+    """The column of the greatest value minus price to target t, that difference, and the second greatest difference."""
     choice, best = 0, math.frexp(W[t, 0])[1] if W[t, 0] > 0.0 else IMPOSSIBLE
     second = best
     for m in range(1, M + 1):

@@ -1,20 +1,21 @@
-"""Remake the table of the information reduction factor.
+"""Write the table of the information reduction factor.
 
     python -m wavegym.trackers.tabulate_information_reduction [FILE]
 
-Definition, in whitened two-dimensional innovation coordinates: N returns x_i of clutter, Poisson with density b =
-rho sqrt(det S) in the disc of radius g, and the target's, standard normal, with probability Pd if inside the disc.
+Definition, in whitened two-dimensional innovation coordinates: N clutter returns x_i, Poisson with density b =
+rho sqrt(det S) in the disc of radius g; and the target's return, standard normal, received with probability Pd if it
+lies in the disc.
 With e(x) = exp(-|x|^2 / 2), a = 2 pi b (1 - Pd Pg) / Pd and Pg = 1 - exp(-g^2 / 2),
     nu = sum e(x_i) x_i / (a + sum e(x_i)),    q2 = E |nu|^2 / 2.
 The integral: the likelihood ratio of returns with the target to returns of clutter alone is
 Pd (a + sum e(x_i)) / (2 pi b), so with E_0 the mean over clutter alone
     q2 = Pd / (4 pi b) E_0[ |sum e(x_i) x_i|^2 / (a + sum e(x_i)) ]
        = Pd / (4 pi) int e(x)^2 |x|^2 E_0[ 1 / (a + e(x) + sum e(x_j)) ] dx:
-the angles of the x_i are independent and uniform, which leaves the squares only, and Mecke's formula takes one point
-out of their sum. With 1/z = int exp(-z t) dt and the Poisson process's Laplace functional,
+the angles of the x_i are independent and uniform, so that only the squares remain; Mecke's formula takes one point out
+of their sum. With 1/z = int exp(-z t) dt and the Laplace functional of the Poisson process,
     q2 = Pd int_0^inf exp(-a t - 2 pi b [Ein(t) - Ein(u t)]) W(t) dt,
     W(t) = 1/4 int_0^(g^2) s exp(-s - t exp(-s/2)) ds,    Ein(t) = int_0^t (1 - exp(-y)) / y dy,    u = exp(-g^2 / 2).
-The table is this integral; a Monte Carlo simulation of nu, which knows the definition only, is printed beside it.
+The table holds this integral. The script also prints a Monte Carlo simulation of nu, which uses the definition only.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from wavegym.trackers.information_reduction_kernels import GATE, simulated_reduc
 
 PD = np.append(np.round(special.expit(np.linspace(-9.0, 7.0, 65)), 6), 1.0)  # as dense near 0 as near 1
 CLUTTER = 10.0 ** np.linspace(-3.0, 5.0, 65)
-STEP, LOWEST = 0.1, -60.0  # trapezoidal rule in log t: with half the step or 80 for 60 the same to 1e-13
+STEP, LOWEST = 0.1, -60.0  # trapezoidal rule in log t: half the step or -80 agree to 1e-13
 POINTS = 3e8  # clutter points in one simulation
 SCENES = 1_000_000
 
@@ -52,7 +53,7 @@ def integrated_reduction(pd: ArrayLike, clutter: ArrayLike, gate: float = GATE) 
 
 
 def _ein(t: FloatArray) -> FloatArray:
-    """The entire exponential integral: its power series where E1(t) + log t + Euler's constant would cancel."""
+    """The entire exponential integral Ein; a power series where E1(t) + log t + Euler's constant would cancel."""
     k = np.arange(1, 12)
     small = np.minimum(t, 0.1)[:, None]
     series = -np.sum((-small) ** k / (k * special.factorial(k)), axis=-1)
@@ -61,7 +62,7 @@ def _ein(t: FloatArray) -> FloatArray:
 
 
 def write_table(path: Path) -> None:
-    """CSV: the first row names the clutter rho V, the first column Pd."""
+    """Write the table as CSV: the first row holds the clutter rho V, the first column Pd."""
     q2 = integrated_reduction(PD[:, None], CLUTTER)
     lines = [",".join(["pd"] + [f"{n:.9g}" for n in CLUTTER])]
     lines += [",".join([f"{p:.6g}"] + [f"{value:.9g}" for value in row]) for p, row in zip(PD, q2, strict=True)]
@@ -69,7 +70,7 @@ def write_table(path: Path) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the table and print how far it is from the simulation."""
+    """Write the table and print the deviation of the simulation from it."""
     write_table(Path(arguments[0]) if arguments else TABLE)
     pd = np.array([0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
     print("deviation of the simulated q2 from the table, in standard errors (standard error / q2, %)")

@@ -1,4 +1,4 @@
-"""Unscented transform of range and range-rate in compiled form, for trackers and schedulers alike.
+"""Unscented transform of range and range-rate in compiled form, for trackers and schedulers.
 
 ``e`` is the entry of the beliefs x (e, n) and P (e, n, n), ``row`` that of the results. Sizes as in ``kernels.py``.
 """
@@ -27,19 +27,19 @@ def cholesky_columns_one(row, e, P, A, nn, cc):
 
 
 @inlined
-def foresee_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
-    """``foresee_multistatic_one`` where transmitter and receiver are one; the compiler sees that it is so."""
-    foresee_multistatic_one(row, e, x, P, sx, sy, sx, sy, A, z, S, G, nn)
+def predict_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
+    """``predict_multistatic_one`` for a monostatic radar; the compiler merges the two equal paths."""
+    predict_multistatic_one(row, e, x, P, sx, sy, sx, sy, A, z, S, G, nn)
 
 
 @inlined
-def foresee_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
-    """Mean z[row], covariance S[row] and cross-covariance G[row] = cov(x, z) (n, 2) of (r, rdot) by a target.
+def predict_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
+    """Mean z[row], covariance S[row] and cross-covariance G[row] = cov(x, z) (n, 2) of a target's (r, rdot).
 
-    Half the way from (tx, ty) by the target to (sx, sy), and its rate; x = (x, y, xdot, ydot, ...). 2 n sigma points
+    r is half the path (tx, ty), target, (sx, sy), rdot its rate; x = (x, y, xdot, ydot, ...). 2 n sigma points
     x +- sqrt(n) A_i of equal weight: Julier & Uhlmann (1997) with kappa = 0, which cannot give an indefinite S. Only
-    the first two columns of the Cholesky factor A move the position. Along the others range stays and range-rate is
-    linear: their share is exactly that of a linear measurement of what these two leave of P.
+    the first two columns of the Cholesky factor A change the position. Along the other columns the range is constant
+    and the range-rate linear: their exact share is that of a linear measurement with the rest of P.
     A (rows, n, n) is scratch space.
     """
     n = len(nn)
@@ -50,7 +50,7 @@ def foresee_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
     back, _ = range_and_rate(x[e, 0], x[e, 1], 0.0, 0.0, sx, sy)
     u0 = 0.5 * ((x[e, 0] - tx) / out + (x[e, 0] - sx) / back)
     u1 = 0.5 * ((x[e, 1] - ty) / out + (x[e, 1] - sy) / back)
-    # below, differences from (r0, v0) are taken: they lose no digits
+    # differences from (r0, v0) below avoid cancellation
     r0, v0 = multistatic_range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], tx, ty, sx, sy)
     G[row, 0, 0] = G[row, 0, 1] = G[row, 1, 0] = G[row, 1, 1] = 0.0
     for j in range(2, n):
@@ -79,5 +79,5 @@ def foresee_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
 
 @kernel
 def left_one(row, e, i, j, P, A):
-    """cov(x_i, x_j) given the position: what the first two columns of A leave of it."""
+    """cov(x_i, x_j) given the position: P less the share of the first two columns of A."""
     return P[e, i, j] - A[row, i, 0] * A[row, j, 0] - A[row, i, 1] * A[row, j, 1]

@@ -1,7 +1,7 @@
-"""Waveforms: what a radar may transmit, and how well each one measures.
+"""Waveforms: pulses that a radar may transmit, and their measurement accuracy.
 
-A waveform is a unit-energy pulse with an envelope and a phase. Its Fisher information says how precisely delay and
-Doppler can be measured; scaled to range and range-rate it is the measurement covariance a tracker works with. A
+A waveform is a unit-energy pulse with an envelope and a phase. Its Fisher information bounds the accuracy of delay and
+Doppler measurements. Its inverse, scaled to range and range-rate, is the measurement covariance that a tracker uses. A
 Gaussian up-chirp of duration parameter 100 us and chirp rate 1e8 rad/s^2 at X band and an SNR of 20 dB:
 
 >>> import numpy as np
@@ -15,8 +15,8 @@ Gaussian up-chirp of duration parameter 100 us and chirp rate 1e8 rad/s^2 at X b
 >>> print(np.sqrt(np.diag(R)).round(2))  # standard deviations, m and m/s
 [2119.85    7.25]
 
-An up-chirp makes the errors of range and range-rate (positive when receding) negatively correlated. The ambiguity
-function tells the same story: its ridge rises, so a delay error is hidden by a Doppler error of the same sign.
+The errors of range and range-rate (positive when receding) of an up-chirp are negatively correlated. The ridge of its
+ambiguity function rises accordingly: a delay error and a Doppler error of the same sign cancel.
 
 >>> bool(R[0, 1] < 0)
 True
@@ -25,7 +25,7 @@ True
 [[0.779 1.    0.779]
  [0.346 0.732 0.939]]
 
-Sixteen pulses at 1 ms measure velocity far better at the same energy (m/s, one standard deviation):
+Sixteen pulses at intervals of 1 ms measure range-rate far better at the same energy (standard deviation, m/s):
 
 >>> train = PulseTrain(chirp, count=16, interval=1e-3)
 >>> print(np.sqrt(train.measurement_covariance(carrier_hz=10.4e9, snr=100)[1, 1]).round(3))
@@ -39,8 +39,8 @@ A library is the set of waveforms that a scheduler chooses from. Sweeps are sign
 >>> measurement_covariances(library, 10.4e9).shape
 (6, 2, 2)
 
-Chirps under a trapezoid envelope sweep linearly or not (power, hyperbolic, exponential FM). A curved sweep ties range
-to range-rate far less, and both are measured well at once (standard deviations at an SNR of 1, m and m/s):
+Chirps with a trapezoid envelope have linear, power, hyperbolic or exponential FM. With a nonlinear FM the errors of
+range and range-rate are far less correlated, and both are small (standard deviations at an SNR of 1, m and m/s):
 
 >>> for pulse in trapezoid_chirp_library(["lfm", "pfm:3", "hfm"], [100e-6], [15e6], directions=["up"]):
 ...     print(pulse.label, np.sqrt(np.diag(pulse.measurement_covariance(10.4e9, snr=1))).round(1))
@@ -48,14 +48,14 @@ LFM up 100 us 15 MHz [ 2289.7 33024.7]
 PFM3 up 100 us 15 MHz [ 24.4 361.7]
 HFM up 100 us 15 MHz [ 25.5 330.5]
 
-All that a law contributes is four moments, so one call takes any mixture of laws, durations and sweeps:
+Four moments describe a frequency law. One call therefore takes any mixture of laws, durations and sweeps:
 
 >>> moments = np.stack([chirp_law(kind).moments for kind in ("lfm", "hfm")])
 >>> chirp_measurement_covariance(moments[[0, 1, 1]], [1e-4, 1e-4, 5e-5], [15e6, -15e6, 1e6], carrier_hz=10.4e9).shape
 (3, 2, 2)
 
-``plot_ambiguity(chirp).savefig("chirp.png")`` draws the plane and its cuts. Any pulse of your own is a subclass of
-``Waveform`` with a label, a support, an envelope and a phase; all of the above then works by quadrature.
+``plot_ambiguity(chirp).savefig("chirp.png")`` draws the ambiguity function and its cuts. To add a pulse, derive a
+subclass of ``Waveform`` with a label, a support, an envelope and a phase; all of the above then works by quadrature.
 """
 
 from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut

@@ -19,8 +19,8 @@ ComplexArray = NDArray[np.complex128]
 def ambiguity(waveform: Waveform, delays: ArrayLike, dopplers: ArrayLike) -> ComplexArray:
     """Two-sided ambiguity function chi on a grid, complex, (delay, doppler); absolute error about 1e-13.
 
-    Sampling follows the waveform: each delay is integrated to rounding error, whatever the spacing of the grid, in
-    memory that does not grow with it (beyond the result).
+    Each delay is integrated to rounding error, for any spacing of the grid. Beyond the result, the memory does not grow
+    with the grid.
 
     Args:
         waveform: any waveform.
@@ -28,9 +28,9 @@ def ambiguity(waveform: Waveform, delays: ArrayLike, dopplers: ArrayLike) -> Com
         dopplers: nu, Hz, (doppler,) or a number.
 
     Raises:
-        InputError: if delays or dopplers are not finite or have more than one axis.
+        InputError: delays or dopplers that are not finite or have more than one axis.
     """
-    taus, nus = _grid_axis("delays", delays), _grid_axis("dopplers", dopplers)
+    taus, nus = _check_axis("delays", delays), _check_axis("dopplers", dopplers)
     chi = np.empty((len(taus), len(nus)), dtype=np.complex128)
     for i, tau in enumerate(taus):
         chi[i] = waveform.ambiguity_row(float(tau), nus)
@@ -47,7 +47,8 @@ def zero_doppler_cut(waveform: Waveform, delays: ArrayLike) -> ComplexArray:
     return ambiguity(waveform, delays, 0.0)[:, 0]
 
 
-def _grid_axis(name: str, values: ArrayLike) -> FloatArray:
+def _check_axis(name: str, values: ArrayLike) -> FloatArray:
+    """Return ``values`` as a finite array of one axis; otherwise raise an InputError."""
     axis = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if axis.ndim != 1:
         raise InputError(f"{name} has shape {axis.shape}, expected one axis")

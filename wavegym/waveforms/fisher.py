@@ -1,4 +1,4 @@
-"""Fisher information of delay and Doppler in a factored form that loses no digits, and the measurement covariance."""
+"""Fisher information of delay and Doppler in a factored form without cancellation, and the measurement covariance."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _TWO_PI = 2.0 * np.pi
 class FisherFactors:
     """Fisher information of (delay, angular Doppler) at SNR 1, as J = [[r + b^2 v, -b v], [-b v, v]].
 
-    With w(t) the instantaneous angular frequency and <.> the average over the pulse's energy, ``b`` is the slope of
-    the regression of w on t, ``v`` the variance of t, and ``r`` the squared envelope bandwidth plus what the
-    regression leaves of w. A long chirp has 1 - rho^2 of 1e-6 and less, so J itself has lost those digits by
-    cancellation; its determinant r v and its inverse [[1/r, b/r], [b/r, 1/v + b^2/r]] have not, because nothing here
-    is subtracted. Fields may be arrays of any (broadcasting) shape, one element per waveform.
+    Let w(t) be the instantaneous angular frequency, with averages weighted by the pulse's energy. ``b`` is the slope of
+    the regression of w on t, ``v`` the variance of t, and ``r`` the squared envelope bandwidth plus the residual
+    variance of w. A long chirp has 1 - rho^2 of 1e-6 and less: J itself loses those digits by cancellation. Its
+    determinant r v and its inverse [[1/r, b/r], [b/r, 1/v + b^2/r]] keep all digits, because they need no subtraction.
+    Fields may be arrays of any (broadcasting) shape, one element per waveform.
 
     Attributes:
         residual: r, delay information that no Doppler shift can imitate, (rad/s)^2.
@@ -44,7 +44,7 @@ class FisherFactors:
     def measurement_covariance(self, carrier_hz: ArrayLike) -> FloatArray:
         """Cramer-Rao covariance R = Gamma J^-1 Gamma^T of (range in m, range-rate in m/s) at SNR 1, shape (..., 2, 2).
 
-        Gamma = diag(c/2, -c/(2 fc)): range-rate is positive when receding, so Doppler is its negative.
+        Gamma = diag(c/2, -c/(2 fc)): range-rate is positive when receding, Doppler negative.
         """
         r, b, v = np.asarray(self.residual), np.asarray(self.slope), np.asarray(self.spread)
         metres = 0.5 * SPEED_OF_LIGHT  # per second of delay

@@ -1,4 +1,4 @@
-"""Gaussian linear-FM pulse: the waveform of Kershaw and Evans, everything in closed form."""
+"""Gaussian pulse with linear FM, the waveform of Kershaw and Evans, in closed form."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _EFFECTIVE_LENGTH = 2.0 * np.sqrt(2.0 * np.log(1000.0))  # durations, 7.4338
 class GaussianChirp(Waveform):
     """Gaussian pulse with linear FM, s(t) = (pi k^2)^(-1/4) exp(-(1/(2 k^2) - j d g) t^2), d = +1 up, -1 down.
 
-    Source: Kershaw and Evans, Optimal waveform selection for tracking systems, IEEE Trans. Inf. Theory 40(5), 1994. The
-    amplitude is above 1/1000 of its peak over the effective pulse length of 7.4338 k.
+    The amplitude is above 1/1000 of its peak over the effective pulse length of 7.4338 k. Source: Kershaw and Evans,
+    Optimal waveform selection for tracking systems, IEEE Trans. Inf. Theory 40(5), 1994.
 
     Args:
         duration: k, s.
@@ -31,7 +31,7 @@ class GaussianChirp(Waveform):
         direction: ``"up"`` or ``"down"``.
 
     Raises:
-        InputError: if duration is not > 0, chirp_rate is not >= 0, or the direction is unknown.
+        InputError: a duration not > 0, a chirp_rate not >= 0, or an unknown direction.
     """
 
     duration: float
@@ -92,7 +92,7 @@ class GaussianChirp(Waveform):
 def gaussian_fisher_factors(duration: ArrayLike, signed_chirp_rate: ArrayLike) -> FisherFactors:
     """Factored Fisher information of Gaussian chirps at SNR 1: r = 1/(2 k^2), b = 2 d g, v = k^2/2.
 
-    Durations (s) and signed chirp rates (rad/s^2) broadcast. det J = r v = 1/4 whatever the pulse.
+    Durations (s) and signed chirp rates (rad/s^2) broadcast. det J = r v = 1/4 for all of them.
     """
     k = np.asarray(duration, dtype=np.float64)
     square = k * k
@@ -102,7 +102,7 @@ def gaussian_fisher_factors(duration: ArrayLike, signed_chirp_rate: ArrayLike) -
 def gaussian_measurement_covariance(
     duration: ArrayLike, signed_chirp_rate: ArrayLike, carrier_hz: ArrayLike
 ) -> FloatArray:
-    """Measurement covariance of Gaussian chirps at SNR 1 for whole grids at once; inputs are not checked.
+    """Measurement covariance of Gaussian chirps at SNR 1, for grids of parameters; inputs are not checked.
 
     R = [[c^2 k^2/2, -d c^2 g k^2/wc], [., (c/wc)^2 (1/(2 k^2) + 2 g^2 k^2)]], wc = 2 pi fc (Kershaw and Evans 1994).
 
@@ -112,7 +112,7 @@ def gaussian_measurement_covariance(
         carrier_hz: fc, Hz; all three broadcast.
 
     Returns:
-        (..., 2, 2) covariances of (range in m, range-rate in m/s), each the same bit for bit whatever the batch.
+        (..., 2, 2) covariances of (range in m, range-rate in m/s), bit for bit independent of the batch.
     """
     return gaussian_fisher_factors(duration, signed_chirp_rate).measurement_covariance(carrier_hz)
 

@@ -1,8 +1,8 @@
 """Piecewise Legendre expansions: spectral sampling, differentiation, quadrature and Fourier integrals of a pulse.
 
 A pulse is smooth on a few intervals (``Waveform.pieces``) and may have kinks between them. Each interval is cut into
-equal panels, and in each panel a function is held by its values at Gauss-Legendre nodes. Panels are halved until the
-last coefficients vanish, so the accuracy is that of rounding whatever the pulse, and kinks do no harm.
+equal panels. In each panel a function is represented by its values at Gauss-Legendre nodes. Panels are halved until the
+last coefficients vanish: the error is a rounding error for any pulse, also with kinks.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ ComplexArray = NDArray[np.complex128]
 
 NODES = 32
 _FIRST_PANELS = 4
-_MOST_PANELS = 8192  # over all intervals, but at least the next in each
+_MOST_PANELS = 8192  # over all intervals; at least _FEWEST_LIMIT in each
 _FEWEST_LIMIT = 64
-_TAIL = 4  # last coefficients looked at; more than one, since a symmetric function has every other one zero
+_TAIL = 4  # last coefficients checked; several, since a symmetric function has zeros in every other one
 _RESOLVED = 1e-14
 _NEARLY_RESOLVED = 1e-8
 
@@ -69,8 +69,8 @@ class Expansion:
     def fourier(self, omega: FloatArray) -> ComplexArray:
         """Integral of f(t) exp(-j omega t) over all intervals, (component, omega); omega in rad per unit of t.
 
-        Filon's rule: each panel's Legendre expansion is integrated against the exponential exactly, so the number of
-        panels depends on f alone, however fast the exponential turns.
+        Filon's rule integrates each panel's Legendre expansion times the exponential exactly. The number of panels
+        depends on f alone, not on omega.
         """
         moments = legendre_moments(omega * self.half[:, None])  # (interval, order, omega)
         per_panel = ((self.values @ _VALUES_TO_COEFFICIENTS) * self.half[:, None, None]) @ moments
@@ -80,16 +80,16 @@ class Expansion:
 def resolve(
     function: Callable[[FloatArray], NDArray], low: FloatArray, high: FloatArray, floor: FloatArray, name: str
 ) -> Expansion:
-    """Sample ``function`` on the intervals [low, high], halving the panels until the samples determine it to rounding.
+    """Sample ``function`` on the intervals [low, high]; panels are halved until the samples determine it to rounding.
 
     Args:
         function: times (interval, panel, node) -> values (component, interval, panel, node), real or complex.
         low, high: ends of the intervals, (interval,).
         floor: per component, (component,): errors of 1e-14 of this, or of the component's peak, are accepted.
-        name: what to call the function in an error.
+        name: name of the function in an error.
 
     Raises:
-        InputError: if the function has a jump or a kink inside an interval, or is not finite.
+        InputError: a function with a jump or a kink inside an interval, or one that is not finite.
     """
     panels, previous = _FIRST_PANELS, np.inf
     while True:

@@ -1,4 +1,4 @@
-"""Libraries of chirps, and how well each waveform of a library measures."""
+"""Libraries of chirps, and the measurement covariances of a library."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from wavegym.waveforms.waveform import Waveform
 
 
 def measurement_covariances(library: Library, carrier_hz: float) -> FloatArray:
-    """Covariances of (range in m, range-rate in m/s) at SNR 1, (waveform, 2, 2); divide by eta.
+    """Covariances of (range in m, range-rate in m/s) at SNR 1, (waveform, 2, 2); divide by eta for another SNR.
 
     Raises:
-        InputError: if the library holds something else than waveforms, or carrier_hz is not a finite number > 0.
+        InputError: an entry that is not a waveform, or a carrier_hz that is not a finite number > 0.
     """
     for entry in library:
         if not isinstance(entry, Waveform):
@@ -29,15 +29,15 @@ def measurement_covariances(library: Library, carrier_hz: float) -> FloatArray:
 
 
 def gaussian_chirp_library(durations: Iterable[float], sweeps: Iterable[float]) -> Library:
-    """All Gaussian chirps of some durations and sweeps, duration by duration, the sweeps in the order given.
+    """All Gaussian chirps of the given durations and sweeps; the sweep varies fastest.
 
     Args:
         durations: k, s.
-        sweeps: Hz swept in two durations, so that g = pi |sweep|/(2 k); positive is an up-chirp, negative a
-            down-chirp, 0 (once) an unmodulated pulse.
+        sweeps: Hz swept in two durations, g = pi |sweep|/(2 k); positive for an up-chirp, negative for a down-chirp,
+            0 (once) for an unmodulated pulse.
 
     Raises:
-        InputError: if a duration is not > 0, a sweep is not finite, one is repeated, or there are none.
+        InputError: a duration not > 0, a sweep that is not finite, a repeated value, or no values.
     """
     rows, columns = [float(k) for k in durations], [float(sweep) for sweep in sweeps]
     for k in rows:
@@ -64,26 +64,26 @@ def trapezoid_chirp_library(
     sweeps: Iterable[float],
     directions: Iterable[str] = DIRECTIONS,
 ) -> Library:
-    """All trapezoid chirps of some laws, durations, sweeps and directions; the last varies fastest.
+    """All trapezoid chirps of the given laws, durations, sweeps and directions; the direction varies fastest.
 
     Args:
-        kinds: laws such as ``"lfm"``, ``"pfm"``, ``"pfm:2.5"``, ``"hfm:0.3"``: a kind, and its shape if not the usual.
+        kinds: laws such as ``"lfm"``, ``"pfm"``, ``"pfm:2.5"``, ``"hfm:0.3"``: a kind, and its shape if not default.
         durations: lam, s.
         sweeps: D, Hz.
         directions: ``"up"``, ``"down"`` or both.
 
     Raises:
-        InputError: if a value is one that ``TrapezoidChirp`` refuses, a waveform is repeated (an unmodulated one, of
-            sweep 0, is the same in every kind and direction), or there are none.
+        InputError: a value that ``TrapezoidChirp`` refuses, a repeated waveform (sweep 0 gives the same waveform for
+            each kind and direction), or no values.
     """
     laws = [parse_law(kind) for kind in kinds]
-    lengths, widths, ways = [float(k) for k in durations], [float(sweep) for sweep in sweeps], list(directions)
+    lengths, widths, senses = [float(k) for k in durations], [float(sweep) for sweep in sweeps], list(directions)
     return Library(
         tuple(
             TrapezoidChirp(kind=kind, shape=shape, duration=duration, sweep=sweep, direction=direction)
             for kind, shape in laws
             for duration in lengths
             for sweep in widths
-            for direction in ways
+            for direction in senses
         )
     )

@@ -16,12 +16,12 @@ ComplexArray = NDArray[np.complex128]
 
 _ENERGY_TOLERANCE = 1e-9
 _INSET = 1e-9  # of a piece's length
-_JUMP = 1e-5  # of the peak: far above what a taper reaches within the inset, far below a jump that matters
-_CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements made at a time: some 30 MB
+_JUMP = 1e-5  # of the peak: far above a taper's value at the inset, far below a relevant jump
+_CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements per chunk: about 30 MB
 
 
 class _Pulse(Protocol):
-    """What quadrature needs of a waveform; ``Waveform`` explains each."""
+    """The members of ``Waveform`` that quadrature uses."""
 
     @property
     def label(self) -> str: ...
@@ -38,10 +38,10 @@ class _Pulse(Protocol):
 
 
 def numeric_fisher_information(waveform: _Pulse) -> FloatArray:
-    """Fisher information of (delay in s, Doppler in Hz) at SNR 1 by quadrature, whatever closed form exists; (2, 2).
+    """Fisher information of (delay in s, Doppler in Hz) at SNR 1 by quadrature, never by a closed form; (2, 2).
 
     Raises:
-        InputError: if the waveform is not smooth between the ends of its ``pieces``, or its energy is not 1.
+        InputError: a waveform that is not smooth between the ends of its ``pieces``, or whose energy is not 1.
     """
     return numeric_fisher_factors(waveform).information()
 
@@ -49,13 +49,13 @@ def numeric_fisher_information(waveform: _Pulse) -> FloatArray:
 def numeric_fisher_factors(waveform: _Pulse) -> FisherFactors:
     """Factored Fisher information at SNR 1 by quadrature.
 
-    The moments are centred, since the unknown amplitude and phase take away the means of t and w:
-    J_tt = int a'^2 + var(w), J_tw = -cov(t, w), J_ww = var(t). The regression of w on t is subtracted before
-    squaring, so that a long chirp keeps its last digits.
+    Unknown amplitude and phase remove the means of t and w, so the moments are centred: J_tt = int a'^2 + var(w),
+    J_tw = -cov(t, w), J_ww = var(t). The regression of w on t is subtracted before squaring: a long chirp keeps its
+    last digits.
 
     Raises:
-        InputError: if the waveform is not smooth between the ends of its ``pieces``, its energy is not 1, or its
-            envelope jumps: the delay information is infinite then.
+        InputError: a waveform that is not smooth between the ends of its ``pieces``, whose energy is not 1, or whose
+            envelope jumps: the delay information is then infinite.
     """
     samples = sample(waveform)
     _check_no_jump(waveform)
@@ -96,7 +96,7 @@ def sample(waveform: _Pulse) -> Expansion:
     """Envelope and phase (components 0 and 1) of a waveform, sampled finely enough to determine both.
 
     Raises:
-        InputError: if one of them is not smooth between the ends of the waveform's ``pieces``.
+        InputError: an envelope or phase that is not smooth between the ends of the waveform's ``pieces``.
     """
     low, high = np.array(waveform.pieces, dtype=np.float64).T
 
@@ -111,8 +111,8 @@ def sample(waveform: _Pulse) -> Expansion:
 def correlate(waveform: _Pulse, delay: float, dopplers: FloatArray) -> ComplexArray:
     """chi(delay, nu) = int s(t) s*(t - delay) exp(-j 2 pi nu t) dt by quadrature, (doppler,).
 
-    The product of the two copies turns at their beat frequency, which for an FM pulse is far below its bandwidth; its
-    mean is taken out and joined with the Doppler, which Filon's rule integrates exactly.
+    The phase of the product rotates at the beat frequency of the two copies, which for an FM pulse is far below its
+    bandwidth. The mean beat is taken from the product and added to the Doppler; Filon's rule integrates both exactly.
 
     Args:
         waveform: any waveform, smooth between the ends of its ``pieces``.
@@ -135,7 +135,7 @@ def correlate(waveform: _Pulse, delay: float, dopplers: FloatArray) -> ComplexAr
     omega = 2 * np.pi * dopplers - beat
     step = max(1, _CHUNK // (32 * len(low) + expansion.centres.size))
     parts = [expansion.fourier(omega[k : k + step])[0] for k in range(0, len(omega), step)]
-    # The beat was taken out about `origin`, the Doppler about t = 0.
+    # The beat is removed relative to `origin`, the Doppler relative to t = 0.
     return np.concatenate([np.zeros(0, dtype=np.complex128), *parts]) * np.exp(-1j * beat * origin)
 
 
@@ -144,7 +144,7 @@ def _beat(waveform: _Pulse, delay: float, t: FloatArray) -> FloatArray:
 
 
 def _overlap(pieces: tuple[tuple[float, float], ...], delay: float) -> tuple[FloatArray, FloatArray]:
-    """Intervals in which a pulse and its copy, later by ``delay``, are both on and both smooth."""
+    """Intervals in which a pulse and its copy, delayed by ``delay``, are both on and smooth."""
     begins, ends = np.array(pieces, dtype=np.float64).T
     edges = np.unique(np.concatenate([begins, ends, begins + delay, ends + delay]))
     low, high = edges[:-1], edges[1:]

@@ -1,4 +1,4 @@
-"""Picture of an ambiguity function: the plane and its two cuts."""
+"""Picture of an ambiguity function: its magnitude over delay and Doppler, and its two cuts."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ def plot_ambiguity(
 
     Args:
         waveform: any waveform.
-        axes: where to draw the plane alone; a new figure with plane, cuts and colour bar if not given.
-        delays: evenly spaced and rising, s, (delay,); default five resolution cells 1/sqrt(J) each side.
-        dopplers: evenly spaced and rising, Hz, (doppler,); default likewise.
-        floor_db: draw decibels down to this (e.g. -60) instead of the linear magnitude.
+        axes: draw the plane alone, in these axes; a new figure with plane, cuts and colour bar if None.
+        delays: evenly spaced and rising, s, (delay,); default five resolution cells 1/sqrt(J) on each side.
+        dopplers: evenly spaced and rising, Hz, (doppler,); default as for delays.
+        floor_db: draw decibels down to this value (e.g. -60) instead of the linear magnitude.
 
     Returns:
         The matplotlib figure; ``figure.savefig("ambiguity.png")`` writes it.
 
     Raises:
-        InputError: if delays or dopplers are not evenly spaced and rising, or floor_db is not < 0.
+        InputError: delays or dopplers that are not evenly spaced and rising, or a floor_db that is not < 0.
     """
     if floor_db is not None and not floor_db < 0:
         raise InputError(f"floor_db is {floor_db!r}, expected a number < 0, such as -60")
@@ -87,19 +87,21 @@ def _plane_and_cuts(waveform: Waveform, taus: FloatArray, nus: FloatArray, floor
 
 
 def _window(waveform: Waveform, delays: ArrayLike | None, dopplers: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
-    """Given axes, or the main peak: widths of the cuts, so that even a thin long ridge stays a visible band."""
+    """The given delays and dopplers; by default resolution cells of the cuts, so that a thin long ridge is visible."""
     information = waveform.fisher_information()
     unit = np.linspace(-_REACH, _REACH, _POINTS)
-    taus = unit / np.sqrt(information[0, 0]) if delays is None else _even_axis("delays", delays)
-    nus = unit / np.sqrt(information[1, 1]) if dopplers is None else _even_axis("dopplers", dopplers)
+    taus = unit / np.sqrt(information[0, 0]) if delays is None else _check_axis("delays", delays)
+    nus = unit / np.sqrt(information[1, 1]) if dopplers is None else _check_axis("dopplers", dopplers)
     return taus, nus
 
 
-def _even_axis(name: str, values: ArrayLike) -> FloatArray:
+def _check_axis(name: str, values: ArrayLike) -> FloatArray:
+    """Return ``values`` as an array if they rise in equal steps; otherwise raise an InputError."""
     axis = np.asarray(values, dtype=np.float64)
     steps = np.diff(axis) if axis.ndim == 1 else np.zeros(0)
     if not (steps.size and steps.min() > 0 and np.ptp(steps) <= 1e-6 * steps.max()):
-        raise InputError(f"{name} is not a picture's axis, expected at least two numbers, rising and evenly spaced")
+        found = f"steps from {steps.min():g} to {steps.max():g}" if steps.size else f"shape {axis.shape}"
+        raise InputError(f"{name} has {found}, expected at least two numbers, rising and evenly spaced")
     return axis
 
 

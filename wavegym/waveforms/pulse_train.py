@@ -1,4 +1,4 @@
-"""Coherent pulse train: one pulse repeated, Doppler resolution from the whole dwell."""
+"""Coherent pulse train: one repeated pulse with the Doppler resolution of the whole dwell."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _NEGLIGIBLE = 1e-5  # amplitude relative to the peak, -100 dB
 
 @dataclass(frozen=True)
 class PulseTrain(Waveform):
-    """``count`` copies of a pulse, one every ``interval``, phase coherent, centred on t = 0, unit energy in total.
+    """``count`` coherent copies of a pulse at intervals of ``interval``, centred on t = 0, with unit energy in total.
 
     Pulses must not overlap: half an interval from its centre, a pulse must have fallen by 100 dB (for a Gaussian pulse:
-    interval >= 9.6 durations). Then the Fisher information, which takes the pulses as disjoint, holds to 1e-9. The
+    interval >= 9.6 durations). The Fisher information treats the pulses as disjoint; its error is then below 1e-9. The
     ambiguity function is that of the sum of whole pulses; ``envelope`` and ``phase`` are those of the nearest pulse.
 
     Args:
@@ -32,8 +32,8 @@ class PulseTrain(Waveform):
         interval: T1, pulse repetition interval, s.
 
     Raises:
-        InputError: if pulse is not a waveform, count not a whole number >= 1, interval not > 0 or so short that the
-            pulses overlap.
+        InputError: a pulse that is not a waveform, a count that is not an integer >= 1, or an interval that is not > 0
+            or so short that the pulses overlap.
     """
 
     pulse: Waveform
@@ -44,7 +44,7 @@ class PulseTrain(Waveform):
         if not isinstance(self.pulse, Waveform):
             raise InputError(f"pulse is {self.pulse!r}, expected a Waveform such as GaussianChirp(duration=1e-6)")
         if isinstance(self.count, bool) or not isinstance(self.count, (int, np.integer)) or self.count < 1:
-            raise InputError(f"count is {self.count!r}, expected a whole number >= 1")
+            raise InputError(f"count is {self.count!r}, expected an integer >= 1")
         check_positive("interval", self.interval, "s")
         if self.count > 1:
             _check_disjoint(self.pulse, self.interval)
@@ -56,13 +56,13 @@ class PulseTrain(Waveform):
 
     @property
     def support(self) -> tuple[float, float]:
-        """From the begin of the first pulse to the end of the last, s."""
+        """From the start of the first pulse to the end of the last, s."""
         low, high = self.pulse.support
         return (low + float(self._centres[0]), high + float(self._centres[-1]))
 
     @property
     def pieces(self) -> tuple[tuple[float, float], ...]:
-        """The pulse's pieces repeated; a pulse gives way to the next half-way between them."""
+        """The repeated pieces of the pulse, cut half-way between two pulses."""
         borders = self._centres[:-1] + 0.5 * self.interval + _middle(self.pulse)
         begins, ends = np.concatenate([[-np.inf], borders]), np.concatenate([borders, [np.inf]])
         low, high = np.array(self.pulse.pieces, dtype=np.float64).T
@@ -75,11 +75,11 @@ class PulseTrain(Waveform):
         return self.pulse.envelope(self._pulse_time(t)) / math.sqrt(self.count)
 
     def phase(self, t: ArrayLike) -> FloatArray:
-        """Phase, rad, starting afresh with each pulse; t in s, any shape."""
+        """Phase, rad, the same in each pulse; t in s, any shape."""
         return self.pulse.phase(self._pulse_time(t))
 
     def fisher_factors(self) -> FisherFactors:
-        """Closed form from the pulse's own: the spread of time grows by T1^2 (B^2 - 1)/12, cov(t, w) and <w^2> stay."""
+        """Closed form: the pulse's variance of t grows by T1^2 (B^2 - 1)/12; cov(t, w) and the mean of w^2 stay."""
         one = self.pulse.fisher_factors()
         residual, slope, pulse_spread = np.asarray(one.residual), np.asarray(one.slope), np.asarray(one.spread)
         dwell = self.interval * self.interval * (float(self.count) * self.count - 1.0) / 12.0
@@ -91,7 +91,7 @@ class PulseTrain(Waveform):
         )
 
     def ambiguity_row(self, delay: float, dopplers: FloatArray) -> NDArray[np.complex128]:
-        """chi(delay, nu) as the sum over pulse pairs m apart of the pulse's own, weighted by their Dirichlet kernel."""
+        """chi(delay, nu): the sum of the pulse's own chi over pulse pairs m apart, weighted by a Dirichlet kernel."""
         low, high = self.pulse.support
         first = max(1 - self.count, int(np.ceil((delay - (high - low)) / self.interval)))
         last = min(self.count - 1, int(np.floor((delay + (high - low)) / self.interval)))
@@ -132,7 +132,7 @@ def _check_disjoint(pulse: Waveform, interval: float) -> None:
     reach = distance[amplitude > audible].max()
     shortest = 2.0 * distance[distance > reach].min(initial=0.5 * (pulse.support[1] - pulse.support[0]))
     raise InputError(
-        f"interval is {interval!r} s, expected one in which the pulse falls by 100 dB before the next begins "
+        f"interval is {interval!r} s, expected one in which the pulse falls by 100 dB before the next pulse "
         f"(nearest: {shortest:.6g})"
     )
 

@@ -1,4 +1,4 @@
-"""Generalised FM chirps under a trapezoid envelope: the waveforms of Sira et al., exact moments for whole grids."""
+"""Generalised FM chirps with a trapezoid envelope, the waveforms of Sira et al., with exact moments."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from wavegym.waveforms.waveform import Waveform
 
 _TWO_PI = 2.0 * np.pi
 _RISE = 0.05  # of the duration
-_BEND = 1e-6  # of the sweep: a law as linear as that may have rounding noise in its bend
+_BEND = 1e-6  # of the sweep: below it the bend of a law is rounding noise
 
 
 @dataclass(frozen=True)
 class ChirpLaw:
-    """A frequency law under a trapezoid, in units of the pulse duration and the sweep: all that Fisher needs.
+    """A frequency law with a trapezoid envelope: the moments that determine the Fisher information.
 
-    With u in [0, 1] the share of the pulse gone by, f(u) the share of the sweep reached, a(u) the unit-energy
-    envelope and averages over a^2:
+    u in [0, 1] is the elapsed fraction of the pulse, f(u) the reached fraction of the sweep and a(u) the unit-energy
+    envelope. Averages are weighted by a^2.
 
     Attributes:
         kind: ``"lfm"``, ``"pfm"``, ``"hfm"`` or ``"efm"``.
         shape: kappa for ``"pfm"``, g for ``"hfm"`` and ``"efm"``, 0 for ``"lfm"``.
-        rise_fraction: share of the pulse in which the envelope rises, and in which it falls.
+        rise_fraction: fraction of the pulse in which the envelope rises, equal to that in which it falls.
         spread: variance of u.
         slope: slope of the regression of f on u; 1 for ``"lfm"``.
-        residual: variance of f that the regression leaves; exactly 0 for ``"lfm"``.
+        residual: residual variance of f in the regression; exactly 0 for ``"lfm"``.
         bandwidth: integral of a'^2.
     """
 
@@ -49,18 +49,18 @@ class ChirpLaw:
 
     @property
     def moments(self) -> FloatArray:
-        """(spread, slope, residual, bandwidth), as ``trapezoid_fisher_factors`` takes them; (4,)."""
+        """(spread, slope, residual, bandwidth), the argument of ``trapezoid_fisher_factors``; (4,)."""
         return np.array([self.spread, self.slope, self.residual, self.bandwidth])
 
     @property
     def name(self) -> str:
-        """``"LFM"``, ``"PFM3"``, ``"HFM"`` or, where the shape is not the usual one, ``"HFM0.3"``."""
+        """``"LFM"``, ``"PFM3"``, ``"HFM"`` or, with another shape than the default, ``"HFM0.3"``."""
         shown = self.kind == "pfm" or self.shape != FREQUENCY_LAWS[self.kind].default
         return self.kind.upper() + (f"{self.shape:g}" if shown else "")
 
 
 def chirp_law(kind: str, shape: float | None = None, rise_fraction: float = _RISE) -> ChirpLaw:
-    """Frequency law with its moments, by Gauss-Legendre quadrature to rounding error, once per set of arguments.
+    """Frequency law with its moments by Gauss-Legendre quadrature to rounding error; results are cached.
 
     Args:
         kind: ``"lfm"``, ``"pfm"``, ``"hfm"`` or ``"efm"`` (see ``FREQUENCY_LAWS``).
@@ -68,12 +68,12 @@ def chirp_law(kind: str, shape: float | None = None, rise_fraction: float = _RIS
         rise_fraction: tf/lam in (0, 0.5].
 
     Raises:
-        InputError: if the kind is unknown, or a shape or rise fraction is out of range.
+        InputError: an unknown kind, or a shape or rise fraction out of range.
     """
     value = resolve_shape(kind, shape)
     if not 0 < rise_fraction <= 0.5:
         raise InputError(
-            f"rise_fraction is {rise_fraction!r}, expected a share of the pulse in (0, 0.5] (nearest: "
+            f"rise_fraction is {rise_fraction!r}, expected a fraction of the pulse in (0, 0.5] (nearest: "
             f"{0.5 if rise_fraction > 0 else _RISE:g})"
         )
     return _law(kind, value, float(rise_fraction))
@@ -85,11 +85,11 @@ def _law(kind: str, shape: float, rise: float) -> ChirpLaw:
     kinks = np.sqrt(np.sqrt(edges))
     frequency = FREQUENCY_LAWS[kind].frequency
 
-    def bend(x: FloatArray) -> FloatArray:  # what a linear law lacks: exactly 0 for LFM
+    def bend(x: FloatArray) -> FloatArray:  # difference from a linear law: exactly 0 for LFM
         u = _fourth_power(x)
         return (frequency(u, shape) - u)[None]
 
-    # In x = u^(1/4): a power law of broken kappa has no Taylor series where the pulse begins, but enough of one in x.
+    # In x = u^(1/4): a power law of fractional kappa is not smooth at u = 0, but smooth enough in x.
     samples = resolve(bend, kinks[:-1], kinks[1:], np.array([_BEND]), f"law {kind!r} of shape {shape:g}")
     x = samples.times
     u = _fourth_power(x)
@@ -141,29 +141,30 @@ def trapezoid_fisher_factors(moments: ArrayLike, duration: ArrayLike, signed_swe
 def chirp_measurement_covariance(
     moments: ArrayLike, duration: ArrayLike, signed_sweep: ArrayLike, carrier_hz: ArrayLike
 ) -> FloatArray:
-    """Measurement covariance of trapezoid chirps of any laws at SNR 1 for whole grids at once; inputs are not checked.
+    """Measurement covariance of trapezoid chirps of any laws at SNR 1, for grids of parameters; inputs are not checked.
 
     Args:
-        moments: (spread, slope, residual, bandwidth) of each chirp's law, (..., 4); gather rows of a stack of
-            ``ChirpLaw.moments`` to mix laws in a batch.
+        moments: (spread, slope, residual, bandwidth) of each chirp's law, (..., 4). Stack ``ChirpLaw.moments`` to mix
+            laws in a batch.
         duration: lam, s, (...).
         signed_sweep: d D, Hz, negative for a down-chirp, (...).
         carrier_hz: fc, Hz, (...); all four broadcast.
 
     Returns:
-        (..., 2, 2) covariances of (range in m, range-rate in m/s), each the same bit for bit whatever the batch.
+        (..., 2, 2) covariances of (range in m, range-rate in m/s), bit for bit independent of the batch.
     """
     return trapezoid_fisher_factors(moments, duration, signed_sweep).measurement_covariance(carrier_hz)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrapezoidChirp(Waveform):
-    """Chirp that sweeps D Hz by one of four laws under a trapezoid envelope of total duration lam.
+    """Chirp that sweeps D Hz by one of four laws, with a trapezoid envelope of total duration lam.
 
-    The envelope rises in tf, is flat for T and falls in tf, lam = T + 2 tf; alpha^2 = 1/(T + 2 tf/3) makes the energy
-    1. The frequency is zero in the middle of the sweep, and runs from -D/2 to D/2 (up) or back by the negative law
-    (down). Source: Sira, Papandreou-Suppappola, Morrell and Cochran, Waveform-agile sensing for tracking multiple
-    targets in clutter, eq. (7) with its rising edge read as (alpha/tf)(t + T/2 + tf), and Table 1.
+    The envelope rises in tf, is flat for T and falls in tf: lam = T + 2 tf. With alpha^2 = 1/(T + 2 tf/3) the energy is
+    1.
+    The frequency is zero in the middle of the sweep. It runs from -D/2 to D/2 (up), or has the opposite sign (down).
+    Source: Sira, Papandreou-Suppappola, Morrell and Cochran, Waveform-agile sensing for tracking multiple targets in
+    clutter, Table 1 and eq. (7), whose rising edge is read as (alpha/tf)(t + T/2 + tf).
 
     Args:
         kind: ``"lfm"``, ``"pfm"`` (power), ``"hfm"`` (hyperbolic) or ``"efm"`` (exponential).
@@ -174,7 +175,7 @@ class TrapezoidChirp(Waveform):
         rise: tf, s, at most half the duration; default lam/20.
 
     Raises:
-        InputError: if one of them is out of range or the chirp would fold.
+        InputError: a value out of range, or a chirp that would fold.
     """
 
     kind: str
@@ -200,7 +201,7 @@ class TrapezoidChirp(Waveform):
         if not 0 < self.rise <= half:
             wanted = f"a time > 0 and at most half the duration (nearest: {half if self.rise > 0 else 0.1 * half:g})"
             raise InputError(f"rise is {self.rise!r} s, expected {wanted}")
-        # To 15 digits, so that the rounding of a product with the duration does not make a law of its own.
+        # To 15 digits: the rounding error of a product with the duration must not make a new law.
         return float(f"{self.rise / self.duration:.15g}")
 
     @property
@@ -250,11 +251,11 @@ class TrapezoidChirp(Waveform):
         """Cramer-Rao covariance of (range in m, range-rate in m/s), (2, 2).
 
         Args:
-            carrier_hz: carrier frequency, Hz, above the sweep: a lower one would fold through zero frequency.
+            carrier_hz: carrier frequency, Hz, above the sweep: a lower carrier would fold through zero frequency.
             snr: eta = 2E/N0, linear.
 
         Raises:
-            InputError: if either is not a finite number > 0, or the sweep reaches the carrier.
+            InputError: an argument that is not a finite number > 0, or a sweep that reaches the carrier.
         """
         covariance = super().measurement_covariance(carrier_hz, snr)
         if not self.sweep < carrier_hz:

@@ -1,4 +1,4 @@
-"""What a waveform is: an envelope and a phase; everything else follows."""
+"""The base class of waveforms: a pulse with an envelope and a phase."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from wavegym.waveforms.numeric import correlate, numeric_fisher_factors
 class Waveform(ABC):
     """A pulse with complex envelope s(t) = a(t) exp(j phi(t)) and unit energy.
 
-    A subclass says ``label``, ``support``, ``envelope`` and ``phase``, and gets ``signal``, the Fisher information,
-    the measurement covariance and the ambiguity function by quadrature to rounding error. It may override
-    ``fisher_factors`` or ``ambiguity_row`` with a closed form, and must override ``pieces`` if its envelope or phase
-    has kinks. An envelope with jumps has infinite delay information and is refused: taper its edges.
+    A subclass defines ``label``, ``support``, ``envelope`` and ``phase``. This class computes ``signal``, the Fisher
+    information, the measurement covariance and the ambiguity function by quadrature to rounding error. A subclass may
+    override ``fisher_factors`` or ``ambiguity_row`` with a closed form. It must override ``pieces`` if its envelope or
+    phase has kinks. An envelope with jumps has infinite delay information and is refused: taper its edges.
     """
 
     @property
     @abstractmethod
     def label(self) -> str:
-        """Short human name, e.g. ``"up 100 us 1 MHz"``; unique within a library."""
+        """Short name, e.g. ``"up 100 us 1 MHz"``; unique within a library."""
 
     @property
     @abstractmethod
     def support(self) -> tuple[float, float]:
-        """First and last instant, s, outside which the pulse is taken as zero; less than 1e-16 of its energy is lost.
+        """First and last time, s; outside the pulse is zero, with less than 1e-16 of its energy lost.
 
-        The ambiguity function is as exact as the amplitude at the ends is small: 1e-12 of the peak is a good choice.
+        The relative amplitude at the ends limits the accuracy of the ambiguity function: 1e-12 is a good choice.
         """
 
     @property
@@ -57,9 +57,9 @@ class Waveform(ABC):
         return numeric_fisher_factors(self)
 
     def fisher_information(self) -> FloatArray:
-        """Fisher information of (delay in s, Doppler in Hz), SNR 1 and nuisance amplitude and phase eliminated, (2, 2).
+        """Fisher information of (delay in s, Doppler in Hz) at SNR 1 with unknown amplitude and phase, (2, 2).
 
-        It is minus the Hessian of |chi(tau, nu)| at the origin. Multiply by eta = 2E/N0 for another SNR.
+        It equals minus the Hessian of |chi(tau, nu)| at the origin. Multiply by eta = 2E/N0 for another SNR.
         """
         return self.fisher_factors().information()
 
@@ -71,7 +71,7 @@ class Waveform(ABC):
             snr: eta = 2E/N0, linear.
 
         Raises:
-            InputError: if either is not a finite number > 0.
+            InputError: an argument that is not a finite number > 0.
         """
         check_positive("carrier_hz", carrier_hz, "Hz")
         check_positive("snr", snr)

@@ -23,7 +23,7 @@ from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers.jpda_kernels import factor_one, update_targets
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_particles, resample, update_particles
-from wavegym.trackers.ukf_kernels import foresee_measurement_one
+from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 MOST_CLUTTER = 1e6
 """Expected points in one gate; a step that exceeds this limit stops, and its clutter count is NaN."""
@@ -91,7 +91,7 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
     C, strength, chance = pulse
     for t in range(len(lit)):
         if lit[t]:
-            foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
+            predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
             weakness = weakness_one(e, i, centre[t, 0], strength, radar)
             pd[t] = chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf)
             for a in range(2):

@@ -16,7 +16,7 @@ from wavegym.systems.agile_clutter.kernels import is_lit, is_present, predict_ta
 from wavegym.trackers.information_reduction_kernels import GATE, reduction_one
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.kernels import squared_mahalanobis_one
-from wavegym.trackers.ukf_kernels import foresee_measurement_one
+from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 
 @kernel
@@ -50,7 +50,7 @@ def predict_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
     C, strength, chance = pulse
     for t in range(len(lit)):
         if lit[t]:
-            foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+            predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
             weakness = weakness_one(e, i, z[t, 0], strength, radar)
             for a in range(2):
                 for b in range(2):
@@ -111,7 +111,7 @@ def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
         for t in range(count_t):
             if not present[e, t]:
                 continue
-            foresee_measurement_one(t, t, x[e], P[e], sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+            predict_measurement_one(t, t, x[e], P[e], sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
             weakness = inverse_snr(z[t, 0], reference, nearest)
             pd = detection(1.0 / weakness, log_pf)
             before = g00 = g01 = g11 = 0.0
@@ -185,7 +185,7 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
                 out[e, column + 1] = 0.5 * np.log10(P[t, 0, 0] + P[t, 1, 1])
                 out[e, column + 2] = 0.5 * np.log10(P[t, 2, 2] + P[t, 3, 3])
                 for i in range(len(sensors)):
-                    foresee_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+                    predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
                     c = column + 3 + 4 * i
                     out[e, c] = -10.0 * np.log10(inverse_snr(z[t, 0], reference, nearest))
                     out[e, c + 1], out[e, c + 2] = 0.5 * np.log10(S[t, 0, 0]), 0.5 * np.log10(S[t, 1, 1])

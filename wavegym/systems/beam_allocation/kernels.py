@@ -17,7 +17,7 @@ from wavegym.sensors.kernels import inverse_snr
 from wavegym.systems.agile_clutter.kernels import predict_targets
 from wavegym.systems.agile_clutter.prediction_kernels import reduction
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
-from wavegym.trackers.ukf_kernels import foresee_measurement_one
+from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 
 @kernel
@@ -29,7 +29,7 @@ def predict_chirps(i, code, place, x, P, chirps, radar, q2, work, nn):
     """
     A, z, S, G, K = work
     sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
-    foresee_measurement_one(0, code, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
+    predict_measurement_one(0, code, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
     weakness = inverse_snr(z[0, 0], reference, nearest)
     pd = detection(1.0 / weakness, log_pf)
     spread = (S[0, 0, 0], S[0, 0, 1], S[0, 1, 1])

@@ -12,7 +12,7 @@ from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.systems.agile_clutter.kernels import is_lit, is_present, predict_targets, weakness_one
 from wavegym.systems.agile_clutter.prediction_kernels import information, predict_sensor
-from wavegym.trackers.ukf_kernels import foresee_measurement_one
+from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 
 @kernel
@@ -51,7 +51,7 @@ def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, 
                 fallen = fall(P[0], P[last], present, own)
                 for t in range(count_t):
                     if present[t]:
-                        foresee_measurement_one(t, t, x, P[last], radar[0][last, 0], radar[0][last, 1], A, z, S, G, nn)
+                        predict_measurement_one(t, t, x, P[last], radar[0][last, 0], radar[0][last, 1], A, z, S, G, nn)
             out[e, c] = fallen + last_fall(c, last, present, pulse, seen, z, S, G, own, radar, q2)
             before = c
 

@@ -93,7 +93,7 @@ def measure(mean, P, truth, out):
 
 
 @kernel
-def foreseen_scales(e, mean, levels, F, r0, nearest, scale, nn):
+def predicted_scales(e, mean, levels, F, r0, nearest, scale, nn):
     """scale[l] = 1 / eta at the mean predicted l + 1 steps ahead of mean[e]."""
     now, ahead = mean[e : e + 1].copy(), np.empty((1, len(nn)))
     for level in range(levels):
@@ -116,7 +116,7 @@ def lookahead(mean, P, C, step, horizon, depth, weights, F, Q, M, r0, nearest, n
     spent, scale, tried = np.zeros(depth + 1), np.empty(depth), np.empty(depth, np.int64)
     for e in range(count):
         levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action nobody will use
-        foreseen_scales(e, mean, levels, F, r0, nearest, scale, nn)
+        predicted_scales(e, mean, levels, F, r0, nearest, scale, nn)
         updated[0] = P[e]
         level = 0
         tried[0] = -1

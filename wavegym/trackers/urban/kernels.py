@@ -13,7 +13,7 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.trackers.imm_kernels import log_density_one, mix_one, squared_length
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
-from wavegym.trackers.ukf_kernels import foresee_multistatic_one
+from wavegym.trackers.ukf_kernels import predict_multistatic_one
 
 EMPTY, TENTATIVE, CONFIRMED = 0, 1, 2
 NEAR, ELSEWHERE = 0, 1  # sets of models
@@ -84,7 +84,7 @@ def foresee_tracks(tracks, street, pair, wave, reference, centre, S, G, A, whole
         r = rate = 0.0
         for m in range(len(mm)):
             row = first + m
-            foresee_multistatic_one(row, row, x, P, tx[0], tx[1], rx[0], rx[1], A, centre, S, G, nn)
+            predict_multistatic_one(row, row, x, P, tx[0], tx[1], rx[0], rx[1], A, centre, S, G, nn)
             r, rate = r + mu[t, m] * centre[row, 0], rate + mu[t, m] * centre[row, 1]
         eta = snr_at(r, reference, 1.0)
         R00, R01, R11 = noise(wave, eta, street)

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavegym.core.kernels import kernel
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one, update_one
-from wavegym.trackers.lmipda_kernels import integrate
+from wavegym.trackers.lmipda_kernels import lmipda_one
 from wavegym.trackers.urban.ghost_kernels import claim_ghosts
 from wavegym.trackers.urban.kernels import EMPTY, foresee_tracks, predict_tracks, weigh_scan
 from wavegym.trackers.urban.track_management_kernels import initiate, settle
@@ -146,7 +146,7 @@ def scan(x, P, mu, existence, status, age, street, wave, reference, z, count, re
                 taken[pair, i] |= ghosts[i] > street.density
                 for t in range(slots):
                     density[t, i] = street.density + ghosts[i]
-            integrate(p, tracks.mu, room.pd, tracks.existence, density, number, beta, own, claim)
+            lmipda_one(p, tracks.mu, room.pd, tracks.existence, density, number, beta, own, claim)
             for row in range(rows):
                 if tracks.status[row // len(mm)] != EMPTY:
                     update_one(

@@ -29,7 +29,7 @@ from wavegym.sensors.visibility import Grid, SightMap, in_junctions, metres_to_r
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers.imm import imm_combine, variable_structure
-from wavegym.trackers.multilateration import require_triangle
+from wavegym.trackers.multilateration import check_triangle
 from wavegym.trackers.urban import kernels as street_kernels
 from wavegym.trackers.urban import scan_kernels as street_scan_kernels
 
@@ -123,7 +123,7 @@ class StreetTracker:
             raise InputError("transmitters is (), expected at least one place (x, y) in m")
         if len(self.receivers) < 2:
             raise InputError(f"receivers is {self.receivers}, expected at least two: one cannot tell directions")
-        require_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
+        check_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
         check_int("slots", self.slots, 1)
         check_int("confirm_after", self.confirm_after, 1)
         for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
