@@ -73,7 +73,7 @@ def record(
     Args:
         name: such as ``"RfEo-v0"``.
         policies: to be played; none for all of the environment's.
-        worlds: how many each scheduler meets.
+        worlds: how many each scheduler meets; the random one meets all, because its draws depend on their number.
         saved: how many each saved agent meets; 0 plays none.
     """
     from wavegym.evaluation.play import play
@@ -89,7 +89,9 @@ def record(
 
     found: dict[str, Any] = {"tape": digest(draw_worlds(task.system, seeds)), "settings": settings}
     found["costs"] = {
-        policy: costs(task, moved("make_policy")(policy, task.system, tuning), seeds[:worlds])
+        policy: costs(
+            task, moved("make_policy")(policy, task.system, tuning), seeds[: most if policy == "random" else worlds]
+        )
         for policy in policies or listed
     }
     found["saved"] = {}
