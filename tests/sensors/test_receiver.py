@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wavegym.core.errors import InputError
-from wavegym.sensors import Antenna, ArrayReceiver, City, Multistatic
+from wavegym.sensors import Antenna, ArrayReceiver, Multistatic, UrbanMap
 from wavegym.waveforms import SPEED_OF_LIGHT, GaussianChirp, PulseTrain
 
 CARRIER, BAND = 4e9, 40e6
@@ -20,14 +20,14 @@ def receiver(count=25, duration=1.375e-6, direction="up", elements=3):
 
 
 LONG = receiver()
-CITY, PLACE = City.load("intersection"), (2088.0, 1475.0)
-PAIR = Multistatic(Antenna(CITY, (2085.0, 1470.5)), Antenna(CITY, PLACE, axis=(0.6, 0.8)))
+MAP, PLACE = UrbanMap.load("intersection"), (2088.0, 1475.0)
+PAIR = Multistatic(Antenna(MAP, (2085.0, 1470.5)), Antenna(MAP, PLACE, axis=(0.6, 0.8)))
 
 
 def echo(array, r, rate, eta, angle=1.0, phase=0.0):
     """Samples of a target that moves straight, seen at ``angle`` from the array's axis."""
-    way = 2.0 * (r + rate * array.times)
-    delays = (way[:, None] - array.offsets * np.cos(angle)) / SPEED_OF_LIGHT
+    path = 2.0 * (r + rate * array.times)
+    delays = (path[:, None] - array.offsets * np.cos(angle)) / SPEED_OF_LIGHT
     return array.receive(delays[None], [math.sqrt(eta / 2) * np.exp(1j * phase)])
 
 
@@ -149,14 +149,14 @@ def test_errors_reach_the_bound():
 def test_delays_are_those_of_every_element_by_itself():
     """An element's mirror images are those of an antenna that stands in its place; a target moves on as it should."""
     state = np.array([2070.0, 1560.0, 3.0, 9.0, -0.5, 1.0])
-    ways, times, offsets = np.arange(len(PAIR.ways)), np.array([-0.1, 0.0, 0.1]), np.array([-0.4, 0.0, 0.4])
-    delays = PAIR.delays(np.tile(state, (len(ways), 1)), ways, times, offsets)
+    paths, times, offsets = np.arange(len(PAIR.paths)), np.array([-0.1, 0.0, 0.1]), np.array([-0.4, 0.0, 0.4])
+    delays = PAIR.delays(np.tile(state, (len(paths), 1)), paths, times, offsets)
     for i, t in enumerate(times):
         later = np.concatenate([state[:2] + t * state[2:4] + 0.5 * t * t * state[4:], state[2:4]])
         for m, offset in enumerate(offsets):
-            element = Antenna(CITY, (PLACE[0] + 0.6 * offset, PLACE[1] + 0.8 * offset))
+            element = Antenna(MAP, (PLACE[0] + 0.6 * offset, PLACE[1] + 0.8 * offset))
             alone = Multistatic(PAIR.transmitter, element)
-            np.testing.assert_array_equal(alone.ways, PAIR.ways)
+            np.testing.assert_array_equal(alone.paths, PAIR.paths)
             np.testing.assert_allclose(delays[:, i, m], 2.0 * alone.measure(later)[:, 0] / SPEED_OF_LIGHT, rtol=1e-12)
 
 
@@ -170,25 +170,25 @@ def test_delays_are_those_of_every_element_by_itself():
             lambda: ArrayReceiver(LONG.train, CARRIER, 1e6, 300.0),
             "sample_rate is 1000000.0 Hz, expected at least 6 tim",
         ),
-        (lambda: LONG.receive(np.zeros((1, 25, 2)), [1.0]), r"expected \(way, 25, 3\)"),
-        (lambda: LONG.receive(np.zeros((1, 25, 3)), np.ones((1, 1))), r"expected \(way, 25, 3\) and \(way,\)"),
+        (lambda: LONG.receive(np.zeros((1, 25, 2)), [1.0]), r"expected \(path, 25, 3\)"),
+        (lambda: LONG.receive(np.zeros((1, 25, 3)), np.ones((1, 1))), r"expected \(path, 25, 3\) and \(path,\)"),
         (lambda: LONG.receive(np.full((1, 25, 3), -1e-9), [1.0]), "delay is -1e-09"),
         (lambda: LONG.image(np.zeros((25, 3, 7))), r"samples has shape \(25, 3, 7\), expected \(25, 3, "),
         (lambda: LONG.peaks(np.zeros((3, 7, 7)), 7.0), r"image has shape \(3, 7, 7\), expected \(3, "),
         (lambda: LONG.peaks(LONG.image(np.zeros(LONG.shape)), np.nan), "threshold is nan"),
         (lambda: LONG.false_returns(0.0), r"threshold is 0\.0"),
-        (lambda: PAIR.delays(np.zeros((1, 6)), [1.5], 0.0, 0.0), "way is .*, expected integers"),
+        (lambda: PAIR.delays(np.zeros((1, 6)), [1.5], 0.0, 0.0), "path is .*, expected integers"),
         (
             lambda: PAIR.delays(np.zeros((1, 6)), [0], [[0.0]], 0.0),
             r"times and offsets have shapes \(1, 1\) and \(1,\)",
         ),
-        (lambda: Antenna(CITY, (np.nan, 0.0)), "expected finite numbers in m"),
-        (lambda: Antenna(City(), (0.0, 0.0), axis=(np.nan, 0.0)), "expected a unit vector"),
+        (lambda: Antenna(MAP, (np.nan, 0.0)), "expected finite numbers in m"),
+        (lambda: Antenna(UrbanMap(), (0.0, 0.0), axis=(np.nan, 0.0)), "expected a unit vector"),
         (lambda: LONG.threshold(1.0), "density is 1.0"),
         (lambda: LONG.threshold(-1.0), "density is -1.0"),
-        (lambda: PAIR.delays(np.zeros((1, 6)), [-1], 0.0, 0.0), "way is -1.0"),
-        (lambda: PAIR.delays(np.zeros((1, 6)), [len(PAIR.ways)], 0.0, 0.0), f"way is {len(PAIR.ways)}"),
-        (lambda: Antenna(City(), (0.0, 0.0), axis=(1.0, 1.0)), "expected a unit vector"),
+        (lambda: PAIR.delays(np.zeros((1, 6)), [-1], 0.0, 0.0), "path is -1.0"),
+        (lambda: PAIR.delays(np.zeros((1, 6)), [len(PAIR.paths)], 0.0, 0.0), f"path is {len(PAIR.paths)}"),
+        (lambda: Antenna(UrbanMap(), (0.0, 0.0), axis=(1.0, 1.0)), "expected a unit vector"),
     ],
 )
 def test_mistakes(make, message):

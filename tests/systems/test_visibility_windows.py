@@ -16,7 +16,7 @@ SHOWN, HIDDEN = (6, 14), (4, 10)
 
 
 def lengths(visible):
-    """(in sight, steps) of each stay."""
+    """(visible, steps) of each stay."""
     return [(bool(seen), len(list(steps))) for seen, steps in groupby(visible)]
 
 
@@ -51,7 +51,7 @@ def test_stays_have_their_lengths(seed, horizon, shortest, more, gap, wider):
 
 
 def test_lengths_and_phases_are_equally_likely():
-    """Counts within five standard deviations of a binomial's; in sight about 10 of 17 steps."""
+    """Counts within five standard deviations of a binomial's; visible in about 10 of 17 steps."""
     _, visible = drawn(20_000, 60)
     stays = [stay for own in visible[:4000] for stay in lengths(own)[1:3]]  # those after the first are whole
     for seen, (low, high) in ((True, SHOWN), (False, HIDDEN)):

@@ -13,9 +13,9 @@ from wavegym.core.errors import InputError
 
 
 def every(check: Callable[[str, float], object], name: str, values: ArrayLike) -> FloatArray:
-    """``values`` as an array whose elements all pass ``check(name, value)``, a check for an interval.
+    """``values`` as an array whose elements all pass ``check(name, value)``, where ``check`` tests an interval.
 
-    Only the extremes are looked at: where they lie in an interval all do, and one NaN makes both of them NaN.
+    Testing the extremes is enough: if both lie in an interval, all elements do; one NaN makes both NaN.
     """
     array = np.asarray(values, dtype=np.float64)
     if array.size:
@@ -33,14 +33,14 @@ def shaped(name: str, values: ArrayLike, *core: int) -> FloatArray:
 
 
 def exactly(name: str, values: ArrayLike, *shape: int) -> FloatArray:
-    """``values`` as a fresh array of this shape, no axis more; otherwise InputError."""
+    """``values`` as a new array of exactly this shape; otherwise InputError."""
     array = np.array(values, dtype=np.float64)
     require_shape(name, array, shape)
     return array
 
 
 def require_shape(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
-    """InputError for any other."""
+    """InputError for any other shape."""
     if array.shape != shape:
         raise InputError(f"{name} has shape {array.shape}, expected {shape}")
 

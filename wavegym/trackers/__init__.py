@@ -28,7 +28,7 @@ from wavegym.trackers.kalman import (
 from wavegym.trackers.lmipda import Integrated, lmipda
 from wavegym.trackers.multilateration import multilaterate
 from wavegym.trackers.rbpf import Particles, ParticleUpdate, particle_update, systematic_resample
-from wavegym.trackers.urban.tracker import StreetTracker, Tracks
+from wavegym.trackers.urban.tracker import Tracks, UrbanTracker
 
 __all__ = [
     "Association",
@@ -36,8 +36,8 @@ __all__ = [
     "Integrated",
     "ParticleUpdate",
     "Particles",
-    "StreetTracker",
     "Tracks",
+    "UrbanTracker",
     "ekf_predict",
     "ekf_update",
     "fitted_information_reduction",

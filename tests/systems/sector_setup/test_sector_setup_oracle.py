@@ -37,7 +37,7 @@ def somewhere(system, count, seed=0, steps=20):
 
 
 def ready(system, belief, target, seen=True):
-    """The same with ``target`` (env,) set up, and in sight or not."""
+    """The same with ``target`` (env,) set up, visible or hidden."""
     visible = np.full_like(belief.visible, seen)
     return belief._replace(pointed=target, dead=np.zeros_like(belief.dead), visible=visible)
 

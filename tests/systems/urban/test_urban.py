@@ -1,4 +1,4 @@
-"""The street's closed loop: what is measured, what it costs, what agents see."""
+"""The urban closed loop: measurements, cost and observation."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     exact = multistatic_range_and_rate(system.scene.truth[scan, 0, :4], system.transmitters[0], system.receivers[0])
     eta = 200.0 * (100.0 / exact[0]) ** 4
     R = measurement_covariances(system.actions, 4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
-    ways = system.scene.z[0, scan, 0, : system.scene.ways[0, scan, 0]]
-    off = truth.z[:, 0, 0] - exact  # ways come first, the direct one before all others
+    paths = system.scene.z[0, scan, 0, : system.scene.path_count[0, scan, 0]]
+    off = truth.z[:, 0, 0] - exact  # returns over paths come first, the direct one before all others
     squared = (off * np.linalg.solve(R, off.T).T).sum(axis=1)
     detected = squared < chi2.ppf(1 - 1e-6, 2)
     pd = 1e-3 ** (1.0 / (1.0 + eta / 2.0))
@@ -53,7 +53,7 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     expected = 1e-3 * 300.0 * 2.0 * system.ambiguity
     most = [
         1e-3 ** (1.0 / (1.0 + 100.0 * (100.0 / r) ** 4 * 0.4**k))
-        for r, k in zip(ways[:, 0], walls(system, scan), strict=True)
+        for r, k in zip(paths[:, 0], walls(system, scan), strict=True)
     ]
     number = truth.number[:, 0].mean()
     assert abs(number - expected - sum(most)) < 4.5 * np.sqrt((expected + len(most) / 4) / count)
@@ -79,8 +79,8 @@ def test_a_target_that_nobody_holds_is_an_error_too():
 
 
 def walls(system, scan):
-    """How many walls each open way to the first receiver takes."""
-    return np.log(system.scene.reflected[0, scan, 0, : system.scene.ways[0, scan, 0]]) / np.log(0.4)
+    """Number of walls of each visible path to the first receiver."""
+    return np.log(system.scene.reflected[0, scan, 0, : system.scene.path_count[0, scan, 0]]) / np.log(0.4)
 
 
 def test_measurements_do_not_depend_on_other_choices():
@@ -201,12 +201,12 @@ def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
         ({"tracker": "imm"}, "tracker is 'imm'"),
         ({"slots": 0}, "slots is 0, expected an integer >= 1"),
         ({"arrivals": (float("nan"),)}, "arrivals.0 is nan"),
-        ({"weights": (1.0, -1.0, 1.0)}, r"weight is -1\.0"),
+        ({"weights": (1.0, -1.0, 1.0)}, r"weights\.1 is -1\.0"),
         ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
         ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
         ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
         ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan"),
-        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "city and antennas span"),
+        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "map and antennas span"),
         ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
         ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
     ],

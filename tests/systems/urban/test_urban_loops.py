@@ -1,4 +1,4 @@
-"""What the paper finds in a street, and what several transmitters add."""
+"""The findings of the paper, and the effect of several transmitters."""
 
 from __future__ import annotations
 

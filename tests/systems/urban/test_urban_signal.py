@@ -1,4 +1,4 @@
-"""The street down to the signals: what its measurements are worth, and that it is tracked as its stand-in is."""
+"""The urban loop at the signal level: errors of its measurements, and tracking as at the measurement level."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_target_in_the_open_is_measured_as_well_as_the_measurement_level_says(
         np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.2)
 
 
-def test_an_empty_street_returns_no_more_than_noise_does():
+def test_without_targets_there_are_no_more_returns_than_from_noise():
     """Walls and trees are 20 dB stronger than a target, and subtracted; what is left is clutter_density."""
     empty, count = UrbanSignal(arrivals=(1000.0,)), 25
     number = scanned(empty, 1, count, LONG_UP).number
@@ -65,16 +65,16 @@ def test_an_empty_street_returns_no_more_than_noise_does():
     assert still.sum() > 3  # of twelve in view; the weaker ones within a cell of stronger ones are one with them
 
 
-def test_a_street_s_noise_is_its_own():
+def test_noise_is_independent():
     """Another scan, another receiver, another world: other noise; the same again: the same."""
     signals, key = SYSTEM.signals, np.uint64(7)
     first = signals.samples(key, 3, LONG_UP, 0)
     np.testing.assert_array_equal(first, signals.samples(key, 3, LONG_UP, 0))
-    street = [signals.street(key, LONG_UP, m) for m in range(2)]
-    another = signals.samples(key, 3, LONG_UP, 1) - street[1]
+    background = [signals.background(key, LONG_UP, m) for m in range(2)]
+    another = signals.samples(key, 3, LONG_UP, 1) - background[1]
     others = [signals.samples(key, 4, LONG_UP, 0), signals.samples(np.uint64(8), 3, LONG_UP, 0)]
-    for other in (another, *(each - street[0] for each in others)):
-        a, b = (first - street[0]).ravel(), other.ravel()
+    for other in (another, *(each - background[0] for each in others)):
+        a, b = (first - background[0]).ravel(), other.ravel()
         assert abs(np.vdot(a, b)) / np.linalg.norm(a) / np.linalg.norm(b) < 5.0 / math.sqrt(a.size)
 
 

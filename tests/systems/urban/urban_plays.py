@@ -1,4 +1,4 @@
-"""The street as its tests play it."""
+"""Played episodes of the urban loop for its tests."""
 
 from __future__ import annotations
 

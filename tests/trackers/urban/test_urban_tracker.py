@@ -1,4 +1,4 @@
-"""The street's tracker: tracks are begun, held, told from ghosts and ended as they should be."""
+"""The urban tracker: tracks are started, held, separated from ghosts and ended as they should be."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
-from wavegym.sensors import City, Road, multistatic_range_and_rate
+from wavegym.sensors import Road, UrbanMap, multistatic_range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.trackers import imm_combine, predict, ukf_update
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, StreetTracker, Tracks
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks, UrbanTracker
 
-CROSSING = City.load("intersection")
+CROSSING = UrbanMap.load("intersection")
 TX, RX = (2085.0, 1470.5), ((2088.0, 1475.0), (2078.0, 1467.0))
-PLAIN = City(roads=(Road(((1900.0, 1530.0), (2200.0, 1530.0)), 60.0),))
+PLAIN = UrbanMap(roads=(Road(((1900.0, 1530.0), (2200.0, 1530.0)), 60.0),))
 R, SNR = np.diag([39.2, 0.0069]), 200.0  # of a train of 249 pulses of 40 MHz at 4 GHz
-TRACKER = StreetTracker(CROSSING, (TX,), RX)
-OPEN = StreetTracker(PLAIN, (TX,), RX)
+TRACKER = UrbanTracker(CROSSING, (TX,), RX)
+OPEN = UrbanTracker(PLAIN, (TX,), RX)
 
 
 def scan_of(states, noise=None, most=6):
@@ -44,7 +44,7 @@ def held(tracker, state, existence=0.99, status=CONFIRMED, age=10, slot=0, track
     return tracks
 
 
-def test_a_target_in_plain_view_is_found_confirmed_and_followed():
+def test_a_visible_target_is_found_confirmed_and_followed():
     """Driving past at 8 m/s: soon confirmed in most runs, and as near as the tracker says that it is."""
     first, nees = [], []
     for seed in range(40):
@@ -86,7 +86,7 @@ def test_a_batch_is_its_environments_and_nothing_given_is_changed():
     assert (both.status == CONFIRMED).any()
 
 
-def test_not_to_be_seen_counts_where_a_target_would_be():
+def test_missed_detections_count_where_the_target_is_visible():
     seen, hidden = (2069.0, 1530.0, 0.0, 5.0), (1950.0, 1500.0, 0.0, 0.0)  # the latter behind a corner
     after = []
     for state in (seen, hidden):
@@ -100,7 +100,7 @@ def test_not_to_be_seen_counts_where_a_target_would_be():
     assert after[1].existence[0, 0] > 0.5
 
 
-def test_who_leaves_the_roads_ends():
+def test_a_track_that_leaves_the_roads_ends():
     for state, left in (((2110.0, 1430.0, 0.0, 0.0), EMPTY), ((2069.0, 1530.0, 0.0, 0.0), CONFIRMED)):
         tracks, _ = TRACKER.scan(held(TRACKER, state), *scan_of(state), R, SNR)
         assert tracks.status[0, 0] == left
@@ -119,7 +119,7 @@ def test_of_two_tracks_in_one_place_the_surer_and_then_the_older_stays():
 
 def test_no_more_tracks_than_slots():
     """The tentative track least sure to exist gives way; confirmed ones never do."""
-    few = StreetTracker(CROSSING, (TX,), RX, slots=2)
+    few = UrbanTracker(CROSSING, (TX,), RX, slots=2)
     new, old = (2040.0, 1500.0, 8.0, 0.0), (2069.0, 1530.0, 0.0, 5.0)
     tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), 0.5, TENTATIVE, slot=1, tracks=held(few, old))
     tracks, refused = few.scan(tracks, *scan_of([old, new]), R, SNR)
@@ -138,12 +138,12 @@ def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
     z, count = np.zeros((1, 2, 40, 2)), np.zeros((1, 2), np.int64)
     for m, place in enumerate(RX):
         pair = Multistatic(Antenna(CROSSING, TX), Antenna(CROSSING, place))
-        returns = pair.measure(state)[pair.open(state[:2])]
+        returns = pair.measure(state)[pair.visible(state[:2])]
         z[0, m, : len(returns)], count[0, m] = returns, len(returns)
     assert count.min() >= 4
     begun = {}
     for ghosts in (True, False):
-        tracker = StreetTracker(CROSSING, (TX,), RX, ghosts=ghosts, vaguest=60.0)
+        tracker = UrbanTracker(CROSSING, (TX,), RX, ghosts=ghosts, vaguest=60.0)
         tracks, _ = tracker.scan(held(tracker, before, spread=0.3), z, count, R, SNR)
         begun[ghosts] = int((tracks.status[0] == TENTATIVE).sum())
     assert begun[True] == 0
@@ -151,7 +151,7 @@ def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
 
 
 def test_what_is_expected_is_the_update_by_the_chance_of_a_detection():
-    tracker, state = StreetTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
+    tracker, state = UrbanTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
     tracks = held(tracker, state)
     x, P = predict(tracks.x[0, 0, 0], tracks.P[0, 0, 0], tracker.motion[0].F, tracker.motion[0].Q)
     for place in RX:
@@ -187,16 +187,16 @@ def test_combined_is_the_mixture():
         ({"clutter_density": -1.0}, "clutter_density is -1"),
         ({"survival": 1.1}, r"survival is 1\.1"),
         ({"models": "vsim"}, "models is 'vsim'"),
-        ({"reech": 3.0}, "setting 'reech' is unknown to StreetTracker; did you mean 'reach'"),
+        ({"reech": 3.0}, "setting 'reech' is unknown to UrbanTracker; did you mean 'reach'"),
     ],
 )
 def test_mistakes(change, message):
-    arguments = {"city": CROSSING, "transmitters": (TX,), "receivers": RX, **change}
+    arguments = {"urban_map": CROSSING, "transmitters": (TX,), "receivers": RX, **change}
     with pytest.raises(InputError, match=message):
-        make_checked(StreetTracker, arguments)
+        make_checked(UrbanTracker, arguments)
     if "unknown" not in message:
         with pytest.raises(InputError, match=message):
-            StreetTracker(**arguments)
+            UrbanTracker(**arguments)
 
 
 def test_shapes_that_do_not_fit():
@@ -210,7 +210,7 @@ def test_shapes_that_do_not_fit():
 
 
 @pytest.mark.parametrize(
-    "other", [StreetTracker(CROSSING, (TX,), RX, models="ncv"), StreetTracker(CROSSING, (TX,), RX, slots=3)]
+    "other", [UrbanTracker(CROSSING, (TX,), RX, models="ncv"), UrbanTracker(CROSSING, (TX,), RX, slots=3)]
 )
 def test_another_tracker_s_tracks_are_refused(other):
     for use in (lambda tracks: TRACKER.scan(tracks, *NOTHING, R, SNR), lambda tracks: TRACKER.expect(tracks, R, SNR)):
