@@ -25,8 +25,8 @@ class SectorSetupCity(SectorSetup):
         As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
         the centre line, and drive along them. Each target has filed its route: its exact start and a constant velocity.
         A target is hidden when, on its filed route, a building stands between it and the illuminator or a receiver;
-        otherwise it is visible, even if manoeuvres have taken it off the route. These times reveal something of the
-        true start to schedulers that the tracker does not use.
+        otherwise it is visible, even if manoeuvres have taken it off the route. These times depend on the true start:
+        schedulers can use them, the tracker does not.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -59,7 +59,7 @@ class SectorSetupCity(SectorSetup):
     )
     reference_range: float = changed_default(SectorSetup, "reference_range", 300.0)
     nearest_range: float = changed_default(SectorSetup, "nearest_range", 15.0)
-    lost_beyond: ClassVar[float] = 9.0  # m: half the width of an illuminated sector of .15 rad at 120 m
+    lost_beyond: ClassVar[float] = 9.0  # m: half the width of a sector of .15 rad at 120 m
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""

@@ -18,13 +18,7 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
-from wavegym.systems.sector_setup.state import (
-    SOON,
-    Belief,
-    Truth,
-    World,
-    sector_fields,
-)
+from wavegym.systems.sector_setup.state import SOON, Belief, Truth, World, sector_fields
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel, constant_velocity
 
@@ -100,9 +94,7 @@ class SectorSetup(System):
     weights: tuple[NonNegative, NonNegative, NonNegative, NonNegative] = parameter(
         (1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2"
     )
-    lost_beyond: ClassVar[float] = (
-        300.0  # m: half the width of an illuminated sector of .15 rad in the middle of region
-    )
+    lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of .15 rad in the middle of region
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""

@@ -118,7 +118,7 @@ def urban_fields(slots: int, models: tuple[str, ...], reach: float) -> tuple[Obs
     """Observation fields, slot by slot."""
     listed = [ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
     for s in range(1, slots + 1):
-        of = f"of the track in slot {s}; 0 in an empty one"
+        of = f"of the track in slot {s}; 0 if the slot is empty"
         listed += [
             ObservationField(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
             ObservationField(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),

@@ -85,14 +85,16 @@ class Urban(System):
     )
     durations: tuple[Positive, ...] = parameter(
         (1.375e-6, 0.5e-6),
-        "k of the envelopes exp(-t^2 / 2k^2), each sent with an up and a down sweep; the first is sent if no track "
-        "makes a difference",
+        "k of the envelopes exp(-t^2 / 2k^2), each with an up and a down sweep; without tracks the one-step "
+        "scheduler sends the first",
         unit="s",
     )
     bandwidth: float = parameter(40e6, "bandwidth swept in the effective pulse length 7.43 k", unit="Hz", gt=0)
     carrier: float = parameter(4e9, "carrier frequency", unit="Hz", gt=0)
     fidelity: Literal["measurement", "signal"] = parameter(
-        "measurement", "measurements drawn with R(psi) / eta, or from signals as in wavegym/UrbanSignal-v0", unit=""
+        "measurement",
+        "measurements from the error model, or from simulated signals as in wavegym/UrbanSignal-v0",
+        unit="",
     )
     pulses: int = parameter(249, "pulses in a train", ge=1)
     interval: float = parameter(
