@@ -25,7 +25,7 @@ TX, RX = np.array(SYSTEM.transmitters[0]), np.array(SYSTEM.receivers[1])
 R = np.array([[0.3, 0.05], [0.05, 0.1]])
 STATE, P = np.array([2030.0, 1500.0, 8.0, 1.0, -0.5, 0.2]), np.diag([4.0, 4.0, 1.0, 1.0, 0.25, 0.25])
 Z = multistatic_range_and_rate(STATE[:4], TX, RX)
-SCANS = 100  # of an episode, in the middle of which both targets are visible
+SCANS = 100  # scan of an episode at which both targets are visible
 
 
 def filterpy_imm(repeats: int = 10) -> int:
@@ -46,7 +46,7 @@ def filterpy_imm(repeats: int = 10) -> int:
 
 
 def imm(batch: int, repeats: int) -> int:
-    """Ours, the same."""
+    """The same with wavegym."""
     x, spread, mu = (np.tile(a, (batch, *[1] * np.ndim(a))) for a in (np.tile(STATE, (4, 1)), [P] * 4, [0.25] * 4))
     for _ in range(repeats):
         x, spread, mu = imm_ukf_scan(x, spread, mu, Z, R, TX, RX, F, Q, TRANSITION)
@@ -75,7 +75,7 @@ class Scan:
 
 
 def median_us(work: Callable[[], object], units: int = 1, rounds: int = 50) -> float:
-    """Microseconds a unit, the median of many rounds."""
+    """Microseconds per unit, median of many rounds."""
     taken = []
     for _ in range(rounds):
         start = time.process_time_ns()
@@ -85,7 +85,7 @@ def median_us(work: Callable[[], object], units: int = 1, rounds: int = 50) -> f
 
 
 def scans() -> dict[str, float]:
-    """Microseconds of a scan, and of one receiver's signals in it."""
+    """Microseconds of a scan, and of the signals of one receiver in it."""
     one, many = Scan(1), Scan(BATCH)
     rows = {
         "tracker's scan, both receivers, single": median_us(one.track),

@@ -31,7 +31,7 @@ def test_the_paper_s_eight_kinds() -> None:
     assert set(PAIR.kinds) == {"TXR", "TXCR", "TCXR", "TCXCR", "TXCCR", "TCCXR"}
     assert PAIR.kinds[0] == "TXR"
     assert PAIR.walls.tolist() == [kind.count("C") for kind in PAIR.kinds] == sorted(PAIR.walls)
-    np.testing.assert_allclose(PAIR.reflected, 0.4**PAIR.walls)  # all walls are alike
+    np.testing.assert_allclose(PAIR.reflected, 0.4**PAIR.walls)  # all walls reflect alike
     y = np.linspace(1490, 1740, 60)
     visible = PAIR.visible(np.stack([np.full(60, 2069.0), y], axis=1)).any(axis=0)
     assert {kind for kind, seen in zip(PAIR.kinds, visible, strict=True) if seen} >= {"TXR", "TXCR", "TCXR", "TCXCR"}
@@ -65,7 +65,7 @@ def test_in_one_place_it_is_an_ordinary_radar() -> None:
 
 
 def test_what_returns_without_a_target() -> None:
-    """Between two antennas before one wall: by the wall; and by what stands in view, but not behind the wall."""
+    """Two antennas before one wall: echoes of the wall and of the visible scatterer, not of the one behind the wall."""
     wall = Building(((50.0, 10.0), (-50.0, 10.0), (-50.0, 20.0), (50.0, 20.0)), 0.3)
     urban_map = UrbanMap(buildings=(wall,), discretes=((0.0, 4.0), (0.0, 30.0)))
     echoes = Multistatic(Antenna(urban_map, (-3.0, 0.0)), Antenna(urban_map, (3.0, 0.0))).background()
@@ -77,7 +77,7 @@ def test_what_returns_without_a_target() -> None:
 
 
 def test_the_crossing_s_background() -> None:
-    """Every echo by walls is as long as the ray that Antenna draws."""
+    """Every echo over walls is as long as the ray that ``Antenna.bounces`` draws."""
     echoes, (tx, rx) = PAIR.background(), (PAIR.transmitter, PAIR.receiver)
     seen = tx.visible(rx.position) & (tx.order > 0)
     drawn = [

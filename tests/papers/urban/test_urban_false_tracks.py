@@ -62,7 +62,7 @@ def test_the_mirror_image_in_the_line_of_the_antennas(scene, truth):
 
 
 def test_the_mirror_image_in_a_wall(scene, truth):
-    """Out and back by the wall the way is as long as straight to the image behind it."""
+    """A path over the wall out and back is as long as the straight path to the image behind the wall."""
     assert scene.path_count[:, :, 0].min() >= 3  # straight, by the wall on either leg, and on both
     assert counted(scene, truth * [-1.0, 1.0, -1.0, 1.0] + [2 * WALL, 0.0, 0.0, 0.0]) == {WALLS: 1}
 

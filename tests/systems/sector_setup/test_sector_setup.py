@@ -1,4 +1,4 @@
-"""The sector-setup loop's episodes: dead steps, windows, consistency, starts, what agents see, batches, bad input."""
+"""Episodes of the sector set-up: dead steps, windows, consistency, starts, observation, batches, invalid input."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def coasted(system, belief):
 @pytest.mark.parametrize("steps", [60_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dead_steps", [3, 0])
 def test_dead_steps_and_windows_hold_in_every_random_step(steps, dead_steps):
-    """In a step without a pulse, or whose target is hidden, nothing is learned; of the other targets never."""
+    """Only the covariance of the illuminated target shrinks, and only if a pulse was sent and the target is visible."""
     system, rng = SectorSetup(dead_steps=dead_steps), np.random.default_rng(0)
     worlds, looks = oracles.worlds(system, 500), 0
     rows = np.arange(500)
@@ -62,9 +62,9 @@ def test_dead_steps_and_windows_hold_in_every_random_step(steps, dead_steps):
 
 
 def test_estimates_are_consistent():
-    """NEES at the ends of 400 episodes in which a rule keeps tracks alive: 4 of mean, 8 of variance.
+    """NEES at the ends of 400 episodes with a heuristic that keeps all tracks: mean 4, variance 8.
 
-    A target left alone for half a minute is known to hundreds of metres, where linearising no longer does: 5 to 7.
+    A target without looks for half a minute has an error of hundreds of metres, where linearisation fails: 5 to 7.
     """
     worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
     state = SYSTEM.initial(worlds)
@@ -77,7 +77,7 @@ def test_estimates_are_consistent():
 
 
 def test_detections_are_as_frequent_as_the_signal_says():
-    """About .85 at 4 km; over the region what eta at the truth says, within five standard errors."""
+    """Pd is about .85 at 4 km; counts agree with Pd at the true eta within five standard errors."""
     worlds, seen, expected = oracles.worlds(SYSTEM, 300), 0, []
     state = SYSTEM.initial(worlds)
     belief = state.belief._replace(pointed=np.zeros(300, np.int64), visible=np.ones_like(state.belief.visible))
@@ -95,7 +95,7 @@ def test_detections_are_as_frequent_as_the_signal_says():
 
 
 def test_starts():
-    """Places, speeds and log densities are uniform over their bounds, first errors have P0 (Kolmogorov, 1e-4)."""
+    """Positions, speeds and log densities are uniform over their bounds; first errors have covariance P0."""
     state = SYSTEM.initial(oracles.worlds(SYSTEM, 500))
     truth, belief = state.truth.targets, state.belief
     speed, q = np.hypot(truth[..., 1], truth[..., 3]), np.log(belief.q)
@@ -118,7 +118,7 @@ def test_worlds_are_the_same_whatever_is_assumed():
             np.testing.assert_array_equal(one, other)
 
 
-def test_given_windows_are_in_place_of_drawn_ones():
+def test_given_windows_replace_drawn_ones():
     system = SectorSetup(windows=((2, 5, 9), (0, 0, 59)))
     visible = system.initial(oracles.worlds(system, 3)).belief.visible
     assert not visible[:, :, 0].any()
@@ -126,8 +126,8 @@ def test_given_windows_are_in_place_of_drawn_ones():
     assert visible.sum() == 3 * (4 * 60 - 60 - 5)
 
 
-def test_what_agents_see():
-    """Time, set-up, visibility and its change, recounted; ordinary values within the bounds of the space."""
+def test_observation():
+    """Time, set-up, visibility and its change, counted independently; usual values lie within the bounds."""
     worlds, rng = oracles.worlds(SYSTEM, 60), np.random.default_rng(0)
     state, column = SYSTEM.initial(worlds), {e.name: i for i, e in enumerate(SYSTEM.observation_fields)}
     centre, scale = (np.array([getattr(e, name) for e in SYSTEM.observation_fields]) for name in ("centre", "scale"))
@@ -157,7 +157,7 @@ def test_what_agents_see():
 
 
 def test_a_target_on_top_of_a_receiver():
-    """Nothing is divided by 0, and a leg below the nearest range counts as that."""
+    """No division by 0; a leg shorter than the nearest range counts as the nearest range."""
     system = SectorSetup(region=((-3e3, -3e3), (0.0, 0.0)), speed=(0.0, 0.0), receivers=((-3e3, 0.0), (0.0, 0.0)))
     worlds = oracles.worlds(system, 20)
     worlds = worlds._replace(start=0.0 * worlds.start, window=0.0 * worlds.window)

@@ -26,12 +26,12 @@ def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
     assert (speed <= 10.0).all()
     middle = np.where(y < 122.5, 110.0, 135.0)
     assert ((y < middle) == (u > 0)).all()
-    for part in (y < 122.5, u > 0, x > 0):  # alike for every metre, either way: five standard errors
+    for part in (y < 122.5, u > 0, x > 0):  # uniform along roads and over directions, within five standard errors
         assert abs(part.mean() - 0.5) < 5 * 0.5 / np.sqrt(len(truth))
 
 
 def test_buildings_hide_targets():
-    """Every step of some targets: the straight lines to the three antennas from where each would be, by shapely."""
+    """Straight lines from the filed positions of some targets to the three antennas, by shapely."""
     belief, truth = (lambda s: (s.belief, s.truth.targets))(SYSTEM.initial(oracles.worlds(SYSTEM, 4)))
     built = shapely.union_all([shapely.Polygon(each.corners) for each in SYSTEM.map.buildings])
     for e in range(4):
@@ -56,7 +56,7 @@ def test_given_windows_replace_those_of_the_map():
 
 
 def test_estimates_are_consistent():
-    """NEES at the ends of 400 episodes with a rule that keeps tracks alive: 4 of mean, 8 of variance."""
+    """NEES at the ends of 400 episodes with a heuristic that keeps all tracks: mean 4, variance 8."""
     worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
     state = SYSTEM.initial(worlds)
     rule.begin(SYSTEM, 400, np.random.default_rng(0))

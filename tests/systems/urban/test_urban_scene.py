@@ -86,7 +86,7 @@ def test_the_map_is_to_scale_and_shows_buildings_and_antennas(crossing):
 
 def test_the_map_shows_targets_with_their_trails_and_visible_paths(crossing):
     axes, moment = crossing[0]._map, crossing[1]
-    for t, since in ((0, 0), (1, 40)):  # the second target comes ten seconds later
+    for t, since in ((0, 0), (1, 40)):  # the second target arrives ten seconds later
         paths, trail, cross = of(colour(t), axes.lines)
         expected = [state.truth.targets[0, t, :2] for state in moment.states[since:]]
         np.testing.assert_allclose(trail.get_xydata(), expected)

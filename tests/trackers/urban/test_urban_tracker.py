@@ -22,7 +22,7 @@ OPEN = UrbanTracker(PLAIN, (TX,), RX)
 
 
 def scan_of(states, noise=None, most=6):
-    """What both receivers measure of targets (target, 4) directly, with or without errors: z, count for one scan."""
+    """Direct measurements of targets (target, 4) at both receivers, with or without errors: z, count of one scan."""
     z = np.zeros((1, 2, most, 2))
     for m, place in enumerate(RX):
         exact = multistatic_range_and_rate(np.reshape(states, (-1, 4)), TX, place)
@@ -45,7 +45,7 @@ def held(tracker, state, existence=0.99, status=CONFIRMED, age=10, slot=0, track
 
 
 def test_a_visible_target_is_found_confirmed_and_followed():
-    """Driving past at 8 m/s: soon confirmed in most runs, and as near as the tracker says that it is."""
+    """A target driving past at 8 m/s is soon confirmed in most runs, with consistent errors."""
     first, nees = [], []
     for seed in range(40):
         noise, tracks = np.random.default_rng(seed), OPEN.empty(1)
@@ -64,7 +64,7 @@ def test_a_visible_target_is_found_confirmed_and_followed():
     assert np.median(first) <= OPEN.confirm_after + 1
     assert np.mean(nees) < 4.0 + 4 * np.sqrt(
         8.0 / 40
-    )  # chi-square of 4; models that may turn claim less than they know
+    )  # chi-square with 4 degrees of freedom; turn models overstate the covariance
 
 
 def test_a_batch_is_its_environments_and_nothing_given_is_changed():
@@ -87,7 +87,7 @@ def test_a_batch_is_its_environments_and_nothing_given_is_changed():
 
 
 def test_missed_detections_count_where_the_target_is_visible():
-    seen, hidden = (2069.0, 1530.0, 0.0, 5.0), (1950.0, 1500.0, 0.0, 0.0)  # the latter behind a corner
+    seen, hidden = (2069.0, 1530.0, 0.0, 5.0), (1950.0, 1500.0, 0.0, 0.0)  # the second behind a corner
     after = []
     for state in (seen, hidden):
         tracks = held(TRACKER, state)
@@ -106,7 +106,7 @@ def test_a_track_that_leaves_the_roads_ends():
         assert tracks.status[0, 0] == left
 
 
-def test_of_two_tracks_in_one_place_the_surer_and_then_the_older_stays():
+def test_of_two_tracks_at_one_place_the_confirmed_then_the_older_stays():
     here, beside = (2069.0, 1530.0, 0.0, 5.0), (2070.0, 1531.0, 0.5, 5.0)
     for status, age, existence, stays in ((TENTATIVE, 50, 0.1, 0), (CONFIRMED, 5, 0.99, 0), (CONFIRMED, 50, 0.99, 1)):
         tracks = held(TRACKER, beside, existence, status, age, slot=1, tracks=held(TRACKER, here))
@@ -118,7 +118,7 @@ def test_of_two_tracks_in_one_place_the_surer_and_then_the_older_stays():
 
 
 def test_no_more_tracks_than_slots():
-    """The tentative track least sure to exist gives way; confirmed ones never do."""
+    """A new track replaces the tentative track of least existence, never a confirmed one."""
     few = UrbanTracker(CROSSING, (TX,), RX, slots=2)
     new, old = (2040.0, 1500.0, 8.0, 0.0), (2069.0, 1530.0, 0.0, 5.0)
     tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), 0.5, TENTATIVE, slot=1, tracks=held(few, old))
@@ -132,8 +132,8 @@ def test_no_more_tracks_than_slots():
     assert tracks.status[0].tolist() == [CONFIRMED, CONFIRMED]
 
 
-def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
-    """All that both receivers get of one target, directly and by walls, with the map and without."""
+def test_returns_over_walls_start_no_tracks_once_their_target_is_known():
+    """All returns of one target at both receivers, direct and over walls, with and without the map."""
     state, before = np.array([2069.0, 1600.0, 0.0, 10.0]), np.array([2069.0, 1597.5, 0.0, 10.0])
     z, count = np.zeros((1, 2, 40, 2)), np.zeros((1, 2), np.int64)
     for m, place in enumerate(RX):
@@ -150,13 +150,13 @@ def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
     assert begun[False] > 0
 
 
-def test_what_is_expected_is_the_update_by_the_chance_of_a_detection():
+def test_the_expected_scan_is_the_update_times_the_detection_probability():
     tracker, state = UrbanTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
     tracks = held(tracker, state)
     x, P = predict(tracks.x[0, 0, 0], tracks.P[0, 0, 0], tracker.motion[0].F, tracker.motion[0].Q)
     for place in RX:
         z = multistatic_range_and_rate(x[:4], TX, place)
-        # the SNR is that at the predicted measurement, the unscented mean
+        # the SNR is evaluated at the predicted measurement, the unscented mean
         eta = SNR * (100.0 / z[0]) ** 4
         _, updated, _ = ukf_update(x, P, z, R / eta + np.diag([0.0, 0.01]), TX, place)
         P = P - 0.99 * 1e-3 ** (1.0 / (1.0 + eta / 2.0)) * (P - updated)
