@@ -15,7 +15,7 @@ PUBLISHED = {"vaguest": 12.0, "durations": (0.5e-6, 1.375e-6)}
 
 @pytest.mark.slow
 def test_the_paper_s_findings():
-    """Fifty runs: the closed loop confirms more tracks than the open loop, with less than half its error, and identifies
+    """Fifty runs: the closed loop confirms more tracks than the open one, with less than half its error, and identifies
     the motion model. The filter is the cause: round robin with the same filter is as good, and so is a larger sigma.
 
     With loose starts (positions known to 12 m) and the shorter pulse sent while there is no track, the headline is that
