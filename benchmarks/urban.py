@@ -1,4 +1,4 @@
-"""The street: four unscented filters against filterpy's IMM, a whole scan, a receiver's signal chain."""
+"""The urban loop: four unscented filters against filterpy's IMM, a whole scan, the signal chain of a receiver."""
 
 from __future__ import annotations
 
@@ -16,18 +16,16 @@ from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks, imm_ukf_scan
 from wavegym.trackers.urban.tracker import TRANSITION
-from wavegym.waveforms import (
-    measurement_covariances,
-)
+from wavegym.waveforms import measurement_covariances
 
 BATCH, LONG_UP = 256, 0
 SYSTEM = Urban()
-F, Q = (np.stack([getattr(model, name) for model in SYSTEM.following.motion]) for name in "FQ")
+F, Q = (np.stack([getattr(model, name) for model in SYSTEM.urban_tracker.motion]) for name in "FQ")
 TX, RX = np.array(SYSTEM.transmitters[0]), np.array(SYSTEM.receivers[1])
 R = np.array([[0.3, 0.05], [0.05, 0.1]])
 STATE, P = np.array([2030.0, 1500.0, 8.0, 1.0, -0.5, 0.2]), np.diag([4.0, 4.0, 1.0, 1.0, 0.25, 0.25])
 Z = multistatic_range_and_rate(STATE[:4], TX, RX)
-SCANS = 100  # of an episode, in the middle of which both targets are in view
+SCANS = 100  # scan of an episode at which both targets are visible
 
 
 def filterpy_imm(repeats: int = 10) -> int:
@@ -48,7 +46,7 @@ def filterpy_imm(repeats: int = 10) -> int:
 
 
 def imm(batch: int, repeats: int) -> int:
-    """Ours, the same."""
+    """The same with wavegym."""
     x, spread, mu = (np.tile(a, (batch, *[1] * np.ndim(a))) for a in (np.tile(STATE, (4, 1)), [P] * 4, [0.25] * 4))
     for _ in range(repeats):
         x, spread, mu = imm_ukf_scan(x, spread, mu, Z, R, TX, RX, F, Q, TRANSITION)
@@ -56,7 +54,7 @@ def imm(batch: int, repeats: int) -> int:
 
 
 class Scan:
-    """A scan of both receivers with two targets in view, as ``count`` environments have it."""
+    """A scan of both receivers with two visible targets, in ``count`` environments."""
 
     def __init__(self, count: int) -> None:
         self.worlds = draw_worlds(SYSTEM, world_seeds(0, "test", count))
@@ -68,16 +66,16 @@ class Scan:
         self.waves = measurement_covariances(SYSTEM.library, SYSTEM.carrier)[LONG_UP], 200.0
 
     def track(self) -> None:
-        """Gates, LMIPDA, VS-IMM and the life of tracks, alone."""
-        SYSTEM.following.scan(self.tracks, self.truth.z, self.truth.number, *self.waves)
+        """Only gates, LMIPDA, VS-IMM and track management."""
+        SYSTEM.urban_tracker.scan(self.tracks, self.truth.z, self.truth.number, *self.waves)
 
     def transition(self) -> None:
-        """With what is measured."""
+        """The same with simulated measurements."""
         SYSTEM.transition(self.state, np.full(len(self.state.belief.step), LONG_UP), self.worlds)
 
 
 def median_us(work: Callable[[], object], units: int = 1, rounds: int = 50) -> float:
-    """Microseconds a unit, the median of many rounds."""
+    """Microseconds per unit, median of many rounds."""
     taken = []
     for _ in range(rounds):
         start = time.process_time_ns()
@@ -87,7 +85,7 @@ def median_us(work: Callable[[], object], units: int = 1, rounds: int = 50) -> f
 
 
 def scans() -> dict[str, float]:
-    """Microseconds of a scan, and of one receiver's signals in it."""
+    """Microseconds of a scan, and of the signals of one receiver in it."""
     one, many = Scan(1), Scan(BATCH)
     rows = {
         "tracker's scan, both receivers, single": median_us(one.track),

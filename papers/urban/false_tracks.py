@@ -20,12 +20,12 @@ def false_tracks(scene: Scene, transmitter: Point, receivers: Sequence[Point], p
     """The number of confirmed tracks with no target within 20 m at some scan, each counted once, by origin.
 
     *strayed*: a target was near when the track was confirmed, but not later. The origin of the others follows from the
-    scan of confirmation: at every receiver some target has a return, over an open path, where the track predicts its
+    scan of confirmation: at every receiver some target has a return, over a visible path, where the track predicts its
     own direct return. *mirror*: direct returns of one target at all receivers, so that the position is on the wrong
     side of the receivers. *walls*: some returns are reflected, or come from different targets. *other*: anything else.
 
     Args:
-        scene: targets and their open paths, by scan.
+        scene: targets and their visible paths, by scan.
         transmitter, receivers: (x, y) in m.
         place: states of confirmed tracks at scans 1, 2, ..., (run, k, slot, 4); NaN where there is none.
         born: the scan at which the track in a slot began, (run, k, slot).
@@ -53,8 +53,8 @@ def _made_of(scene: Scene, transmitter: Point, receivers: Sequence[Point], x: Ar
     explained, straight = [], []
     for m, place in enumerate(receivers):
         own = multistatic_range_and_rate(x, transmitter, place)
-        is_open = np.arange(scene.z.shape[3]) < scene.ways[m, scan][..., None]  # (n, target, way)
-        close = (np.abs(scene.z[m, scan] - own[:, None, None]) <= NEAR).all(axis=-1) & is_open
+        visible = np.arange(scene.z.shape[3]) < scene.path_count[m, scan][..., None]  # (n, target, path)
+        close = (np.abs(scene.z[m, scan] - own[:, None, None]) <= NEAR).all(axis=-1) & visible
         explained.append(close.any(axis=(1, 2)))
         straight.append((close & (scene.reflected[m, scan] == 1.0)).any(axis=2))  # nothing lost at walls
     mirror = np.logical_and.reduce(straight).any(axis=1)

@@ -1,4 +1,4 @@
-"""Rays by way of walls: mirror images against a search on the walls themselves for the shortest way."""
+"""Rays over walls: mirror images against a search on the walls for the shortest path."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from scipy.optimize import minimize
 
 from wavegym.core.errors import InputError
 from wavegym.sensors.multipath import Antenna, mirrored
-from wavegym.sensors.urban_map import Building, City
+from wavegym.sensors.urban_map import Building, UrbanMap
 
-CROSSING = City.load("intersection")
-SLANTED = City(
+CROSSING = UrbanMap.load("intersection")
+SLANTED = UrbanMap(
     buildings=(
         Building(((0.0, 0.0), (40.0, 10.0), (35.0, 40.0), (5.0, 35.0)), 0.3),
         Building(((60.0, 0.0), (100.0, -5.0), (90.0, 45.0), (70.0, 30.0), (62.0, 20.0)), 0.5),  # one corner inwards
@@ -22,60 +22,62 @@ SLANTED = City(
 SCENES = [(CROSSING, (2085.0, 1470.5), (1900, 2200, 1300, 1750)), (SLANTED, (50.0, 50.0), (-20, 120, -20, 100))]
 
 
-def street(city: City, box: tuple[int, int, int, int], count: int, seed: int) -> np.ndarray:
+def outdoors(urban_map: UrbanMap, box: tuple[int, int, int, int], count: int, seed: int) -> np.ndarray:
     low, high = np.array([box[::2], box[1::2]], np.float64)
     points = np.random.default_rng(seed).uniform(low, high, (20 * count, 2))
-    return points[~city.indoors(points)][:count]
+    return points[~urban_map.indoors(points)][:count]
 
 
-def searched(city: City, start: tuple[float, float], end: np.ndarray, walls: list[np.ndarray]) -> np.ndarray | None:
-    """The bounces of the shortest way from start to end that touches the walls' lines in turn; None: no such ray.
+def searched(
+    urban_map: UrbanMap, start: tuple[float, float], end: np.ndarray, walls: list[np.ndarray]
+) -> np.ndarray | None:
+    """Reflection points of the shortest path from start to end that touches the lines of the walls in turn, or None.
 
-    The length is convex in the places on the lines: wherever a search ends, it is the minimum. Angles of incidence and
-    reflection are equal there (Fermat) if the way does not pass through a wall.
+    The length is convex in the positions on the lines: wherever a search ends, it is the minimum. Angles of incidence
+    and reflection are equal there (Fermat) if the path does not pass through a wall.
     """
     if behind(start, walls[0]) or behind(end, walls[-1]):
         return None
     a, d = np.array([w[:2] for w in walls]), np.array([w[2:] - w[:2] for w in walls])
 
     def length(t: np.ndarray) -> float:
-        way = np.vstack([start, a + t[:, None] * d, end])
-        return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+        path = np.vstack([start, a + t[:, None] * d, end])
+        return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
     t = np.full(len(walls), 0.5)
     t = minimize(length, t, method="Nelder-Mead", options={"xatol": 1e-3}).x  # the length has kinks where walls meet
     t = minimize(length, t, method="BFGS", options={"gtol": 1e-9}).x
     points = a + t[:, None] * d
-    return points if ((t > 0.0) & (t < 1.0)).all() and is_ray(city, start, points, end, d) else None
+    return points if ((t > 0.0) & (t < 1.0)).all() and is_ray(urban_map, start, points, end, d) else None
 
 
 def behind(point, wall: np.ndarray) -> bool:
     return bool(shapely.is_ccw(shapely.LinearRing([wall[:2], wall[2:], point])))
 
 
-def is_ray(city: City, start: tuple[float, float], points: np.ndarray, end: np.ndarray, d: np.ndarray) -> bool:
-    """Whether the way reflects at every point as at a mirror, and no building is in it."""
-    way = np.vstack([start, points, end])
+def is_ray(urban_map: UrbanMap, start: tuple[float, float], points: np.ndarray, end: np.ndarray, d: np.ndarray) -> bool:
+    """Whether the path reflects at every point as at a mirror, and no building blocks it."""
+    path = np.vstack([start, points, end])
     for i, along in enumerate(d / np.linalg.norm(d, axis=1)[:, None], start=1):
-        come, go = (step / max(np.linalg.norm(step), 1e-12) for step in (way[i] - way[i - 1], way[i + 1] - way[i]))
-        across = np.array([along[1], -along[0]])  # to the right, into the street
+        come, go = (step / max(np.linalg.norm(step), 1e-12) for step in (path[i] - path[i - 1], path[i + 1] - path[i]))
+        across = np.array([along[1], -along[0]])  # to the right, away from the building
         if not (come @ across < 0.0 and abs(come @ across + go @ across) < 1e-4):
             return False
-    solid = shapely.union_all([shapely.Polygon(b.corners) for b in city.buildings])
-    return shapely.LineString(way).intersection(solid).length < 1e-3
+    solid = shapely.union_all([shapely.Polygon(b.corners) for b in urban_map.buildings])
+    return shapely.LineString(path).intersection(solid).length < 1e-3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("city", "position", "box"), SCENES)
-def test_rays_by_one_wall_and_two_are_those_a_search_on_the_walls_finds(city, position, box) -> None:
-    antenna, found = Antenna(city, position), 0
-    for point in street(city, box, 7, seed=1):
-        seen, bounces = antenna.seen(point), antenna.bounces(point)
+@pytest.mark.parametrize(("urban_map", "position", "box"), SCENES)
+def test_rays_by_one_wall_and_two_are_those_a_search_on_the_walls_finds(urban_map, position, box) -> None:
+    antenna, found = Antenna(urban_map, position), 0
+    for point in outdoors(urban_map, box, 7, seed=1):
+        seen, bounces = antenna.visible(point), antenna.bounces(point)
         rays = {tuple(via): at for via, at, reached in zip(antenna.via.tolist(), bounces, seen, strict=True) if reached}
-        for one in range(len(city.walls)):
-            for other in (-1, *(w for w in range(len(city.walls)) if w != one)):
-                walls = [city.walls[w] for w in (one, other) if w >= 0]
-                points = searched(city, position, point, walls)
+        for one in range(len(urban_map.walls)):
+            for other in (-1, *(w for w in range(len(urban_map.walls)) if w != one)):
+                walls = [urban_map.walls[w] for w in (one, other) if w >= 0]
+                points = searched(urban_map, position, point, walls)
                 assert ((one, other) in rays) == (points is not None), (point, one, other)
                 if points is not None:
                     found += 1
@@ -83,43 +85,43 @@ def test_rays_by_one_wall_and_two_are_those_a_search_on_the_walls_finds(city, po
     assert found > 3
 
 
-@pytest.mark.parametrize(("city", "position", "box"), SCENES)
-def test_the_straight_line_is_free_where_no_building_is_in_it(city, position, box) -> None:
-    points = street(city, box, 500, seed=2)
-    solid = shapely.union_all([shapely.Polygon(b.corners) for b in city.buildings])
+@pytest.mark.parametrize(("urban_map", "position", "box"), SCENES)
+def test_the_straight_line_is_free_where_no_building_is_in_it(urban_map, position, box) -> None:
+    points = outdoors(urban_map, box, 500, seed=2)
+    solid = shapely.union_all([shapely.Polygon(b.corners) for b in urban_map.buildings])
     lines = shapely.linestrings(np.stack([np.broadcast_to(position, points.shape), points], axis=1))
-    free = Antenna(city, position).seen(points)[:, 0]
+    free = Antenna(urban_map, position).visible(points)[:, 0]
     np.testing.assert_array_equal(free, shapely.length(shapely.intersection(lines, solid)) < 1e-9)
     assert 0.1 < free.mean() < 0.9
 
 
-@pytest.mark.parametrize(("city", "position", "box"), SCENES)
-def test_an_image_is_as_far_as_the_ray_is_long_and_the_way_back_is_the_same(city, position, box) -> None:
-    here = Antenna(city, position)
-    for point in street(city, box, 40, seed=3):
-        there = Antenna(city, tuple(point))
-        ways = {tuple(via): d for via, d in zip(here.via.tolist(), distances(here, point), strict=True) if d}
+@pytest.mark.parametrize(("urban_map", "position", "box"), SCENES)
+def test_an_image_is_as_far_as_the_ray_is_long_and_the_path_back_is_the_same(urban_map, position, box) -> None:
+    here = Antenna(urban_map, position)
+    for point in outdoors(urban_map, box, 40, seed=3):
+        there = Antenna(urban_map, tuple(point))
+        paths = {tuple(via): d for via, d in zip(here.via.tolist(), distances(here, point), strict=True) if d}
         back = {tuple(via): d for via, d in zip(there.via.tolist(), distances(there, position), strict=True) if d}
         turned = {(b, a) if b >= 0 else (a, b): d for (a, b), d in back.items()}
-        assert ways == pytest.approx(turned)
-        for image, at, seen in zip(here.images, here.bounces(point), here.seen(point), strict=True):
+        assert paths == pytest.approx(turned)
+        for image, at, seen in zip(here.images, here.bounces(point), here.visible(point), strict=True):
             if seen:
-                way = np.vstack([position, at[~np.isnan(at).any(axis=1)], point])
-                length = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+                path = np.vstack([position, at[~np.isnan(at).any(axis=1)], point])
+                length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
                 assert np.linalg.norm(point - image) == pytest.approx(length, rel=1e-12)
 
 
 def distances(antenna: Antenna, point) -> np.ndarray:
-    """From a point to the images that it sees; 0 for the others."""
-    return np.where(antenna.seen(point), np.linalg.norm(np.asarray(point) - antenna.images, axis=1), 0.0)
+    """Distances from a point to the images visible from it; 0 for the others."""
+    return np.where(antenna.visible(point), np.linalg.norm(np.asarray(point) - antenna.images, axis=1), 0.0)
 
 
 def test_one_wall_reflects_where_the_papers_equation_puts_it() -> None:
     """Both distances from the wall's line, over those from the point: the squared equation, and its true root."""
     wall = Building(((10.0, 12.0), (-10.0, 8.0), (-10.0, 30.0), (10.0, 30.0)))
-    antenna = Antenna(City(buildings=(wall,)), (-4.0, 0.0))
+    antenna = Antenna(UrbanMap(buildings=(wall,)), (-4.0, 0.0))
     (r, k), m, c = ((-4.0, 0.0), (5.0, 3.0)), 0.2, 10.0
-    (which,) = np.flatnonzero(antenna.seen(k) & (antenna.order == 1))
+    (which,) = np.flatnonzero(antenna.visible(k) & (antenna.order == 1))
     xc, yc = antenna.bounces(k)[which, 0]
     assert yc == pytest.approx(m * xc + c)
     sides = [(-m * (x - xc) + y - yc) ** 2 / ((x - xc) ** 2 + (y - yc) ** 2) for x, y in (r, k)]
@@ -134,9 +136,9 @@ def test_what_is_left_of_the_power() -> None:
     assert set(antenna.order) == {0, 1, 2}
 
 
-def test_an_empty_city_has_nothing_but_the_antenna() -> None:
-    antenna = Antenna(City(), (1.0, 2.0))
-    assert antenna.seen(np.zeros((3, 4, 2))).tolist() == [[[True]] * 4] * 3
+def test_an_empty_map_has_nothing_but_the_antenna() -> None:
+    antenna = Antenna(UrbanMap(), (1.0, 2.0))
+    assert antenna.visible(np.zeros((3, 4, 2))).tolist() == [[[True]] * 4] * 3
     assert antenna.bounces([[0.0, 0.0]]).shape == (1, 1, 2, 2)
 
 
@@ -153,4 +155,4 @@ def test_mistakes() -> None:
     ):
         Antenna(CROSSING, (2000.0, 1600.0))
     with pytest.raises(InputError, match=r"points has shape \(3,\), expected \(\.\.\., 2\)"):
-        Antenna(CROSSING, (2085.0, 1470.5)).seen([1.0, 2.0, 3.0])
+        Antenna(CROSSING, (2085.0, 1470.5)).visible([1.0, 2.0, 3.0])

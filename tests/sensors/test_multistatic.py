@@ -1,4 +1,4 @@
-"""Ways from a transmitter by a target to a receiver: lengths, rates and walls against the rays themselves."""
+"""Propagation paths from a transmitter by a target to a receiver: lengths, rates and walls against drawn rays."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import pytest
 from wavegym.core.errors import InputError
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic, multistatic_range_and_rate
-from wavegym.sensors.urban_map import Building, City
+from wavegym.sensors.urban_map import Building, UrbanMap
 
-CROSSING = City.load("intersection")
+CROSSING = UrbanMap.load("intersection")
 PAIR = Multistatic(Antenna(CROSSING, (2085.0, 1470.5)), Antenna(CROSSING, (2078.0, 1467.0)))
 STATES = np.array([[1950.0, 1500.0, 10.0, 0.0], [2030.0, 1500.0, 6.0, 0.0], [2069.0, 1640.0, 0.0, 10.0]])
 
@@ -21,40 +21,40 @@ def polyline(antenna: Antenna, image: int, point) -> np.ndarray:
     return np.vstack([antenna.position, bounces[~np.isnan(bounces).any(axis=1)], point])
 
 
-def length(pair: Multistatic, way: int, point) -> float:
-    rays = (polyline(a, i, point) for a, i in zip((pair.transmitter, pair.receiver), pair.ways[way], strict=True))
+def length(pair: Multistatic, path: int, point) -> float:
+    rays = (polyline(a, i, point) for a, i in zip((pair.transmitter, pair.receiver), pair.paths[path], strict=True))
     return sum(np.linalg.norm(np.diff(ray, axis=0), axis=1).sum() for ray in rays)
 
 
 def test_the_paper_s_eight_kinds() -> None:
-    """Six by way of the target, and the two without it."""
+    """Six with the target and two without."""
     assert set(PAIR.kinds) == {"TXR", "TXCR", "TCXR", "TCXCR", "TXCCR", "TCCXR"}
     assert PAIR.kinds[0] == "TXR"
     assert PAIR.walls.tolist() == [kind.count("C") for kind in PAIR.kinds] == sorted(PAIR.walls)
-    np.testing.assert_allclose(PAIR.reflected, 0.4**PAIR.walls)  # all walls are alike
+    np.testing.assert_allclose(PAIR.reflected, 0.4**PAIR.walls)  # all walls reflect alike
     y = np.linspace(1490, 1740, 60)
-    ways = PAIR.open(np.stack([np.full(60, 2069.0), y], axis=1)).any(axis=0)
-    assert {kind for kind, is_open in zip(PAIR.kinds, ways, strict=True) if is_open} >= {"TXR", "TXCR", "TCXR", "TCXCR"}
+    visible = PAIR.visible(np.stack([np.full(60, 2069.0), y], axis=1)).any(axis=0)
+    assert {kind for kind, seen in zip(PAIR.kinds, visible, strict=True) if seen} >= {"TXR", "TXCR", "TCXR", "TCXCR"}
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_range_and_rate_are_half_the_way_s_length_and_its_growth(state) -> None:
+def test_range_and_rate_are_half_the_path_length_and_its_growth(state) -> None:
     r, rdot = PAIR.measure(state).T
     step = 1e-4
-    open_ways = np.flatnonzero(PAIR.open(state[:2]))
-    assert len(open_ways) > 0
-    for way in open_ways:
-        before, after = (length(PAIR, way, state[:2] + sign * step * state[2:]) for sign in (-1, 1))
-        assert r[way] == pytest.approx(length(PAIR, way, state[:2]) / 2, rel=1e-12)
-        assert rdot[way] == pytest.approx((after - before) / (4 * step), abs=1e-6)
+    visible_paths = np.flatnonzero(PAIR.visible(state[:2]))
+    assert len(visible_paths) > 0
+    for path in visible_paths:
+        before, after = (length(PAIR, path, state[:2] + sign * step * state[2:]) for sign in (-1, 1))
+        assert r[path] == pytest.approx(length(PAIR, path, state[:2]) / 2, rel=1e-12)
+        assert rdot[path] == pytest.approx((after - before) / (4 * step), abs=1e-6)
 
 
 def test_transmitter_and_receiver_can_change_places() -> None:
     turned = Multistatic(PAIR.receiver, PAIR.transmitter)
     points = STATES[:, :2]
-    every = PAIR.open(points), turned.open(points), PAIR.measure(STATES), turned.measure(STATES)
+    every = PAIR.visible(points), turned.visible(points), PAIR.measure(STATES), turned.measure(STATES)
     for here, there, a, b in zip(*every, strict=True):
-        ours, theirs = (sorted(map(tuple, z[is_open].round(9))) for z, is_open in ((a, here), (b, there)))
+        ours, theirs = (sorted(map(tuple, z[seen].round(9))) for z, seen in ((a, here), (b, there)))
         assert ours == theirs
 
 
@@ -65,21 +65,21 @@ def test_in_one_place_it_is_an_ordinary_radar() -> None:
 
 
 def test_what_returns_without_a_target() -> None:
-    """Between two antennas before one wall: by the wall; and by what stands in view, but not behind the wall."""
+    """Two antennas before one wall: echoes of the wall and of the visible scatterer, not of the one behind the wall."""
     wall = Building(((50.0, 10.0), (-50.0, 10.0), (-50.0, 20.0), (50.0, 20.0)), 0.3)
-    city = City(buildings=(wall,), discretes=((0.0, 4.0), (0.0, 30.0)))
-    echoes = Multistatic(Antenna(city, (-3.0, 0.0)), Antenna(city, (3.0, 0.0))).background()
+    urban_map = UrbanMap(buildings=(wall,), discretes=((0.0, 4.0), (0.0, 30.0)))
+    echoes = Multistatic(Antenna(urban_map, (-3.0, 0.0)), Antenna(urban_map, (3.0, 0.0))).background()
     np.testing.assert_allclose(echoes.r, [np.hypot(3.0, 10.0), 5.0])
     np.testing.assert_allclose(echoes.reflected, [0.3, 1.0])
     np.testing.assert_allclose(echoes.source, [[-3.0, 20.0], [0.0, 4.0]])
-    empty = Multistatic(Antenna(City(), (-3.0, 0.0)), Antenna(City(), (3.0, 0.0))).background()
+    empty = Multistatic(Antenna(UrbanMap(), (-3.0, 0.0)), Antenna(UrbanMap(), (3.0, 0.0))).background()
     assert len(empty.r) == 0
 
 
 def test_the_crossing_s_background() -> None:
-    """Every echo by walls is as long as the ray that Antenna draws."""
+    """Every echo over walls is as long as the ray that ``Antenna.bounces`` draws."""
     echoes, (tx, rx) = PAIR.background(), (PAIR.transmitter, PAIR.receiver)
-    seen = tx.seen(rx.position) & (tx.order > 0)
+    seen = tx.visible(rx.position) & (tx.order > 0)
     drawn = [
         np.linalg.norm(np.diff(polyline(tx, i, rx.position), axis=0), axis=1).sum() / 2 for i in np.flatnonzero(seen)
     ]
@@ -89,7 +89,7 @@ def test_the_crossing_s_background() -> None:
 
 
 def test_mistakes() -> None:
-    with pytest.raises(InputError, match="different cities"):
-        Multistatic(Antenna(CROSSING, (2085.0, 1470.5)), Antenna(City(), (0.0, 0.0)))
+    with pytest.raises(InputError, match="different urban maps"):
+        Multistatic(Antenna(CROSSING, (2085.0, 1470.5)), Antenna(UrbanMap(), (0.0, 0.0)))
     with pytest.raises(InputError, match=r"state has shape \(3,\)"):
         PAIR.measure([1.0, 2.0, 3.0])

@@ -1,4 +1,4 @@
-"""What a grid says of a city is what holds at its cells' centres."""
+"""Tables on a grid hold the values at the centres of its cells."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import shapely
 
 from wavegym.core.errors import InputError
 from wavegym.sensors.multipath import Antenna
-from wavegym.sensors.urban_map import City, Road
-from wavegym.sensors.visibility import Grid, in_junctions, metres_to_road, sight_map
+from wavegym.sensors.urban_map import Road, UrbanMap
+from wavegym.sensors.visibility import Grid, in_junctions, metres_to_road, visibility_map
 
-CROSSING = City.load("intersection")
+CROSSING = UrbanMap.load("intersection")
 ANTENNA = Antenna(CROSSING, (2085.0, 1470.5))
 GRID = Grid.over(CROSSING, (ANTENNA.position,), cell=5.0)
 
 
-def test_the_grid_covers_the_city() -> None:
+def test_the_grid_covers_the_map() -> None:
     corners = np.concatenate([CROSSING.walls.reshape(-1, 2), [ANTENNA.position]])
     assert GRID.at(corners)[1].all()
     place, inside = GRID.at(GRID.centres)
@@ -26,21 +26,21 @@ def test_the_grid_covers_the_city() -> None:
     assert (far.tolist(), inside.tolist()) == ([[0, GRID.shape[1] - 1]], [False])
 
 
-def test_what_is_seen_from_a_cell_is_what_is_seen_from_its_centre() -> None:
-    sight = sight_map(ANTENNA, GRID)
+def test_a_cell_has_the_visibility_of_its_centre() -> None:
+    table = visibility_map(ANTENNA, GRID)
     rng = np.random.default_rng(0)
     place = rng.integers(GRID.shape, size=(400, 2))
     centres = GRID.centres[place[:, 0], place[:, 1]]
     centres = centres[~CROSSING.indoors(centres)]
-    kept = sight.which
-    exact = ANTENNA.seen(centres)
-    np.testing.assert_array_equal(sight.at(centres), exact[:, kept])
+    kept = table.which
+    exact = ANTENNA.visible(centres)
+    np.testing.assert_array_equal(table.at(centres), exact[:, kept])
     assert not np.delete(exact, kept, axis=1).any()
-    np.testing.assert_array_equal(sight.images, ANTENNA.images[kept])
-    np.testing.assert_array_equal(sight.order, ANTENNA.order[kept])
-    np.testing.assert_array_equal(sight.reflected, ANTENNA.reflected[kept])
-    assert not sight.at([[2000.0, 1600.0], [0.0, 0.0]]).any()  # indoors; off the grid
-    assert sight_map(ANTENNA, GRID) is sight
+    np.testing.assert_array_equal(table.images, ANTENNA.images[kept])
+    np.testing.assert_array_equal(table.order, ANTENNA.order[kept])
+    np.testing.assert_array_equal(table.reflected, ANTENNA.reflected[kept])
+    assert not table.at([[2000.0, 1600.0], [0.0, 0.0]]).any()  # indoors; off the grid
+    assert visibility_map(ANTENNA, GRID) is table
 
 
 def test_roads_and_junctions() -> None:
@@ -52,10 +52,10 @@ def test_roads_and_junctions() -> None:
     (corners,) = CROSSING.junctions
     inside = shapely.contains_xy(shapely.Polygon(corners), *np.moveaxis(GRID.centres, -1, 0))
     np.testing.assert_array_equal(in_junctions(CROSSING, GRID), inside)
-    assert not in_junctions(City(), Grid.over(City())).any()
-    strip = City(roads=(Road(((0.0, 0.0), (9.0, 0.0)), 4.0),))
+    assert not in_junctions(UrbanMap(), Grid.over(UrbanMap())).any()
+    strip = UrbanMap(roads=(Road(((0.0, 0.0), (9.0, 0.0)), 4.0),))
     assert metres_to_road(strip, Grid((0.0, 0.0), 1.0, (3, 4))).tolist() == [[0.0, 0.0, 0.5, 1.5]] * 3
-    assert np.isinf(metres_to_road(City(), Grid.over(City()))).all()
+    assert np.isinf(metres_to_road(UrbanMap(), Grid.over(UrbanMap()))).all()
 
 
 def test_mistakes() -> None:

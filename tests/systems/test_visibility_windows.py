@@ -1,4 +1,4 @@
-"""Windows of visibility: lengths, shares, given ones."""
+"""Windows of visibility: lengths, fractions, given windows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHOWN, HIDDEN = (6, 14), (4, 10)
 
 
 def lengths(visible):
-    """(in sight, steps) of each stay."""
+    """(visible, steps) of each stay."""
     return [(bool(seen), len(list(steps))) for seen, steps in groupby(visible)]
 
 
@@ -51,9 +51,9 @@ def test_stays_have_their_lengths(seed, horizon, shortest, more, gap, wider):
 
 
 def test_lengths_and_phases_are_equally_likely():
-    """Counts within five standard deviations of a binomial's; in sight about 10 of 17 steps."""
+    """Counts within five standard deviations of the binomial distribution; visible in about 10 of 17 steps."""
     _, visible = drawn(20_000, 60)
-    stays = [stay for own in visible[:4000] for stay in lengths(own)[1:3]]  # those after the first are whole
+    stays = [stay for own in visible[:4000] for stay in lengths(own)[1:3]]  # later stays are complete
     for seen, (low, high) in ((True, SHOWN), (False, HIDDEN)):
         counts = np.bincount([steps for own, steps in stays if own == seen], minlength=high + 1)
         share, total = 1 / (high - low + 1), counts.sum()
@@ -72,7 +72,7 @@ def test_each_by_itself_as_in_a_batch():
 
 
 def test_draws_at_the_ends():
-    """All 0: the shortest stays from their begin; all 1, which no generator draws: the longest, nearly over."""
+    """All 0: shortest stays from their start; all 1, which no generator draws: longest stays, the first nearly over."""
     needed = window_draws(60, SHOWN, HIDDEN)
     assert lengths(alternating_windows(np.zeros(needed), 60))[:3] == [(True, 6), (False, 4), (True, 6)]
     assert lengths(alternating_windows(np.ones(needed), 60))[:3] == [(False, 1), (True, 14), (False, 10)]

@@ -23,7 +23,7 @@ from wavegym.systems.kershaw_evans.scene import LineOfSightScene
 from wavegym.systems.kershaw_evans.system import KershawEvans
 from wavegym.systems.rf_eo.scene import PlatformScene
 from wavegym.systems.rf_eo.system import RfEo
-from wavegym.systems.urban.scene import StreetScene
+from wavegym.systems.urban.scene import UrbanScene
 from wavegym.systems.urban.system import Urban
 
 if TYPE_CHECKING:
@@ -67,4 +67,4 @@ def make_scene(system: Any, figure: SubFigure) -> Scene:
 make_scene.register(KershawEvans, LineOfSightScene)
 make_scene.register(AgileClutter, TargetScene)
 make_scene.register(RfEo, PlatformScene)
-make_scene.register(Urban, StreetScene)
+make_scene.register(Urban, UrbanScene)

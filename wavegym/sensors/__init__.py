@@ -31,17 +31,17 @@ from wavegym.sensors.platform import platform_jacobian, platform_measurement
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
 from wavegym.sensors.resolution import View, platform_view
 from wavegym.sensors.snr import range_law_snr
-from wavegym.sensors.urban_map import Building, City, Road
+from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [
     "Antenna",
     "ArrayReceiver",
     "Building",
-    "City",
     "Echoes",
     "Multistatic",
     "Peaks",
     "Road",
+    "UrbanMap",
     "View",
     "detection_probability",
     "energy_detection_probability",

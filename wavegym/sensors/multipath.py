@@ -1,4 +1,4 @@
-"""Rays in a street: an antenna, and its mirror images in one wall or in two, one after the other."""
+"""Multipath in an urban map: an antenna and its mirror images in one wall or in two successive walls."""
 
 from __future__ import annotations
 
@@ -9,102 +9,104 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.sensors import multipath_kernels as kernels
-from wavegym.sensors.checks import shaped
-from wavegym.sensors.urban_map import City, Point
+from wavegym.sensors.urban_map import Point, UrbanMap
 
 
 @dataclass(frozen=True)
 class Antenna:
-    """An antenna in a city, and its mirror images.
+    """An antenna in an urban map, and its mirror images.
 
-    A ray between the antenna and a point, by no wall, one or two, is as long as the straight line from the point to an
-    image and arrives from there: for delay, Doppler shift and direction every image is an antenna of its own.
+    A ray from the antenna to a point over up to two walls is as long as the straight line from an image to the point,
+    and arrives from the same direction: for delay, Doppler shift and direction each image acts as an antenna.
 
     Args:
-        city: whose walls reflect.
-        position: (x, y) in m, outside the buildings; of an array its middle.
-        axis: along which the elements of an array stand, a unit vector.
+        urban_map: the map whose walls reflect.
+        position: (x, y) in m, outside the buildings; for an array, its centre.
+        axis: direction of the line of array elements, a unit vector.
 
     Raises:
         InputError: a position that is not finite or inside a building, an axis of another length than 1.
     """
 
-    city: City
+    urban_map: UrbanMap
     position: Point
     axis: Point = (1.0, 0.0)
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.position).all():
             raise InputError(f"the antenna's position is {self.position}, expected finite numbers in m")
-        self.city.check_outdoors("the antenna's position", self.position)
+        self.urban_map.check_outdoors("the antenna's position", self.position)
         if not abs(np.hypot(*self.axis) - 1.0) <= 1e-9:
             raise InputError(f"the antenna's axis is {self.axis}, expected a unit vector such as (1.0, 0.0)")
 
     @cached_property
     def via(self) -> NDArray[np.int64]:
-        """By which walls, counted from the antenna, each image is seen; -1 for none, (image, 2)."""
+        """Indices of the walls that form each image, in order from the antenna, (image, 2); -1 for none."""
         return self._all[0]
 
     @cached_property
     def images(self) -> Array:
-        """Where they are, (x, y) in m, (image, 2): the antenna itself, those in one wall, those in two."""
+        """Positions (x, y) in m, (image, 2): the antenna itself, then images in one wall, then images in two."""
         return self._all[1]
 
     @cached_property
     def axes(self) -> Array:
-        """The array's axis in each image, (image, 2): a mirror turns it round."""
+        """Axis of the array in each image, (image, 2): a wall reflects it."""
         ends = np.array(self.position) + np.array(self.axis)
         seen = []
         for image, walls in zip(self.images, self.via, strict=True):
             end = ends
             for wall in walls[walls >= 0]:
-                end = mirrored(end, self.city.walls[wall])
+                end = mirrored(end, self.urban_map.walls[wall])
             seen.append(end - image)
         return np.array(seen)
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
-        """How many walls each image takes, (image,)."""
+        """Number of walls that form each image, (image,)."""
         return np.asarray((self.via >= 0).sum(axis=1))
 
     @cached_property
     def reflected(self) -> Array:
-        """Part of the power that is left after these walls, (image,)."""
-        factors = np.append(self.city.reflectivity, 1.0)  # the last for no wall, whose number is -1
+        """Fraction of the power left after these walls, (image,)."""
+        factors = np.append(self.urban_map.reflectivity, 1.0)  # the last for no wall, whose number is -1
         return np.asarray(factors[self.via].prod(axis=1))
 
-    def seen(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Which images are seen from points (x, y) in m, (..., 2): (..., image).
+    def visible(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Which images are visible from points (x, y) in m, (..., 2): (..., image).
 
-        A wall's end belongs to the wall, and nothing is seen through one. InputError where shapes do not fit.
+        Walls are opaque, their ends included. InputError for a wrong shape.
         """
         points, lead = _flat(points)
-        return np.asarray(kernels.seen(points, *self._rays)).reshape(*lead, len(self.images))
+        return np.asarray(kernels.visible(points, *self._rays)).reshape(*lead, len(self.images))
 
-    def in_sight(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (x, y) in m, (..., 2), are seen straight, (...): the first of ``seen``, without the others."""
+    def directly_visible(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether no wall hides the antenna from points (x, y) in m, (..., 2): the first image of ``visible``."""
         points, lead = _flat(points)
-        return np.asarray(kernels.in_sight(points, np.array(self.position, np.float64), self.city.walls)).reshape(lead)
+        return np.asarray(
+            kernels.directly_visible(points, np.array(self.position, np.float64), self.urban_map.walls)
+        ).reshape(lead)
 
     def bounces(self, points: ArrayLike) -> Array:
-        """Where the rays to points (..., 2) reflect, in order from the antenna, (x, y) in m, (..., image, 2, 2).
+        """Reflection points of the rays to points (..., 2), in order from the antenna, (x, y) in m, (..., image, 2, 2).
 
-        NaN in place of bounces that do not take place. InputError where shapes do not fit.
+        NaN where there is no reflection. InputError for a wrong shape.
         """
         points, lead = _flat(points)
         return np.asarray(kernels.bounces(points, *self._rays)).reshape(*lead, len(self.images), 2, 2)
 
     @property
     def _rays(self) -> tuple[NDArray[Any], ...]:
-        return np.array(self.position, np.float64), self.images, self._all[2], self.via, self.city.walls
+        return np.array(self.position, np.float64), self.images, self._all[2], self.via, self.urban_map.walls
 
     @cached_property
     def _all(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """``via``, ``images`` and the images in the first of their walls alone."""
-        walls, position = self.city.walls, np.array(self.position, np.float64)
+        """``via``, ``images``, and for each image the image in its first wall alone."""
+        walls, position = self.urban_map.walls, np.array(self.position, np.float64)
         via, images, firsts = [(-1, -1)], [position], [position]
         ones = [w for w in range(len(walls)) if kernels.outside(*position, walls[w]) > 0.0]
         once = {w: mirrored(position, walls[w]) for w in ones}
@@ -122,8 +124,8 @@ class Antenna:
 
 
 def mirrored(points: ArrayLike, wall: ArrayLike) -> Array:
-    """The mirror images of points (..., 2) in the line through a wall (x0, y0, x1, y1)."""
-    points, wall = shaped("points", points, 2), shaped("wall", wall, 4)
+    """Mirror images of points (..., 2) in the line through a wall (x0, y0, x1, y1)."""
+    points, wall = check_last_axes("points", points, 2), check_last_axes("wall", wall, 4)
     x, y = points[..., 0] - wall[0], points[..., 1] - wall[1]
     dx, dy = wall[2] - wall[0], wall[3] - wall[1]
     twice = 2.0 * (x * dy - y * dx) / (dx * dx + dy * dy)
@@ -131,5 +133,5 @@ def mirrored(points: ArrayLike, wall: ArrayLike) -> Array:
 
 
 def _flat(points: ArrayLike) -> tuple[Array, tuple[int, ...]]:
-    points = shaped("points", points, 2)
+    points = check_last_axes("points", points, 2)
     return np.array(points.reshape(-1, 2), order="C"), points.shape[:-1]

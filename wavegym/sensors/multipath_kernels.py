@@ -1,8 +1,8 @@
-"""Which mirror images of an antenna can be seen from where, in compiled form; ``multipath.py`` is its public face.
+"""Kernels of ``multipath.py``: from which points each mirror image of an antenna is visible.
 
-A wall is (x0, y0, x1, y1) with the street on its right-hand side. A ray that reflects at a wall, or at one wall after
-another, reaches a point as if it came straight from the antenna's image in them; whether it does is checked backwards,
-from the point to the last wall, to the one before and to the antenna.
+A wall is (x0, y0, x1, y1) with the outside on its right-hand side. A ray that reflects at one wall or two reaches a
+point as if it came straight from the image of the antenna in these walls. The check runs backwards: from the point to
+the last wall, to the wall before, and to the antenna.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -13,18 +13,18 @@ import numpy as np
 from wavegym.core.kernels import inlined, kernel
 
 NONE = -1  # in place of a wall
-MOST_WALLS = 2  # in a way; with the target's own these are the paper's three reflections
+MOST_WALLS = 2  # of a propagation path; with the reflection at the target these are the three of the paper
 
 
 @inlined
 def outside(x, y, wall):
-    """How far (x, y) lies to the right of a wall, on the street's side, times the wall's length."""
+    """Distance of (x, y) to the right of a wall, on its outside, times the length of the wall."""
     return (y - wall[1]) * (wall[0] - wall[2]) + (x - wall[0]) * (wall[3] - wall[1])
 
 
 @inlined
 def along(x, y, u, v, wall):
-    """Where on a wall, from 0 to 1 between its ends, the line from (x, y) to (u, v) on its other side crosses it."""
+    """Where the line from (x, y) to (u, v) crosses a wall between them: 0 to 1 from end to end of the wall."""
     near, far = outside(x, y, wall), outside(u, v, wall)
     part = near / (near - far)
     px, py = x + part * (u - x), y + part * (v - y)
@@ -34,7 +34,7 @@ def along(x, y, u, v, wall):
 
 @inlined
 def clear(x, y, u, v, walls, one, other):
-    """Whether no wall but ``one`` and ``other`` stands between (x, y) and (u, v); a touched end of a wall does."""
+    """Whether no wall except ``one`` and ``other`` blocks (x, y) to (u, v); the end of a wall blocks too."""
     dx, dy = u - x, v - y
     for w in range(len(walls)):
         if w != one and w != other:
@@ -50,7 +50,7 @@ def clear(x, y, u, v, walls, one, other):
 
 @inlined
 def bounce(x, y, u, v, wall):
-    """The point where a ray from (x, y) towards the image (u, v) meets a wall, and whether it meets its street side."""
+    """Where a ray from (x, y) towards the image (u, v) meets a wall, and whether it meets the outside of the wall."""
     if outside(x, y, wall) <= 0.0 or outside(u, v, wall) >= 0.0:
         return 0.0, 0.0, False
     part = along(x, y, u, v, wall)
@@ -59,9 +59,9 @@ def bounce(x, y, u, v, wall):
 
 @inlined
 def reaches(x, y, antenna, image, first, one, other, walls):
-    """Whether a ray from the antenna by the walls ``one`` and ``other`` reaches (x, y), and where it bounced.
+    """Whether a ray from the antenna over the walls ``one`` and ``other`` reaches (x, y), and its reflection points.
 
-    ``image`` is the antenna's image in all of these walls, ``first`` that in ``one`` alone.
+    ``image`` is the image of the antenna in both walls, ``first`` the image in ``one`` alone.
     """
     ax, ay = antenna[0], antenna[1]
     if one == NONE:
@@ -82,7 +82,7 @@ def reaches(x, y, antenna, image, first, one, other, walls):
 
 
 @kernel
-def in_sight(points, place, walls):
+def directly_visible(points, place, walls):
     """Whether no wall stands between each of points (n, 2) and place (2,), (n,)."""
     out = np.empty(len(points), np.bool_)
     for n in range(len(points)):
@@ -91,8 +91,8 @@ def in_sight(points, place, walls):
 
 
 @kernel
-def seen(points, antenna, images, firsts, via, walls):
-    """Which images are seen from which points, (point, image)."""
+def visible(points, antenna, images, firsts, via, walls):
+    """Which images are visible from which points, (point, image)."""
     result = np.empty((len(points), len(images)), dtype=np.bool_)
     for p in range(len(points)):
         for i in range(len(images)):
@@ -104,7 +104,7 @@ def seen(points, antenna, images, firsts, via, walls):
 
 @kernel
 def bounces(points, antenna, images, firsts, via, walls):
-    """Where each ray reflects on its way from the antenna, (point, image, 2, 2); NaN where it does not."""
+    """Reflection points of each ray, in order from the antenna, (point, image, 2, 2); NaN where there are none."""
     result = np.full((len(points), len(images), 2, 2), np.nan)
     for p in range(len(points)):
         for i in range(len(images)):

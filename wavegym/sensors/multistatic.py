@@ -1,4 +1,4 @@
-"""What a transmitter and a receiver in a street measure of targets, by way of up to two walls, and of the street."""
+"""Multistatic measurements in an urban map: echoes of targets over up to two walls, and static echoes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.array_checks import check_elements, check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_within
-from wavegym.sensors.checks import every, shaped
 from wavegym.sensors.geometry import range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multipath_kernels import MOST_WALLS
@@ -20,7 +20,7 @@ from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 
 def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receiver: ArrayLike) -> Array:
-    """Half the way from transmitter to target to receiver, and its rate: what a delay and a Doppler shift say.
+    """Half the path length from transmitter by target to receiver, and its rate, as delay and Doppler shift give them.
 
     Args:
         state: x = (x, y, xdot, ydot) in m and m/s, (..., 4).
@@ -28,45 +28,45 @@ def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receive
             broadcast.
 
     Returns:
-        (r in m, rdot in m/s), (..., 2), positive when the way grows.
+        (r in m, rdot in m/s), (..., 2), positive rate for a growing path.
 
     Raises:
-        InputError: shapes that do not fit.
+        InputError: a wrong shape.
     """
     return (range_and_rate(state, transmitter) + range_and_rate(state, receiver)) / 2.0
 
 
 class Echoes(NamedTuple):
-    """What comes back without a target: it does not move, and so is in the background."""
+    """Static echoes, without a target: the background."""
 
-    r: Array  # half the way, m, (echo,)
-    reflected: Array  # part of the power that walls leave, (echo,)
-    source: Array  # from where it seems to come, (x, y) in m, (echo, 2)
+    r: Array  # half the path length, m, (echo,)
+    reflected: Array  # fraction of the power left after the walls, (echo,)
+    source: Array  # apparent source, (x, y) in m, (echo, 2)
 
 
 @dataclass(frozen=True)
 class Multistatic:
-    """A transmitter, a receiver, and every way between them by one target and at most two walls.
+    """A transmitter, a receiver, and all propagation paths between them by one target and at most two walls.
 
-    A way is a pair of images: one of the transmitter, as the target sees it, and one of the receiver.
+    A path is a pair of images: one of the transmitter and one of the receiver.
 
     Args:
-        transmitter, receiver: in one city.
+        transmitter, receiver: antennas in the same urban map.
 
     Raises:
-        InputError: antennas in different cities.
+        InputError: antennas in different maps.
     """
 
     transmitter: Antenna
     receiver: Antenna
 
     def __post_init__(self) -> None:
-        if self.transmitter.city != self.receiver.city:
-            raise InputError("transmitter and receiver stand in different cities, expected one city")
+        if self.transmitter.urban_map != self.receiver.urban_map:
+            raise InputError("transmitter and receiver stand in different urban maps, expected one map")
 
     @cached_property
-    def ways(self) -> NDArray[np.int64]:
-        """The images of transmitter and receiver of each way, (way, 2): the direct one first, then by walls' number."""
+    def paths(self) -> NDArray[np.int64]:
+        """Image of the transmitter and of the receiver of each path, (path, 2), ordered by the number of walls."""
         out, back = self.transmitter.order, self.receiver.order
         walls = out[:, None] + back
         pairs = np.argwhere(walls <= MOST_WALLS)
@@ -74,70 +74,70 @@ class Multistatic:
 
     @cached_property
     def walls(self) -> NDArray[np.int64]:
-        """How many walls each way takes, (way,)."""
-        return np.asarray(self.transmitter.order[self.ways[:, 0]] + self.receiver.order[self.ways[:, 1]])
+        """Number of walls of each path, (path,)."""
+        return np.asarray(self.transmitter.order[self.paths[:, 0]] + self.receiver.order[self.paths[:, 1]])
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Each way in the paper's words, T transmitter, X target, C wall, R receiver: ``"TXR"``, ``"TXCR"``, ..."""
-        out, back = self.transmitter.order[self.ways[:, 0]], self.receiver.order[self.ways[:, 1]]
+        """Each path as the paper writes it, T transmitter, X target, C wall, R receiver: ``"TXR"``, ``"TXCR"``, ..."""
+        out, back = self.transmitter.order[self.paths[:, 0]], self.receiver.order[self.paths[:, 1]]
         return tuple(f"T{'C' * o}X{'C' * b}R" for o, b in zip(out.tolist(), back.tolist(), strict=True))
 
     @cached_property
     def reflected(self) -> Array:
-        """Part of the power that is left after each way's walls, (way,)."""
+        """Fraction of the power left after the walls of each path, (path,)."""
         return np.asarray(
-            self.transmitter.reflected[self.ways[:, 0]] * self.receiver.reflected[self.ways[:, 1]], np.float64
+            self.transmitter.reflected[self.paths[:, 0]] * self.receiver.reflected[self.paths[:, 1]], np.float64
         )
 
-    def open(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """By which ways a target at points (x, y) in m, (..., 2), returns anything, (..., way)."""
-        out, back = self.transmitter.seen(points), self.receiver.seen(points)
-        return out[..., self.ways[:, 0]] & back[..., self.ways[:, 1]]
+    def visible(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Which paths no wall blocks, for a target at points (x, y) in m, (..., 2): (..., path)."""
+        out, back = self.transmitter.visible(points), self.receiver.visible(points)
+        return out[..., self.paths[:, 0]] & back[..., self.paths[:, 1]]
 
     def measure(self, state: ArrayLike) -> Array:
-        """(r in m, rdot in m/s) by every way, open or not, of x = (x, y, xdot, ydot), (..., 4): (..., way, 2)."""
-        state = shaped("state", state, 4)[..., None, :]
-        images = self.transmitter.images[self.ways[:, 0]], self.receiver.images[self.ways[:, 1]]
+        """(r in m, rdot in m/s) over each path, visible or not, of x = (x, y, xdot, ydot), (..., 4): (..., path, 2)."""
+        state = check_last_axes("state", state, 4)[..., None, :]
+        images = self.transmitter.images[self.paths[:, 0]], self.receiver.images[self.paths[:, 1]]
         return multistatic_range_and_rate(state, *images)
 
-    def delays(self, state: ArrayLike, way: ArrayLike, times: ArrayLike, offsets: ArrayLike) -> Array:
-        """Time that each way takes at each element of the receiver while the target moves on, s, (n, time, element).
+    def delays(self, state: ArrayLike, path: ArrayLike, times: ArrayLike, offsets: ArrayLike) -> Array:
+        """Delay of each path at each element of the receiver while the target moves, s, (n, time, element).
 
-        Doppler shift, direction and its rate are all in it: the phase of an echo is -2 pi fc times this.
+        The delay holds Doppler shift, direction and its rate: the phase of an echo is -2 pi fc times the delay.
 
         Args:
             state: x = (x, y, xdot, ydot, xddot, yddot), SI units, (n, 6).
-            way: number of the way of each, (n,).
-            times: after which the target is looked at again, at constant acceleration, s, (time,).
-            offsets: of the elements along the receiver's axis, m, (element,).
+            path: index of the path of each, (n,).
+            times: times at which the delay is wanted, with constant acceleration, s, (time,).
+            offsets: positions of the elements along the axis of the receiver, m, (element,).
 
         Raises:
-            InputError: shapes that do not fit, a way that is none.
+            InputError: a wrong shape, or no index of a path.
         """
-        state, way = shaped("state", state, 6), np.asarray(way)
-        if state.ndim != 2 or way.shape != state.shape[:1]:
-            raise InputError(f"state and way have shapes {state.shape} and {way.shape}, expected (n, 6) and (n,)")
-        every(lambda name, number: check_within(name, number, 0, len(self.ways) - 1), "way", way)
-        if (way != np.floor(way)).any():
-            raise InputError(f"way is {way.tolist()}, expected integers")
+        state, path = check_last_axes("state", state, 6), np.asarray(path)
+        if state.ndim != 2 or path.shape != state.shape[:1]:
+            raise InputError(f"state and path have shapes {state.shape} and {path.shape}, expected (n, 6) and (n,)")
+        check_elements(lambda name, number: check_within(name, number, 0, len(self.paths) - 1), "path", path)
+        if (path != np.floor(path)).any():
+            raise InputError(f"path is {path.tolist()}, expected integers")
         times, offsets = np.array(times, np.float64, ndmin=1), np.array(offsets, np.float64, ndmin=1)
         if times.ndim > 1 or offsets.ndim > 1:
             raise InputError(f"times and offsets have shapes {times.shape} and {offsets.shape}, expected one axis each")
-        out, back = self.ways[way.astype(np.int64)].T
-        delays = np.empty((len(way), len(times), len(offsets)))
+        out, back = self.paths[path.astype(np.int64)].T
+        delays = np.empty((len(path), len(times), len(offsets)))
         images = self.transmitter.images[out], self.receiver.images[back], self.receiver.axes[back]
         path_delays(np.array(state, order="C"), *images, offsets, times, SPEED_OF_LIGHT, delays)
         return delays
 
     def background(self) -> Echoes:
-        """Ways without a target: by one wall (TCR), two (TCCR), or one of the things that scatter (TCR)."""
-        mirrors = self.transmitter.seen(self.receiver.position) & (self.transmitter.order > 0)
+        """Echoes without a target: over one wall (TCR), two walls (TCCR), or one small scatterer (TCR)."""
+        mirrors = self.transmitter.visible(self.receiver.position) & (self.transmitter.order > 0)
         length = np.linalg.norm(self.transmitter.images - np.array(self.receiver.position), axis=1)
-        things = np.array(self.transmitter.city.discretes, np.float64).reshape(-1, 2)
-        lit = self.transmitter.seen(things)[:, 0] & self.receiver.seen(things)[:, 0]
-        still = np.concatenate([things, np.zeros_like(things)], axis=1)
+        scatterers = np.array(self.transmitter.urban_map.discretes, np.float64).reshape(-1, 2)
+        lit = self.transmitter.visible(scatterers)[:, 0] & self.receiver.visible(scatterers)[:, 0]
+        still = np.concatenate([scatterers, np.zeros_like(scatterers)], axis=1)
         scattered = multistatic_range_and_rate(still, self.transmitter.position, self.receiver.position)[:, 0]
         r = np.concatenate([length[mirrors] / 2.0, scattered[lit]])
         reflected = np.concatenate([self.transmitter.reflected[mirrors], np.ones(lit.sum())])
-        return Echoes(r, reflected, np.concatenate([self.transmitter.images[mirrors], things[lit]]))
+        return Echoes(r, reflected, np.concatenate([self.transmitter.images[mirrors], scatterers[lit]]))

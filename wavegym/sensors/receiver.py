@@ -1,8 +1,8 @@
-"""A receiver's signal chain: pulse trains at an array's elements, matched filter, delay-Doppler image, peaks.
+"""Signal chain of a receiver: pulse trains at the elements of an array, matched filter, delay-Doppler image, peaks.
 
-What a receiver in a street measures without the formula for its errors (Barbosa et al., sections 3.2 and 4.1). The
-radar stops and hops: within a pulse nothing moves. Amplitudes are in units in which white noise of unit variance in
-every sample has unit power in the image too; an echo of eta = 2E/N0 then has the power eta / 2.
+Measurements come from simulated signals, not from a formula for errors (Barbosa et al., sections 3.2 and 4.1).
+Stop-and-hop approximation: nothing moves within a pulse. White noise of unit variance in each sample has unit power in
+the image; an echo of eta = 2E/N0 has power eta / 2.
 """
 
 from __future__ import annotations
@@ -17,45 +17,45 @@ import scipy.fft
 import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.array_checks import check_elements, check_shape
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive, check_within
 from wavegym.sensors import receiver_kernels as kernels
-from wavegym.sensors.checks import every, require_shape
 from wavegym.waveforms import PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 ComplexArray = NDArray[np.complex128]
 
-DELAY_CELLS = 2  # to a sample
-DOPPLER_CELLS = 4  # to a resolution cell
+DELAY_CELLS = 2  # per sample
+DOPPLER_CELLS = 4  # per resolution cell
 BEAMS_PER_ELEMENT = 3
 MOST = 64  # peaks of an image; weaker ones are lost
-AUDIBLE = 1e-3  # of a pulse's peak amplitude, where it begins and ends
-BANDWIDTHS = 6.0  # rms, that samples take in: of a Gaussian pulse all but .3 % of the energy
-SIDELOBE_MARGIN = 2.0  # 3 dB above what the sidelobes of stronger peaks reach
+CUT_OFF = 1e-3  # of the peak amplitude: below it the simulated pulse ends
+BANDWIDTHS = 6.0  # rms bandwidths within the sample rate: all but .3 % of the energy of a Gaussian pulse
+SIDELOBE_MARGIN = 2.0  # a peak is kept 3 dB above the sidelobes of stronger peaks
 
 
 class Peaks(NamedTuple):
-    """What is measured of one image, strongest first."""
+    """Measurements from one image, strongest first."""
 
     z: Array  # range and range-rate, m and m/s, (peak, 2)
-    R: Array  # error covariance that the peak's own shape says, (peak, 2, 2)
+    R: Array  # error covariance from the shape of the peak, (peak, 2, 2)
     snr: Array  # eta = 2E/N0 (peak,)
 
 
 @dataclass(frozen=True)
 class ArrayReceiver:
-    """A uniform linear array, half a wavelength from element to element, that knows what is transmitted.
+    """A uniform linear array with half-wavelength spacing and matched filters for a known pulse train.
 
     Args:
-        train: Gaussian chirps, or other pulses whose ambiguity function has no sidelobes in delay.
-        carrier: fc, Hz.
-        sample_rate: of each element, Hz; at least six times the pulses' rms bandwidth.
-        reach: half path beyond which nothing is received, m.
-        elements: L.
+        train: a train of Gaussian chirps, or of other pulses without delay sidelobes.
+        carrier: carrier frequency fc, Hz.
+        sample_rate: sample rate of each element, Hz; at least six times the rms bandwidth of a pulse.
+        reach: half path length beyond which nothing is received, m.
+        elements: number of elements L.
 
     Raises:
-        InputError: a train that is none, numbers out of range.
+        InputError: no pulse train, or a number out of range.
     """
 
     train: PulseTrain
@@ -77,51 +77,53 @@ class ArrayReceiver:
 
     @property
     def offsets(self) -> Array:
-        """Of the elements from the array's middle, along its axis, m, (element,)."""
+        """Positions of the elements along the axis of the array, from its centre, m, (element,)."""
         half = 0.5 * SPEED_OF_LIGHT / self.carrier
         return np.asarray(half * (np.arange(self.elements) - 0.5 * (self.elements - 1)))
 
     @property
     def times(self) -> Array:
-        """Of the pulses, about the middle of the train, s, (pulse,)."""
+        """Times of the pulses from the middle of the train, s, (pulse,)."""
         return np.asarray(self.train.interval * (np.arange(self.train.count) - 0.5 * (self.train.count - 1)))
 
     @cached_property
     def shape(self) -> tuple[int, int, int]:
-        """Of the samples of one scan: (pulse, element, sample)."""
+        """Shape of the samples of one scan: (pulse, element, sample)."""
         window = 2 * self._half + math.ceil(2.0 * self.reach / SPEED_OF_LIGHT * self.sample_rate)
         return self.train.count, self.elements, scipy.fft.next_fast_len(window + 1)
 
     def receive(self, delays: ArrayLike, amplitudes: ArrayLike) -> ComplexArray:
-        """What elements sample of echoes, without noise, (pulse, element, sample).
+        """Samples of echoes at the elements, without noise, (pulse, element, sample).
 
         Args:
-            delays: of each way at each pulse and element, s, (way, pulse, element). Of a way that is ever more than
-                a sample later than the reach nothing is received.
-            amplitudes: complex, (way,): sqrt(eta / 2) and a phase.
+            delays: delay of each path at each pulse and element, s, (path, pulse, element). A path whose greatest
+                delay exceeds the reach by more than a sample is not received.
+            amplitudes: complex, (path,): sqrt(eta / 2) and a phase.
 
         Raises:
-            InputError: shapes that do not fit, delays below 0.
+            InputError: a wrong shape, or a delay below 0.
         """
         delays, amplitudes = np.ascontiguousarray(delays, np.float64), np.ascontiguousarray(amplitudes, np.complex128)
         if amplitudes.ndim != 1 or delays.shape != (len(amplitudes), *self.shape[:2]):
             raise InputError(
                 f"delays and amplitudes have shapes {delays.shape} and {amplitudes.shape}, expected"
-                f" (way, {self.shape[0]}, {self.shape[1]}) and (way,)"
+                f" (path, {self.shape[0]}, {self.shape[1]}) and (path,)"
             )
-        every(check_non_negative, "delay", delays)
+        check_elements(check_non_negative, "delay", delays)
         latest = 2.0 * self.reach / SPEED_OF_LIGHT + 1.0 / self.sample_rate
-        heard = delays.max(axis=(1, 2)) <= latest
+        received = delays.max(axis=(1, 2)) <= latest
         spectra = np.zeros(self.shape, np.complex128)
-        kernels.add_echoes(delays[heard], amplitudes[heard], self.carrier, self.sample_rate / self.shape[2], spectra)
+        kernels.add_echoes(
+            delays[received], amplitudes[received], self.carrier, self.sample_rate / self.shape[2], spectra
+        )
         return np.asarray(scipy.fft.ifft(spectra * self._template, overwrite_x=True))
 
     def image(self, samples: ComplexArray) -> ComplexArray:
-        """Each element's matched filter over delay and Doppler, (element, delay cell, Doppler cell).
+        """Matched filter output of each element over delay and Doppler, (element, delay cell, Doppler cell).
 
-        samples: (pulse, element, sample), of ``shape``; InputError for any other.
+        samples: (pulse, element, sample), with the shape ``shape``; InputError for any other.
         """
-        require_shape("samples", samples, self.shape)
+        check_shape("samples", samples, self.shape)
         spectra = scipy.fft.fft(samples) * np.conj(self._template)
         finer, length = DELAY_CELLS * self.shape[2], (self.shape[2] + 1) // 2
         padded = np.zeros((*self.shape[:2], finer), np.complex128)
@@ -131,16 +133,16 @@ class ArrayReceiver:
         return np.asarray(scipy.fft.fft(by_delay, self._dopplers, overwrite_x=True))
 
     def peaks(self, image: ComplexArray, threshold: float) -> Peaks:
-        """Range, range-rate and covariance of what stands out of an image in any direction.
+        """Range, range-rate and covariance of the peaks of an image in any direction.
 
         Args:
-            image: of ``image``.
-            threshold: in units of the noise's power.
+            image: result of ``image``.
+            threshold: in units of the noise power.
 
         Raises:
-            InputError: another image's shape, a threshold that is not > 0.
+            InputError: a wrong shape, or a threshold that is not > 0.
         """
-        require_shape("image", image, (self.elements, self._delays, self._dopplers))
+        check_shape("image", image, (self.elements, self._delays, self._dopplers))
         check_positive("threshold", threshold)
         power = np.empty(image.shape[1:])
         kernels.brightest(image, self._steering, power)
@@ -155,7 +157,7 @@ class ArrayReceiver:
         return self._measured(rows)
 
     def _measured(self, rows: Array) -> Peaks:
-        """From cells to metres and metres per second."""
+        """Conversion of peaks from cells to m and m/s."""
         turns = rows[:, 1] / self._dopplers
         step = self._cells[1, 1] * self._dopplers
         z = np.stack([rows[:, 0] * self._cells[0, 0], step * (turns - np.rint(turns))], axis=1)
@@ -164,12 +166,12 @@ class ArrayReceiver:
         return Peaks(z, R, rows[:, 5])
 
     def false_returns(self, threshold: float) -> float:
-        """Peaks of noise alone above a threshold, expected per (m x m/s).
+        """Expected number of noise peaks above a threshold, per (m x m/s).
 
-        The field's excursions as the expected Euler characteristic counts them: |A|^2 is a chi-square field with two
-        degrees of freedom over delay, Doppler and direction (Worsley, "Local maxima and the expected Euler
-        characteristic of excursion sets of chi^2, F and t fields", Adv. Appl. Prob. 26, 1994); less those whose top
-        lies between cells. InputError for a threshold that is not > 0.
+        The expected Euler characteristic of the excursion set: |A|^2 is a chi-square field with two degrees of freedom
+        over delay, Doppler and direction (Worsley, "Local maxima and the expected Euler characteristic of excursion
+        sets of chi^2, F and t fields", Adv. Appl. Prob. 26, 1994); minus the peaks lost between cells.
+        InputError for a threshold that is not > 0.
         """
         check_positive("threshold", threshold)
         curvature, twice = self._curvature, 2.0 * threshold
@@ -183,21 +185,21 @@ class ArrayReceiver:
         return density * seen * math.sqrt(spread / (2.0 * math.pi) * twice) * (twice - 3.0)
 
     def threshold(self, density: float) -> float:
-        """That noise alone exceeds ``density`` times per (m x m/s); InputError for more than it can."""
+        """Threshold at which noise has ``density`` peaks per (m x m/s); InputError for a density out of range."""
         low, high = 3.0, 100.0
         check_within("density", density, self.false_returns(high), self.false_returns(low), "per (m x m/s)")
         return float(scipy.optimize.brentq(lambda t: math.log(self.false_returns(t) / density), low, high))
 
     @cached_property
     def _half(self) -> int:
-        """Samples from a pulse's begin to its middle."""
+        """Samples from the start of a pulse to its middle."""
         t = np.arange(0.0, self.train.pulse.support[1], 1.0 / self.sample_rate)
-        audible = self.train.pulse.envelope(t) > AUDIBLE * float(self.train.pulse.envelope(0.0))
-        return int(audible.sum())
+        above = self.train.pulse.envelope(t) > CUT_OFF * float(self.train.pulse.envelope(0.0))
+        return int(above.sum())
 
     @cached_property
     def _template(self) -> ComplexArray:
-        """Spectrum of one pulse, of the energy that makes the image's noise that of a sample."""
+        """Spectrum of one pulse, scaled so that noise has the same power in the image as in a sample."""
         pulse = np.zeros(self.shape[2], np.complex128)
         t = np.arange(-self._half, self._half + 1)
         pulse[: len(t)] = self.train.pulse.signal(t / self.sample_rate)
@@ -206,7 +208,7 @@ class ArrayReceiver:
 
     @property
     def _delays(self) -> int:
-        """Cells from no delay to that of the reach, and one more."""
+        """Number of delay cells up to the reach, with one cell of margin."""
         return math.ceil(2.0 * self.reach / SPEED_OF_LIGHT * self.sample_rate * DELAY_CELLS) + 2
 
     @property
@@ -215,32 +217,32 @@ class ArrayReceiver:
 
     @cached_property
     def _cells(self) -> Array:
-        """How far it is from one cell to the next in range and range-rate, m and m/s, on the diagonal."""
+        """Cell sizes in range and range-rate, m and m/s, on the diagonal."""
         metres = 0.5 * SPEED_OF_LIGHT
         rate = -metres / (self.carrier * self._dopplers * self.train.interval)
         return np.diag([metres / (self.sample_rate * DELAY_CELLS), rate])
 
     @cached_property
     def _curvature(self) -> Array:
-        """C in |A|^2 = exp(-d^T C d) of the image of a train, d in cells: its Fisher information at an SNR of 1."""
+        """C in |A|^2 = exp(-d^T C d), d in cells, of the image of a train: the Fisher information at an SNR of 1."""
         information = np.linalg.inv(self.train.fisher_factors().measurement_covariance(self.carrier))
         return np.asarray(self._cells @ information @ self._cells)
 
     @cached_property
     def _steering(self) -> ComplexArray:
-        """Beams, (beam, element)."""
+        """Steering vectors, (beam, element)."""
         beams = BEAMS_PER_ELEMENT * self.elements
         return np.exp(2j * np.pi * np.outer(np.arange(beams) / beams, np.arange(self.elements)))
 
 
 def _between_cells(decay: float) -> float:
-    """Mean of exp(-decay x^2) over a cell: the part of the tops just above a threshold whose middle is above it too."""
+    """Mean of exp(-decay x^2) over a cell: the fraction of peaks just above a threshold that cells do not miss."""
     half = 0.5 * math.sqrt(decay)
     return 0.5 * math.sqrt(math.pi) * math.erf(half) / half
 
 
 def _six_of_nine() -> Array:
-    """From nine values about a cell to the coefficients of 1, d, f, d^2, df, f^2 of least squares, (6, 9)."""
+    """Least-squares matrix from the nine values around a cell to the coefficients of 1, d, f, d^2, df, f^2, (6, 9)."""
     d, f = (axis.ravel() for axis in np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], indexing="ij"))
     return np.linalg.pinv(np.stack([np.ones(9), d, f, d * d, d * f, f * f], axis=1))
 

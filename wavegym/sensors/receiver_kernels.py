@@ -1,4 +1,4 @@
-"""Echoes at an array's elements, pulse by pulse, and the peaks of their delay-Doppler image, in compiled form."""
+"""Kernels of ``receiver.py``: echoes at the elements of an array, and the peaks of the delay-Doppler image."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -8,16 +8,16 @@ import numpy as np
 from wavegym.core.counter_rng_kernels import normal
 from wavegym.core.kernels import kernel
 
-STEERINGS = 32  # directions among which a peak's own is sought
+STEERINGS = 32  # directions tried for each peak
 
 
 @kernel
 def path_delays(states, out, back, axes, offsets, times, speed, delays):
-    """Time that each way takes at each pulse and element, (way, pulse, element) in s.
+    """Delay of each path at each pulse and element, (path, pulse, element) in s.
 
-    Of targets at states (way, 6), moving on at constant acceleration about the middle of the train; out, back
-    (way, 2): images of transmitter and array; axes (way, 2): the array's axis in that image; offsets (element,): of the
-    elements along it, m; times (pulse,): s.
+    states (path, 6): target in the middle of the train, constant acceleration; out, back (path, 2): images of
+    transmitter and array; axes (path, 2): axis of the array in that image; offsets (element,): positions of the
+    elements along the axis, m; times (pulse,): s from the middle of the train.
     """
     for w in range(len(states)):
         for q in range(len(times)):
@@ -33,14 +33,14 @@ def path_delays(states, out, back, axes, offsets, times, speed, delays):
 
 @kernel
 def add_echoes(delays, amplitudes, carrier, spacing, spectra):
-    """Add exp(-j 2 pi (fc + f) tau) of every way to spectra (pulse, element, frequency), ``spacing`` Hz apart, as FFT
-    orders them. The envelope's delay is that of the array's middle: elements are half a wavelength apart.
+    """Add exp(-j 2 pi (fc + f) tau) of each path to spectra (pulse, element, frequency), ``spacing`` Hz apart, in FFT
+    order. All elements share the envelope delay of the array centre: they are half a wavelength apart.
     """
-    ways, pulses, elements = delays.shape
+    paths, pulses, elements = delays.shape
     length = spectra.shape[2]
     phasors = np.empty(elements, np.complex128)
     for q in range(pulses):
-        for w in range(ways):
+        for w in range(paths):
             for m in range(elements):
                 phasors[m] = amplitudes[w] * np.exp(-2j * np.pi * carrier * delays[w, q, m])
             turn = np.exp(-2j * np.pi * spacing * delays[w, q].mean())
@@ -65,7 +65,7 @@ def add_noise(key, scale, samples):
 
 @kernel
 def brightest(cube, steering, power):
-    """power (delay, Doppler) of cube (element, delay, Doppler) in the best of the beams, steering (beam, element)."""
+    """power (delay, Doppler) of cube (element, delay, Doppler) in the strongest beam of steering (beam, element)."""
     elements, delays, dopplers = cube.shape
     power[:] = 0.0
     for b in range(len(steering)):
@@ -79,9 +79,9 @@ def brightest(cube, steering, power):
 
 @kernel
 def find_maxima(power, threshold, found):
-    """Cells of local maxima above the threshold, not on the first or last delay, into found (most, 2); their number.
+    """Write the cells of local maxima above the threshold to found (most, 2); return their number.
 
-    Doppler is periodic. Of more than ``most`` the strongest are kept.
+    The first and last delay are left out; Doppler is periodic. Only the ``most`` strongest maxima are kept.
     """
     delays, dopplers = power.shape
     count = 0
@@ -117,11 +117,11 @@ def _is_maximum(power, d, f):
 
 @kernel
 def drop_sidelobes(power, found, count, delay_decay, pulses, oversampled, margin):
-    """Keep the maxima, strongest first, that no stronger one's main lobe and sidelobes reach; how many are left.
+    """Keep the maxima that exceed the lobes of all stronger maxima; return how many are kept. Strongest first.
 
-    The main lobe is Gaussian in delay, exp(-delay_decay cells^2), and a resolution cell wide in Doppler, which is
-    ``oversampled`` cells. Beyond, a train of B = ``pulses`` has sidelobes 1 / (B sin(pi x / B))^2, x in resolution
-    cells, of what there is at their delay and the stronger one's Doppler.
+    The main lobe is Gaussian in delay, exp(-delay_decay cells^2), and one resolution cell (``oversampled`` cells) wide
+    in Doppler. Beyond it, a train of B = ``pulses`` has Doppler sidelobes 1 / (B sin(pi x / B))^2, x in resolution
+    cells, relative to the power at the same delay and the Doppler of the stronger maximum.
     """
     kept = 0
     for i in range(count):
@@ -144,9 +144,9 @@ def drop_sidelobes(power, found, count, delay_decay, pulses, oversampled, margin
 def fit_peaks(cube, found, count, solve, own, peaks):
     """Fit log|A|^2 = a - (x - x0)^T C (x - x0) about each maximum, in cells: peaks (peak, 6) = x0, C00, C01, C11, eta.
 
-    solve (6, 9) takes the nine log powers, in the direction that suits the peak best, to the coefficients of
-    1, d, f, d^2, df, f^2. A fit that has no maximum within a cell is replaced by the middle of the cell and ``own``
-    (C00, C01, C11), the waveform's.
+    solve (6, 9) maps the nine log powers, in the direction of greatest power, to the coefficients of
+    1, d, f, d^2, df, f^2. A fit without a maximum within a cell is replaced by the centre of the cell and by ``own``
+    (C00, C01, C11), the curvature of the waveform.
     """
     for i in range(count):
         d, f = found[i]
@@ -170,7 +170,7 @@ def fit_peaks(cube, found, count, solve, own, peaks):
 
 @kernel
 def _steered(cube, d, f, u):
-    """Power of a cell in the direction of spatial frequency u, cycles from element to element."""
+    """Power of a cell in the direction of spatial frequency u, cycles per element."""
     total = 0.0j
     for m in range(len(cube)):
         total += cube[m, d, f] * np.exp(2j * np.pi * u * m)

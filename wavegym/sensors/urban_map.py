@@ -1,4 +1,4 @@
-"""A city as data: buildings with walls that reflect, roads, junctions and small things that scatter."""
+"""An urban map: buildings whose walls reflect, roads, junctions and small scatterers."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, FiniteFloat, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
+from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_positive, check_within
 from wavegym.core.parameters import in_one_line, make_checked
-from wavegym.sensors.checks import shaped
 
 Point = tuple[FiniteFloat, FiniteFloat]
-CITIES = Path(__file__).parent / "cities"
+MAPS = Path(__file__).parent / "cities"
 CLOSED = ConfigDict(extra="forbid")
 
 
 @in_one_line
 @dataclass(frozen=True, config=CLOSED)
 class Building:
-    """A polygon that nothing passes through and whose walls reflect like mirrors.
+    """An opaque polygon whose walls reflect like mirrors.
 
     Args:
-        corners: (x, y) in m in order, either way round; the last wall leads back to the first corner.
-        reflectivity: part of the power that a wall reflects, in [0, 1].
+        corners: (x, y) in m, in order, clockwise or anticlockwise; the last wall leads back to the first corner.
+        reflectivity: fraction of the power that a wall reflects, in [0, 1].
 
     Raises:
         InputError: fewer than three corners, walls that cross, no area, a reflectivity outside [0, 1].
@@ -55,11 +55,11 @@ class Building:
 @in_one_line
 @dataclass(frozen=True, config=CLOSED)
 class Road:
-    """A strip on which targets may drive.
+    """A strip on which targets drive.
 
     Args:
-        centre: (x, y) in m along its middle, at least two points.
-        width: in m.
+        centre: (x, y) in m along the centre line, at least two points.
+        width: m.
 
     Raises:
         InputError: fewer than two different points, a width that is not > 0.
@@ -78,17 +78,17 @@ class Road:
 
 @in_one_line
 @dataclass(frozen=True, config=CLOSED)
-class City:
-    """Everything a radar in a street has to know of it (Barbosa et al., figure 3).
+class UrbanMap:
+    """The map of an urban scene that a radar uses (Barbosa et al., figure 3).
 
     Args:
-        buildings: not overlapping.
-        roads: where targets are to be expected.
+        buildings: they must not overlap.
+        roads: where targets are expected.
         junctions: polygons, corners (x, y) in m, inside which targets are expected to turn.
-        discretes: (x, y) in m of small things that scatter, e.g. trees.
+        discretes: (x, y) in m of small scatterers such as trees.
 
     Raises:
-        InputError: two buildings that overlap, a polygon that is none.
+        InputError: two buildings overlap, or a polygon is invalid.
     """
 
     buildings: tuple[Building, ...] = ()
@@ -110,68 +110,72 @@ class City:
         return self
 
     @classmethod
-    def load(cls, source: str | Path) -> City:
-        """A city from a TOML file whose tables are this class's fields, or one that comes with wavegym by its name.
+    def load(cls, source: str | Path) -> UrbanMap:
+        """An urban map from a TOML file whose tables are the fields of this class, or a map of wavegym by its name.
 
-        >>> len(City.load("intersection").walls)
+        >>> len(UrbanMap.load("intersection").walls)
         16
 
         Raises:
-            InputError: no such city or file, or one that holds something else.
+            InputError: no such map or file, or the file holds no map.
         """
-        own = {file.stem: file for file in sorted(CITIES.glob("*.toml"))}
+        own = {file.stem: file for file in sorted(MAPS.glob("*.toml"))}
         file = own.get(str(source), Path(source))
         if not file.suffix:
             check_choice("city", str(source), own)
         try:
             table = tomllib.loads(file.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"the city file {file} cannot be read: {error}") from None
+            raise InputError(f"the map file {file} cannot be read: {error}") from None
         return make_checked(cls, table, f" in {file}")
 
     @cached_property
     def walls(self) -> Array:
-        """From where to where each wall leads, x0, y0, x1, y1 in m, (wall, 4): the street is on its right-hand side."""
+        """Ends of each wall, x0, y0, x1, y1 in m, (wall, 4); the outside is on the right-hand side."""
         rows = [(*a, *b) for each in self.buildings for a, b in _sides(each.corners)]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     @cached_property
     def reflectivity(self) -> Array:
-        """Part of the power that each wall reflects, (wall,)."""
+        """Fraction of the power that each wall reflects, (wall,)."""
         return np.array([each.reflectivity for each in self.buildings for _ in each.corners], dtype=np.float64)
 
     def indoors(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Which points (x, y) in m, (..., 2), lie inside a building, (...); InputError where shapes do not fit."""
-        points = shaped("points", points, 2)
+        """Whether points (x, y) in m, (..., 2), lie inside a building, (...); InputError for a wrong shape."""
+        points = check_last_axes("points", points, 2)
         return np.asarray(shapely.contains_xy(self._built, points[..., 0], points[..., 1]))
 
     def on_road(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Which points (x, y) in m, (..., 2), lie on a road, (...); InputError where shapes do not fit."""
-        points = shaped("points", points, 2)
+        """Whether points (x, y) in m, (..., 2), lie on a road, (...); InputError for a wrong shape."""
+        points = check_last_axes("points", points, 2)
         return np.asarray(shapely.contains_xy(self.paved, points[..., 0], points[..., 1]))
 
     def check_outdoors(self, name: str, point: Point) -> None:
-        """InputError if an antenna stands inside a building; the nearest point outside is named."""
+        """InputError if an antenna stands inside a building; the error names the nearest point outside."""
         if self.indoors(point):
             wall = self._built.boundary
             out = wall.interpolate(wall.project(shapely.Point(point)))
             raise InputError(
-                f"{name} is {tuple(point)} m, inside a building, expected a place in the street"
+                f"{name} is {tuple(point)} m, inside a building, expected a place outside all buildings"
                 f" (nearest wall: ({out.x:g}, {out.y:g}))"
             )
 
     def check_drivable(self, name: str, points: ArrayLike) -> None:
-        """InputError if a path through the points (x, y) in m, (time, 2), leads through a wall; says where."""
-        crossed = shapely.LineString(shaped(name, points, 2)).intersection(self._built)
+        """InputError if the route through points (x, y) in m, (time, 2), enters a building; the error says where."""
+        crossed = shapely.LineString(check_last_axes(name, points, 2)).intersection(self._built)
         if crossed.length > 0.0:
             x, y = shapely.get_coordinates(crossed)[0]
-            raise InputError(f"{name} leads into a building at ({x:g}, {y:g}) m, expected a path through the streets")
+            raise InputError(
+                f"{name} leads into a building at ({x:g}, {y:g}) m, expected a route outside all buildings"
+            )
 
     def check_roads(self) -> None:
-        """InputError if a road leads through a building."""
+        """InputError if a road enters a building."""
         for road, strip in zip(self.roads, self._strips, strict=True):
             if strip.intersection(self._built).area > 0.0:
-                raise InputError(f"the road along {road.centre} leads into a building, expected roads in the open")
+                raise InputError(
+                    f"the road along {road.centre} leads into a building, expected roads outside all buildings"
+                )
 
     @cached_property
     def _built(self) -> shapely.Geometry:
@@ -190,7 +194,7 @@ class City:
 
 
 def _polygon(name: str, corners: tuple[Point, ...]) -> tuple[Point, ...]:
-    """The corners anticlockwise; InputError where they bound no single area."""
+    """The corners anticlockwise; InputError unless they bound one area."""
     if len(set(corners)) < 3:
         raise InputError(f"{name} are {corners}, expected at least three different ones")
     polygon = shapely.Polygon(corners)

@@ -1,4 +1,4 @@
-"""Windows of visibility: when each target can be seen, known from the beginning."""
+"""Windows of visibility: when each target is visible, known from the start."""
 
 from __future__ import annotations
 
@@ -16,50 +16,50 @@ LONGEST = 1_000_000  # steps
 
 
 def window_draws(horizon: int, shown: tuple[int, int], hidden: tuple[int, int]) -> int:
-    """How many uniform draws ``alternating_windows`` needs of each target, however short its windows turn out.
+    """Number of uniform draws per target that ``alternating_windows`` needs, for the shortest windows too.
 
     Args:
         horizon: steps.
-        shown: least and greatest number of steps in sight.
-        hidden: the same out of sight.
+        shown: least and greatest number of steps for which a target stays visible.
+        hidden: the same for hidden steps.
 
     Raises:
-        InputError: less than one step in sight, less than none out of sight, or bounds in the wrong order.
+        InputError: shown below 1, hidden below 0, or bounds in the wrong order.
     """
     for name, (low, high), least in (("shown", shown, 1), ("hidden", hidden, 0)):
         check_ordered(name, low, high)
         check_within(name, low, least, LONGEST, "steps")
         check_within(name, high, least, LONGEST, "steps")
-    cycles = 1 + -(-horizon // (shown[0] + hidden[0]))  # the first one may be nearly over
+    cycles = 1 + -(-horizon // (shown[0] + hidden[0]))  # the first cycle may be nearly over
     return 1 + 2 * cycles
 
 
 def alternating_windows(
     uniforms: ArrayLike, horizon: int, shown: tuple[int, int] = (6, 14), hidden: tuple[int, int] = (4, 10)
 ) -> Array:
-    """When a target can be seen that is in sight and out of sight by turns.
+    """When a target is visible that is visible and hidden in turn.
 
-    Each stay's length is uniform over its bounds; the episode begins anywhere in the first stay in sight and the one
-    out of sight that follows it, all their steps being equally likely.
+    The length of each stay is uniform over its bounds. The episode starts at a uniformly drawn step of the first
+    visible stay and the hidden stay that follows.
 
     Args:
         uniforms: draws in [0, 1], (..., n), n at least ``window_draws``.
         horizon: steps.
-        shown: least and greatest number of steps in sight.
-        hidden: the same out of sight.
+        shown: least and greatest number of steps for which a target stays visible.
+        hidden: the same for hidden steps.
 
     Returns:
-        Whether the target can be seen in each step, bool (..., horizon).
+        Whether the target is visible in each step, bool (..., horizon).
 
     Raises:
-        InputError: bounds that make no windows, or too few draws.
+        InputError: invalid bounds, or too few draws.
     """
     u, needed = np.asarray(uniforms, np.float64), window_draws(horizon, shown, hidden)
     if u.ndim < 1 or u.shape[-1] < needed:
         raise InputError(f"uniforms have shape {u.shape}, expected (..., n) with n >= {needed}")
     low, high = np.array([shown, hidden] * ((needed - 1) // 2)).T
     stays = low + _up_to(u[..., 1:needed], high - low + 1)
-    gone = _up_to(u[..., 0], stays[..., 0] + stays[..., 1])  # steps of the first turn before the episode begins
+    gone = _up_to(u[..., 0], stays[..., 0] + stays[..., 1])  # steps of the first cycle before the episode starts
     ends = np.cumsum(stays, axis=-1) - gone[..., None]
     over = (ends[..., None, :] <= np.arange(horizon)[:, None]).sum(axis=-1)
     visible: Array = over % 2 == 0
@@ -67,20 +67,20 @@ def alternating_windows(
 
 
 def _up_to(uniform: Array, count: Array) -> Array:
-    """Whole numbers 0 to count - 1, equally likely."""
+    """Integers 0 to count - 1, equally likely."""
     return np.minimum((uniform * count).astype(np.int64), count - 1)
 
 
 def given_windows(windows: Sequence[Window], targets: int, horizon: int) -> Array:
-    """Whether each target can be seen in each step, bool (horizon, target).
+    """Whether each target is visible in each step, bool (horizon, target).
 
     Args:
-        windows: (target, first, last): steps ``first`` to ``last``, both included, in which it cannot be seen.
-        targets: how many there are.
+        windows: (target, first, last): the target is hidden in steps ``first`` to ``last``, both included.
+        targets: number of targets.
         horizon: steps.
 
     Raises:
-        InputError: a target that does not exist, or steps outside the episode or in the wrong order.
+        InputError: no such target, or steps outside the episode or in the wrong order.
     """
     visible = np.ones((horizon, targets), np.bool_)
     for target, first, last in windows:
@@ -93,12 +93,12 @@ def given_windows(windows: Sequence[Window], targets: int, horizon: int) -> Arra
 
 
 def visibility(system: Any, draws: Array, targets: int) -> Array:
-    """Whether each target can be seen in each step, (env, H, target): as given by ``windows``, or else as drawn.
+    """Whether each target is visible in each step, (env, H, target): from ``windows`` if given, otherwise drawn.
 
     Args:
         system: has ``windows``, ``horizon``, ``shown`` and ``hidden``.
         draws: uniform, (env, target, n).
-        targets: how many.
+        targets: number of targets.
     """
     if system.windows:
         return np.tile(given_windows(system.windows, targets, system.horizon), (len(draws), 1, 1))

@@ -28,7 +28,7 @@ from wavegym.trackers.kalman import (
 from wavegym.trackers.lmipda import LmipdaUpdate, lmipda
 from wavegym.trackers.multilateration import multilaterate
 from wavegym.trackers.rbpf import Particles, RbpfUpdate, rbpf_update, systematic_resample
-from wavegym.trackers.urban.tracker import StreetTracker, Tracks
+from wavegym.trackers.urban.tracker import Tracks, UrbanTracker
 
 __all__ = [
     "Association",
@@ -36,8 +36,8 @@ __all__ = [
     "LmipdaUpdate",
     "Particles",
     "RbpfUpdate",
-    "StreetTracker",
     "Tracks",
+    "UrbanTracker",
     "check_positive_definite",
     "ekf_predict",
     "ekf_update",

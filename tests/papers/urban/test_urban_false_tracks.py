@@ -13,7 +13,7 @@ from papers.urban.study import CLOSED, LOOSE, OPEN, Case, system
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import Antenna, Multistatic
-from wavegym.sensors.urban_map import Building, City
+from wavegym.sensors.urban_map import Building, UrbanMap
 from wavegym.systems.urban.state import make_scene
 from wavegym.targets import ScriptedPath
 from wavegym.trackers import Tracks
@@ -23,10 +23,10 @@ ANTENNAS = (0.0, 0.0), ((10.0, 0.0), (-10.0, 0.0))  # in one line: what lies abo
 SCANS, WALL = 10, 60.0
 
 
-def driven(city, path, arrivals, times):
+def driven(urban_map, path, arrivals, times):
     transmitter, receivers = ANTENNAS
-    pairs = [Multistatic(Antenna(city, transmitter), Antenna(city, place)) for place in receivers]
-    return make_scene(city, pairs, path, arrivals, times)
+    pairs = [Multistatic(Antenna(urban_map, transmitter), Antenna(urban_map, place)) for place in receivers]
+    return make_scene(urban_map, pairs, path, arrivals, times)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def scene():
     """A target drives along y = 30 m, past antennas in one line; behind x = 60 m stands a house that reflects."""
     house = Building(corners=((WALL, -50.0), (WALL + 20, -50.0), (WALL + 20, 80.0), (WALL, 80.0)))
     path = ScriptedPath((-5.0, 30.0), (4.0, 2.0), [])
-    return driven(City(buildings=(house,)), path, [0.0], 0.25 * np.arange(SCANS + 1))
+    return driven(UrbanMap(buildings=(house,)), path, [0.0], 0.25 * np.arange(SCANS + 1))
 
 
 def tracks(*states):
@@ -62,8 +62,8 @@ def test_the_mirror_image_in_the_line_of_the_antennas(scene, truth):
 
 
 def test_the_mirror_image_in_a_wall(scene, truth):
-    """Out and back by the wall the way is as long as straight to the image behind it."""
-    assert scene.ways[:, :, 0].min() >= 3  # straight, by the wall on either leg, and on both
+    """A path over the wall out and back is as long as the straight path to the image behind the wall."""
+    assert scene.path_count[:, :, 0].min() >= 3  # straight, by the wall on either leg, and on both
     assert counted(scene, truth * [-1.0, 1.0, -1.0, 1.0] + [2 * WALL, 0.0, 0.0, 0.0]) == {WALLS: 1}
 
 
@@ -88,7 +88,7 @@ def test_a_slot_taken_twice_holds_two_tracks(scene, truth):
 
 def test_before_a_target_comes_every_track_is_false(truth):
     path = ScriptedPath((-5.0, 30.0), (4.0, 2.0), [])
-    late = driven(City(), path, [1.0], 0.25 * np.arange(SCANS + 1))
+    late = driven(UrbanMap(), path, [1.0], 0.25 * np.arange(SCANS + 1))
     assert counted(late, truth) == {OTHER: 1}
 
 

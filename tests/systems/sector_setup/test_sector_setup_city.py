@@ -1,4 +1,4 @@
-"""The sector set-up in a city: who starts where, and that buildings hide them when shapely says so."""
+"""The sector set-up on an urban map: starts on roads, and visibility against shapely."""
 
 from __future__ import annotations
 
@@ -26,37 +26,37 @@ def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
     assert (speed <= 10.0).all()
     middle = np.where(y < 122.5, 110.0, 135.0)
     assert ((y < middle) == (u > 0)).all()
-    for part in (y < 122.5, u > 0, x > 0):  # alike for every metre, either way: five standard errors
+    for part in (y < 122.5, u > 0, x > 0):  # uniform along roads and over directions, within five standard errors
         assert abs(part.mean() - 0.5) < 5 * 0.5 / np.sqrt(len(truth))
 
 
-def test_who_is_hidden_is_so_by_a_building():
-    """Every step of some targets: the straight lines to the three antennas from where each would be, by shapely."""
+def test_buildings_hide_targets():
+    """Straight lines from the filed positions of some targets to the three antennas, by shapely."""
     belief, truth = (lambda s: (s.belief, s.truth.targets))(SYSTEM.initial(oracles.worlds(SYSTEM, 4)))
     built = shapely.union_all([shapely.Polygon(each.corners) for each in SYSTEM.map.buildings])
     for e in range(4):
         for k in range(0, SYSTEM.horizon, 3):
             for t in range(SYSTEM.targets):
                 place = truth[e, t, ::2] + SYSTEM.dt * (k + 1) * truth[e, t, 1::2]
-                ways = [shapely.LineString([place, site]) for site in (SYSTEM.illuminator, *SYSTEM.receivers)]
-                assert belief.visible[e, k, t] == (not any(way.crosses(built) for way in ways))
+                lines = [shapely.LineString([place, site]) for site in (SYSTEM.illuminator, *SYSTEM.receivers)]
+                assert belief.visible[e, k, t] == (not any(line.crosses(built) for line in lines))
     assert 0.3 < belief.visible.mean() < 0.7
 
 
-def test_in_sight_is_the_first_of_what_is_seen():
+def test_direct_visibility_is_that_of_the_first_image():
     antenna, rng = Antenna(SYSTEM.map, (0.0, 0.0)), np.random.default_rng(0)
     points = rng.uniform((-200.0, 0.0), (200.0, 160.0), (50, 3, 2))
-    np.testing.assert_array_equal(antenna.in_sight(points), antenna.seen(points)[..., 0])
-    assert antenna.in_sight((0.0, 50.0)).shape == ()
+    np.testing.assert_array_equal(antenna.directly_visible(points), antenna.visible(points)[..., 0])
+    assert antenna.directly_visible((0.0, 50.0)).shape == ()
 
 
-def test_windows_that_are_given_take_the_place_of_the_city_s():
+def test_given_windows_replace_those_of_the_map():
     visible = SectorSetupCity(windows=((1, 5, 9),)).initial(oracles.worlds(SYSTEM, 2)).belief.visible
     assert visible.sum() == visible.size - 2 * 5
 
 
 def test_estimates_are_consistent():
-    """NEES at the ends of 400 episodes with a rule that keeps tracks alive: 4 of mean, 8 of variance."""
+    """NEES at the ends of 400 episodes with a heuristic that keeps all tracks: mean 4, variance 8."""
     worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
     state = SYSTEM.initial(worlds)
     rule.begin(SYSTEM, 400, np.random.default_rng(0))
@@ -80,10 +80,10 @@ def test_mistakes(change, message):
     assert "\n" not in str(error.value)
 
 
-def test_a_city_without_roads_is_no_place_to_start(tmp_path):
+def test_a_map_without_roads_is_refused(tmp_path):
     file = tmp_path / "bare.toml"
     file.write_text("[[buildings]]\ncorners = [[0, 50], [10, 50], [10, 60]]\n")
-    with pytest.raises(InputError, match="expected one with roads"):
+    with pytest.raises(InputError, match="expected a map with roads"):
         make_checked(SectorSetupCity, {"city": str(file)})
 
 
@@ -93,5 +93,5 @@ def test_no_road_leads_through_a_building(tmp_path):
         "[[buildings]]\ncorners = [[-20, 100], [20, 100], [20, 120], [-20, 120]]\n"
         "[[roads]]\ncentre = [[-150, 110], [150, 110]]\nwidth = 14\n"
     )
-    with pytest.raises(InputError, match="leads into a building, expected roads in the open"):
+    with pytest.raises(InputError, match="leads into a building, expected roads outside all buildings"):
         make_checked(SectorSetupCity, {"city": str(file)})

@@ -19,7 +19,7 @@ THREE = SectorSetup(
 
 
 def held(system, rng, count, stay=0.85):
-    """Actions (step, env) of which each is kept with probability ``stay``: some looks come about."""
+    """Actions (step, env); each is kept with probability ``stay``, so that some set-ups finish."""
     actions = rng.integers(len(system.actions), size=(system.horizon, count))
     for k in range(1, system.horizon):
         actions[k] = np.where(rng.random(count) < stay, actions[k - 1], actions[k])
@@ -27,7 +27,7 @@ def held(system, rng, count, stay=0.85):
 
 
 def somewhere(system, count, seed=0, steps=20):
-    """A state in mid-episode, its worlds, and the generator."""
+    """A state in the middle of an episode, its worlds, and the generator."""
     rng = np.random.default_rng(seed)
     worlds = oracles.worlds(system, count, seed)
     state = system.initial(worlds)
@@ -37,7 +37,7 @@ def somewhere(system, count, seed=0, steps=20):
 
 
 def ready(system, belief, target, seen=True):
-    """The same with ``target`` (env,) set up, and in sight or not."""
+    """The belief with ``target`` (env,) set up, visible or hidden."""
     visible = np.full_like(belief.visible, seen)
     return belief._replace(pointed=target, dead=np.zeros_like(belief.dead), visible=visible)
 
@@ -66,7 +66,7 @@ def test_whole_episodes(system):
 
 
 def test_belief_coasts_as_the_motion_model_says():
-    """Steps of any length in one go, as ``gain`` takes them: against F P F' + Q."""
+    """Several steps at once, as in ``gain``, against F P F' + Q."""
     state, _, rng = somewhere(SYSTEM, 5)
     belief = ready(SYSTEM, state.belief, rng.integers(4, size=5), seen=False)
     here = belief
@@ -80,8 +80,8 @@ def test_belief_coasts_as_the_motion_model_says():
 
 
 @pytest.mark.parametrize("system", [SYSTEM, THREE], ids=["default", "three receivers"])
-def test_imagined_outcomes_are_what_happens(system):
-    """Draws of 0 and 1 say which receivers detect, for the world and in prediction; in every state of an episode."""
+def test_predicted_outcomes_are_what_happens(system):
+    """Draws of 0 and 1 select the receivers that detect, in the world and in prediction, at every step."""
     rng, worlds = np.random.default_rng(2), oracles.worlds(system, 30)
     worlds = worlds._replace(detection=rng.integers(0, 2, worlds.detection.shape).astype(float))
     state, rows, updates = system.initial(worlds), np.arange(30), 0
@@ -100,7 +100,7 @@ def test_imagined_outcomes_are_what_happens(system):
 
 
 def test_candidates_and_their_own_outcomes():
-    """(env, candidate) and (1, candidate) give what each alone gives, bit for bit; draws of 0, 1 and between."""
+    """(env, candidate) and (1, candidate) equal the prediction of each candidate alone, bit for bit."""
     state, _, rng = somewhere(SYSTEM, 6)
     belief, everything = state.belief, SYSTEM.candidates()
     draws = rng.random((6, 8, 2))
@@ -133,7 +133,7 @@ def test_expected_outcome_is_the_mean_over_all_outcomes():
 
 
 def test_expected_outcome_is_the_mean_of_what_happens():
-    """10^4 drawn steps: with the truth where it is predicted within 5 standard errors, otherwise 3 % of the change."""
+    """10^4 drawn steps: within 5 standard errors with the truth at its prediction, else within 3 % of the change."""
     state, _, rng = somewhere(SYSTEM, 1, seed=3)
     count, action = 10_000, np.full(10_000, 2)
     many = type(state.belief)(*(np.repeat(a, count, axis=0) for a in ready(SYSTEM, state.belief, np.ones(1, int))))
@@ -156,7 +156,7 @@ def test_expected_outcome_is_the_mean_of_what_happens():
 
 @pytest.mark.parametrize(("wait", "ahead"), [(0, 1), (0, 14), (3, 5), (9, 14), (12, 30)])
 def test_gain_is_what_a_look_takes_off_the_costs_to_come(wait, ahead):
-    """Against costs of beliefs that coast to the end, with and without the look."""
+    """Against the costs of beliefs without further measurements, with and without the look."""
     state, _, _ = somewhere(SYSTEM, 12, steps=35)
     belief = state.belief
     dark = belief._replace(visible=np.zeros_like(belief.visible))

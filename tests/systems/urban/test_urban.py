@@ -1,4 +1,4 @@
-"""The street's closed loop: what is measured, what it costs, what agents see."""
+"""The urban closed loop: measurements, cost and observation."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_targets_drive_as_the_paper_says():
 
 
 def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
-    """The first target's direct return at scan 100 in 4000 worlds: Pd, mean, covariance; and the number of others."""
+    """Direct return of the first target at scan 100 in 4000 worlds: Pd, mean, covariance; number of other returns."""
     count, scan, system = 4000, 100, Urban(arrivals=(0.0,))
     worlds, state = oracles.worlds(system, count), system.initial(oracles.worlds(system, count))
     state = state._replace(belief=state.belief._replace(step=np.full(count, scan - 1)))
@@ -41,8 +41,8 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     exact = multistatic_range_and_rate(system.scene.truth[scan, 0, :4], system.transmitters[0], system.receivers[0])
     eta = 200.0 * (100.0 / exact[0]) ** 4
     R = measurement_covariances(system.actions, 4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
-    ways = system.scene.z[0, scan, 0, : system.scene.ways[0, scan, 0]]
-    off = truth.z[:, 0, 0] - exact  # ways come first, the direct one before all others
+    paths = system.scene.z[0, scan, 0, : system.scene.path_count[0, scan, 0]]
+    off = truth.z[:, 0, 0] - exact  # returns over paths come first, the direct one before all others
     squared = (off * np.linalg.solve(R, off.T).T).sum(axis=1)
     detected = squared < chi2.ppf(1 - 1e-6, 2)
     pd = 1e-3 ** (1.0 / (1.0 + eta / 2.0))
@@ -53,16 +53,16 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     expected = 1e-3 * 300.0 * 2.0 * system.ambiguity
     most = [
         1e-3 ** (1.0 / (1.0 + 100.0 * (100.0 / r) ** 4 * 0.4**k))
-        for r, k in zip(ways[:, 0], walls(system, scan), strict=True)
+        for r, k in zip(paths[:, 0], walls(system, scan), strict=True)
     ]
     number = truth.number[:, 0].mean()
     assert abs(number - expected - sum(most)) < 4.5 * np.sqrt((expected + len(most) / 4) / count)
     assert truth.z.shape[2] == MOST
-    assert poisson.sf(MOST // 2, expected) < 1e-6  # an array has room for all
+    assert poisson.sf(MOST // 2, expected) < 1e-6  # the array has room for all
 
 
 def test_there_is_room_for_all_clutter():
-    """Beside what targets return: 6 standard deviations; as many false returns come as should."""
+    """Room for six standard deviations of clutter and the returns of targets; the number of false returns is right."""
     system, count = Urban(clutter_density=1e-2), 40
     worlds = oracles.worlds(system, count)
     truth = system.transition(system.initial(worlds), np.zeros(count, int), worlds).truth
@@ -71,29 +71,29 @@ def test_there_is_room_for_all_clutter():
     assert abs(truth.number.mean() - expected) < 4.5 * np.sqrt(expected / truth.number.size)
 
 
-def test_a_target_that_nobody_holds_is_an_error_too():
+def test_a_target_that_no_track_holds_counts_as_an_error():
     system = Urban(reference_snr=1e-3)
     worlds = oracles.worlds(system, 2)
     figures = system.state_info(system.transition(system.initial(worlds), np.zeros(2, int), worlds))
-    np.testing.assert_array_equal(figures["position_error"], [[20.0, 0.0]] * 2)  # the second has not come yet
+    np.testing.assert_array_equal(figures["position_error"], [[20.0, 0.0]] * 2)  # the second target has not arrived yet
 
 
 def walls(system, scan):
-    """How many walls each open way to the first receiver takes."""
-    return np.log(system.scene.reflected[0, scan, 0, : system.scene.ways[0, scan, 0]]) / np.log(0.4)
+    """Number of walls of each visible path to the first receiver."""
+    return np.log(system.scene.reflected[0, scan, 0, : system.scene.path_count[0, scan, 0]]) / np.log(0.4)
 
 
 def test_measurements_do_not_depend_on_other_choices():
-    """Both sweeps, of the same energy, meet the same returns and the same clutter."""
+    """Up and down sweeps of equal energy get the same returns and the same clutter."""
     worlds = oracles.worlds(SYSTEM, 20)
     state = SYSTEM.initial(worlds)
     up, down = (SYSTEM.transition(state, np.full(20, a), worlds).truth for a in (0, 1))
     np.testing.assert_array_equal(up.number, down.number)
-    np.testing.assert_allclose(up.z, down.z, atol=1e-3)  # of a train, both sweeps have the same variances
+    np.testing.assert_allclose(up.z, down.z, atol=1e-3)  # both sweeps have equal variances in a train
 
 
-def test_to_lose_a_track_never_pays():
-    """Whatever slot is emptied, whatever its covariance."""
+def test_losing_a_track_never_pays():
+    """Emptying any slot, with any covariance, raises the cost."""
     rng = np.random.default_rng(0)
     belief = played(SYSTEM, "random", 30, stop=100)[-1].belief
     belief = belief._replace(
@@ -134,7 +134,7 @@ def test_prediction_has_the_shapes_of_the_contract_and_is_a_prediction():
     assert (each.step == belief.step[:, None] + 1).all()
 
 
-def test_what_agents_see_is_the_mixture_s_mean_and_spread():
+def test_observation_is_the_mean_and_deviation_of_the_mixture():
     belief = played(SYSTEM, "random", 4, stop=90)[-1].belief
     x, P = Tracks(*belief[1:]).combined()
     shown = [
@@ -178,7 +178,7 @@ def test_metrics_are_counted_by_hand():
 
 
 def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
-    """All costs are equal then, and the first of the library is taken; with tracks, energy decides: it always does."""
+    """Without tracks all costs are equal and the first waveform is sent; with tracks the greater energy wins."""
     belief = SYSTEM.initial(oracles.worlds(SYSTEM, 3)).belief
     costs = SYSTEM.cost(SYSTEM.predict(belief, np.arange(4)[None]))
     assert (costs == costs[:, :1]).all()
@@ -201,12 +201,12 @@ def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
         ({"tracker": "imm"}, "tracker is 'imm'"),
         ({"slots": 0}, "slots is 0, expected an integer >= 1"),
         ({"arrivals": (float("nan"),)}, "arrivals.0 is nan"),
-        ({"weights": (1.0, -1.0, 1.0)}, r"weight is -1\.0"),
+        ({"weights": (1.0, -1.0, 1.0)}, r"weights\.1 is -1\.0"),
         ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
         ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
         ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
         ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan"),
-        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "city and antennas span"),
+        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "map and antennas span"),
         ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
         ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
     ],
@@ -217,12 +217,12 @@ def test_mistakes(change, message):
     assert "\n" not in str(error.value)
 
 
-def test_public_is_a_named_tuple_of_tracks():
+def test_the_belief_has_the_fields_of_tracks():
     assert Belief._fields[1:] == Tracks._fields
 
 
 def test_a_tree_of_futures_can_be_searched():
-    """Its belief has no single covariance; what is seen tells nodes apart by all of it."""
+    """The belief has no single covariance: the tree identifies nodes by the whole observation."""
     system = Urban(horizon=40)
     worlds = oracles.worlds(system, 2)
     played = rollout(system, make_policy("mcts:6", system, worlds), worlds)

@@ -1,4 +1,4 @@
-"""What the paper finds in a street, and what several transmitters add."""
+"""The findings of the paper, and the effect of several transmitters."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ PUBLISHED = {"vaguest": 12.0, "durations": (0.5e-6, 1.375e-6)}
 
 @pytest.mark.slow
 def test_the_paper_s_findings():
-    """Fifty runs: the closed loop confirms more tracks than the open one, with less than half its error, and knows how
-    targets move. The filter does it: round robin with the same filter is as good, and so is one NCV that expects more.
+    """Fifty runs: the closed loop confirms more tracks than the open one, with less than half its error, and identifies
+    the motion model. The filter is the cause: round robin with the same filter is as good, and so is a larger sigma.
 
-    As loose as the paper's initiation must have been (places known to 12 m), and with its shorter pulse sent as long as
-    there is no track, the headline is its own: about 15 % more confirmed tracks, 60 % less error.
+    With loose starts (positions known to 12 m) and the shorter pulse sent while there is no track, the headline is that
+    of the paper: about 15 % more confirmed tracks, 60 % less error.
     """
     closed, mu = headline(Urban(**PUBLISHED), "myopic")
     opened, _ = headline(Urban(**PUBLISHED, tracker="ncv"), "round-robin")
@@ -39,7 +39,7 @@ def test_the_paper_s_findings():
 
 
 def test_each_of_several_transmitters_has_its_own_waveform():
-    """Sixteen joint actions of two; what one sends is measured, and predicted, by its own pairs alone."""
+    """Sixteen joint actions of two; the waveform of a transmitter affects its own pairs only."""
     system = Urban(transmitters=((2085.0, 1470.5), (2060.0, 1530.0)))
     assert len(system.actions) == 16
     assert system.actions.labels[2] == f"{system.library.labels[0]} | {system.library.labels[2]}"
@@ -48,7 +48,9 @@ def test_each_of_several_transmitters_has_its_own_waveform():
     for _ in range(70):
         state = system.transition(state, np.full(10, 0), worlds)
     short, mixed, long = (system.transition(state, np.full(10, a), worlds).truth.z for a in (10, 2, 0))
-    np.testing.assert_array_equal(mixed[:, :2], long[:, :2])  # pairs of the first transmitter, which sends the longer
+    np.testing.assert_array_equal(
+        mixed[:, :2], long[:, :2]
+    )  # pairs of the first transmitter, which sends the longer pulse
     np.testing.assert_array_equal(mixed[:, 2:], short[:, 2:])
     assert (short != long).any(axis=(0, 2, 3)).all()
     cost = system.cost(system.predict(state.belief, np.array([[10, 8, 2, 0]])))
@@ -64,7 +66,7 @@ def test_joint_choices_of_several_transmitters_conform():
 
 
 def test_a_second_transmitter_elsewhere_helps():
-    """It crosses the first one's ellipses: fifty runs, less error on what is held."""
+    """Its ellipses cross those of the first: less error on held targets in fifty runs."""
     one, _ = headline(Urban(), f"fixed:{LONG_UP}")
     both, _ = headline(Urban(transmitters=((2085.0, 1470.5), (2060.0, 1530.0))), "fixed:0")
     assert both[1] < 0.8 * one[1]

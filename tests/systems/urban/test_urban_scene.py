@@ -1,4 +1,4 @@
-"""The scene of the street: what is drawn is what the state says, for any number of antennas, targets and slots."""
+"""The urban scene: it draws what the state holds, for any number of antennas, targets and slots."""
 
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.maps import colour
 from wavegym.systems.urban.map import SURE, UNSURE
-from wavegym.systems.urban.scene import FAINT, SHADES, StreetScene, folded, scan_caption
+from wavegym.systems.urban.scene import FAINT, SHADES, UrbanScene, folded, scan_caption
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
 from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE
@@ -56,7 +56,7 @@ def tracks_of(state):
 
 
 def plain(states, transmitter, receiver):
-    """Half the way by each target and its rate, (target, 2), in plain geometry."""
+    """Half the path length by each target and its rate, (target, 2), in plain geometry."""
     r = rate = 0.0
     for place in (transmitter, receiver):
         off = states[:, :2] - place
@@ -66,10 +66,10 @@ def plain(states, transmitter, receiver):
 
 
 def test_the_system_has_this_scene(crossing):
-    assert isinstance(crossing[0], StreetScene)
+    assert isinstance(crossing[0], UrbanScene)
 
 
-def test_the_map_is_to_scale_and_shows_the_city(crossing):
+def test_the_map_is_to_scale_and_shows_buildings_and_antennas(crossing):
     axes = crossing[0]._map
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert axes.bbox.width / (right - left) == pytest.approx(axes.bbox.height / (top - bottom))
@@ -84,15 +84,15 @@ def test_the_map_is_to_scale_and_shows_the_city(crossing):
     assert [line.get_xydata().tolist() for line in receivers] == [[list(place)] for place in SYSTEM.receivers]
 
 
-def test_the_map_shows_targets_with_their_trails_and_ways_that_are_open(crossing):
+def test_the_map_shows_targets_with_their_trails_and_visible_paths(crossing):
     axes, moment = crossing[0]._map, crossing[1]
-    for t, since in ((0, 0), (1, 40)):  # the second target comes ten seconds later
-        ways, trail, cross = of(colour(t), axes.lines)
+    for t, since in ((0, 0), (1, 40)):  # the second target arrives ten seconds later
+        paths, trail, cross = of(colour(t), axes.lines)
         expected = [state.truth.targets[0, t, :2] for state in moment.states[since:]]
         np.testing.assert_allclose(trail.get_xydata(), expected)
         np.testing.assert_allclose(cross.get_xydata(), expected[-1:])
         antennas = (*SYSTEM.transmitters, *SYSTEM.receivers)
-        for place, line in zip(antennas, ways.get_xydata().reshape(-1, 3, 2), strict=True):
+        for place, line in zip(antennas, paths.get_xydata().reshape(-1, 3, 2), strict=True):
             np.testing.assert_allclose(line[:2], [place, expected[-1]])
 
 
@@ -112,7 +112,7 @@ def test_the_map_shows_every_track_with_its_ellipse(steps):
     assert len(trail) == sum((state.belief.status == CONFIRMED).sum() for state in moment.states)
 
 
-def test_before_the_crossing_a_target_has_ways_by_walls_only():
+def test_before_the_crossing_a_target_has_paths_over_walls_only():
     scene, moment = drawn(SYSTEM, 20)
     trail, cross = of(colour(0), scene._map.lines)
     assert len(trail.get_xdata()) == 21

@@ -1,4 +1,4 @@
-"""The street down to the signals: what its measurements are worth, and that it is tracked as its stand-in is."""
+"""The urban loop at the signal level: errors of its measurements, and tracking as at the measurement level."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from wavegym.waveforms import (
 )
 
 SYSTEM = UrbanSignal()
-LONG_UP = 0  # number of the longer pulse that sweeps up
+LONG_UP = 0  # index of the longer pulse with the up sweep
 PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
 
 
@@ -32,7 +32,7 @@ def plain(tmp_path_factory):
 
 
 def scanned(system, scan, count, waveform):
-    """What receivers measure in the scan-th scan of ``count`` worlds."""
+    """Measurements of scan number ``scan`` in ``count`` worlds."""
     worlds = oracles.worlds(system, count)
     state = system.initial(worlds)
     state = state._replace(belief=state.belief._replace(step=np.full(count, scan - 1)))
@@ -40,47 +40,47 @@ def scanned(system, scan, count, waveform):
 
 
 @pytest.mark.parametrize("waveform", range(4))
-def test_a_target_in_the_open_is_measured_as_well_as_the_measurement_level_says(plain, waveform):
-    """200 trains a receiver: no bias, and deviations within four standard errors (20 %) of sqrt(R(psi) / eta)."""
+def test_errors_without_walls_are_those_of_the_measurement_level(plain, waveform):
+    """200 trains per receiver: no bias, deviations within four standard errors (20 %) of sqrt(R(psi) / eta)."""
     count, scan = 200, 30
     truth = scanned(plain, scan, count, waveform)
     for m, place in enumerate(plain.receivers):
         exact = multistatic_range_and_rate(plain.scene.truth[scan, 0, :4], plain.transmitters[0], place)
         eta = 200.0 * plain.durations[waveform // 2] / plain.durations[0] * (100.0 / exact[0]) ** 4
         sigma = np.sqrt(np.diag(measurement_covariances(plain.actions, 4e9)[waveform]) / eta)
-        errors = (truth.z[:, m, 0] - exact) / sigma  # the strongest comes first
+        errors = (truth.z[:, m, 0] - exact) / sigma  # strongest first
         assert (np.abs(errors.mean(axis=0)) < 4.0 / math.sqrt(count)).all()
         np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.2)
 
 
-def test_an_empty_street_returns_no_more_than_noise_does():
-    """Walls and trees are 20 dB stronger than a target, and subtracted; what is left is clutter_density."""
+def test_without_targets_there_are_no_more_returns_than_from_noise():
+    """Echoes of walls and trees, 20 dB above a target, are subtracted; the rest has density clutter_density."""
     empty, count = UrbanSignal(arrivals=(1000.0,)), 25
     number = scanned(empty, 1, count, LONG_UP).number
     expected = number.size * empty.clutter_density * empty.reach * 2.0 * empty.ambiguity
-    assert abs(number.sum() / expected - 1.0) < 0.15 + 4.0 / math.sqrt(expected)  # theory is good to 15 %
+    assert abs(number.sum() / expected - 1.0) < 0.15 + 4.0 / math.sqrt(expected)  # the theory is accurate to 15 %
     samples = empty.signals.samples(np.uint64(1), 1, LONG_UP, 0)
     array, threshold = empty.signals.arrays[LONG_UP], empty.signals.thresholds[LONG_UP]
     still = np.abs(array.peaks(array.image(samples), threshold).z[:, 1]) < 0.2
-    assert still.sum() > 3  # of twelve in view; the weaker ones within a cell of stronger ones are one with them
+    assert still.sum() > 3  # of twelve visible; those within a cell of a stronger one merge with it
 
 
-def test_a_street_s_noise_is_its_own():
-    """Another scan, another receiver, another world: other noise; the same again: the same."""
+def test_noise_is_independent():
+    """Noise differs between scans, receivers and worlds, and is reproducible."""
     signals, key = SYSTEM.signals, np.uint64(7)
     first = signals.samples(key, 3, LONG_UP, 0)
     np.testing.assert_array_equal(first, signals.samples(key, 3, LONG_UP, 0))
-    street = [signals.street(key, LONG_UP, m) for m in range(2)]
-    another = signals.samples(key, 3, LONG_UP, 1) - street[1]
+    background = [signals.background(key, LONG_UP, m) for m in range(2)]
+    another = signals.samples(key, 3, LONG_UP, 1) - background[1]
     others = [signals.samples(key, 4, LONG_UP, 0), signals.samples(np.uint64(8), 3, LONG_UP, 0)]
-    for other in (another, *(each - street[0] for each in others)):
-        a, b = (first - street[0]).ravel(), other.ravel()
+    for other in (another, *(each - background[0] for each in others)):
+        a, b = (first - background[0]).ravel(), other.ravel()
         assert abs(np.vdot(a, b)) / np.linalg.norm(a) / np.linalg.norm(b) < 5.0 / math.sqrt(a.size)
 
 
 @pytest.mark.slow
 def test_it_is_tracked_as_well_as_at_the_measurement_level():
-    """Ten episodes at either level, pulses and threshold alike: mean GOSPA within four standard errors and .5 m."""
+    """Ten episodes at each level, equal pulses and threshold: mean GOSPA within four standard errors and .5 m."""
     worse = per_episode(SYSTEM) - per_episode(Urban(pulses=25, false_alarm=math.exp(-SYSTEM.signals.thresholds[0])))
     assert abs(worse.mean()) < 4.0 * worse.std() / math.sqrt(len(worse)) + 0.5
 
@@ -98,7 +98,7 @@ def per_episode(system, count=10):
 
 
 def test_pairs_of_several_transmitters_keep_to_their_own_trains(plain):
-    """Each with its own shape of samples, and the same samples whatever the other sends."""
+    """Measurements of a pair do not depend on the waveform of the other transmitter."""
     system = UrbanSignal(transmitters=(plain.transmitters[0], (2060.0, 1530.0)))
     mixed, alike = (scanned(system, 60, 2, waveform).z for waveform in (2, 0))
     np.testing.assert_array_equal(mixed[:, :2], alike[:, :2])

@@ -1,4 +1,4 @@
-"""The street as its tests play it."""
+"""Played episodes of the urban loop for its tests."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.trackers import Tracks
 from wavegym.trackers.urban.tracker import CONFIRMED
 
-LONG_UP = 0  # number of the longer pulse that sweeps up
+LONG_UP = 0  # index of the longer pulse with the up sweep
 
 
 def played(system, policy, count, stop=None):
@@ -25,7 +25,7 @@ def played(system, policy, count, stop=None):
 
 
 def headline(system, policy):
-    """Mean number of confirmed tracks and RMSE of those held in fifty runs; and the first target's models."""
+    """Mean number of confirmed tracks and RMSE of held targets in fifty runs; models of the first target."""
     states = played(system, policy, 50)
     figures = [system.state_info(state) for state in states]
     held = np.array([f["held"] for f in figures])

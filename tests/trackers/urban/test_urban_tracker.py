@@ -1,4 +1,4 @@
-"""The street's tracker: tracks are begun, held, told from ghosts and ended as they should be."""
+"""The urban tracker: tracks are started, held, separated from ghosts and ended as they should be."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
-from wavegym.sensors import City, Road, multistatic_range_and_rate
+from wavegym.sensors import Road, UrbanMap, multistatic_range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.trackers import imm_combine, predict, ukf_update
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, StreetTracker, Tracks
+from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks, UrbanTracker
 
-CROSSING = City.load("intersection")
+CROSSING = UrbanMap.load("intersection")
 TX, RX = (2085.0, 1470.5), ((2088.0, 1475.0), (2078.0, 1467.0))
-PLAIN = City(roads=(Road(((1900.0, 1530.0), (2200.0, 1530.0)), 60.0),))
+PLAIN = UrbanMap(roads=(Road(((1900.0, 1530.0), (2200.0, 1530.0)), 60.0),))
 R, SNR = np.diag([39.2, 0.0069]), 200.0  # of a train of 249 pulses of 40 MHz at 4 GHz
-TRACKER = StreetTracker(CROSSING, (TX,), RX)
-OPEN = StreetTracker(PLAIN, (TX,), RX)
+TRACKER = UrbanTracker(CROSSING, (TX,), RX)
+OPEN = UrbanTracker(PLAIN, (TX,), RX)
 
 
 def scan_of(states, noise=None, most=6):
-    """What both receivers measure of targets (target, 4) directly, with or without errors: z, count for one scan."""
+    """Direct measurements of targets (target, 4) at both receivers, with or without errors: z, count of one scan."""
     z = np.zeros((1, 2, most, 2))
     for m, place in enumerate(RX):
         exact = multistatic_range_and_rate(np.reshape(states, (-1, 4)), TX, place)
@@ -44,8 +44,8 @@ def held(tracker, state, existence=0.99, status=CONFIRMED, age=10, slot=0, track
     return tracks
 
 
-def test_a_target_in_plain_view_is_found_confirmed_and_followed():
-    """Driving past at 8 m/s: soon confirmed in most runs, and as near as the tracker says that it is."""
+def test_a_visible_target_is_found_confirmed_and_followed():
+    """A target driving past at 8 m/s is soon confirmed in most runs, with consistent errors."""
     first, nees = [], []
     for seed in range(40):
         noise, tracks = np.random.default_rng(seed), OPEN.empty(1)
@@ -64,7 +64,7 @@ def test_a_target_in_plain_view_is_found_confirmed_and_followed():
     assert np.median(first) <= OPEN.confirm_after + 1
     assert np.mean(nees) < 4.0 + 4 * np.sqrt(
         8.0 / 40
-    )  # chi-square of 4; models that may turn claim less than they know
+    )  # chi-square with 4 degrees of freedom; turn models overstate the covariance
 
 
 def test_a_batch_is_its_environments_and_nothing_given_is_changed():
@@ -86,8 +86,8 @@ def test_a_batch_is_its_environments_and_nothing_given_is_changed():
     assert (both.status == CONFIRMED).any()
 
 
-def test_not_to_be_seen_counts_where_a_target_would_be():
-    seen, hidden = (2069.0, 1530.0, 0.0, 5.0), (1950.0, 1500.0, 0.0, 0.0)  # the latter behind a corner
+def test_missed_detections_count_where_the_target_is_visible():
+    seen, hidden = (2069.0, 1530.0, 0.0, 5.0), (1950.0, 1500.0, 0.0, 0.0)  # the second behind a corner
     after = []
     for state in (seen, hidden):
         tracks = held(TRACKER, state)
@@ -100,13 +100,13 @@ def test_not_to_be_seen_counts_where_a_target_would_be():
     assert after[1].existence[0, 0] > 0.5
 
 
-def test_who_leaves_the_roads_ends():
+def test_a_track_that_leaves_the_roads_ends():
     for state, left in (((2110.0, 1430.0, 0.0, 0.0), EMPTY), ((2069.0, 1530.0, 0.0, 0.0), CONFIRMED)):
         tracks, _ = TRACKER.scan(held(TRACKER, state), *scan_of(state), R, SNR)
         assert tracks.status[0, 0] == left
 
 
-def test_of_two_tracks_in_one_place_the_surer_and_then_the_older_stays():
+def test_of_two_tracks_at_one_place_the_confirmed_then_the_older_stays():
     here, beside = (2069.0, 1530.0, 0.0, 5.0), (2070.0, 1531.0, 0.5, 5.0)
     for status, age, existence, stays in ((TENTATIVE, 50, 0.1, 0), (CONFIRMED, 5, 0.99, 0), (CONFIRMED, 50, 0.99, 1)):
         tracks = held(TRACKER, beside, existence, status, age, slot=1, tracks=held(TRACKER, here))
@@ -118,8 +118,8 @@ def test_of_two_tracks_in_one_place_the_surer_and_then_the_older_stays():
 
 
 def test_no_more_tracks_than_slots():
-    """The tentative track least sure to exist gives way; confirmed ones never do."""
-    few = StreetTracker(CROSSING, (TX,), RX, slots=2)
+    """A new track replaces the tentative track of least existence, never a confirmed one."""
+    few = UrbanTracker(CROSSING, (TX,), RX, slots=2)
     new, old = (2040.0, 1500.0, 8.0, 0.0), (2069.0, 1530.0, 0.0, 5.0)
     tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), 0.5, TENTATIVE, slot=1, tracks=held(few, old))
     tracks, refused = few.scan(tracks, *scan_of([old, new]), R, SNR)
@@ -132,31 +132,31 @@ def test_no_more_tracks_than_slots():
     assert tracks.status[0].tolist() == [CONFIRMED, CONFIRMED]
 
 
-def test_returns_by_walls_begin_no_tracks_once_their_target_is_known():
-    """All that both receivers get of one target, directly and by walls, with the map and without."""
+def test_returns_over_walls_start_no_tracks_once_their_target_is_known():
+    """All returns of one target at both receivers, direct and over walls, with and without the map."""
     state, before = np.array([2069.0, 1600.0, 0.0, 10.0]), np.array([2069.0, 1597.5, 0.0, 10.0])
     z, count = np.zeros((1, 2, 40, 2)), np.zeros((1, 2), np.int64)
     for m, place in enumerate(RX):
         pair = Multistatic(Antenna(CROSSING, TX), Antenna(CROSSING, place))
-        returns = pair.measure(state)[pair.open(state[:2])]
+        returns = pair.measure(state)[pair.visible(state[:2])]
         z[0, m, : len(returns)], count[0, m] = returns, len(returns)
     assert count.min() >= 4
     begun = {}
     for ghosts in (True, False):
-        tracker = StreetTracker(CROSSING, (TX,), RX, ghosts=ghosts, vaguest=60.0)
+        tracker = UrbanTracker(CROSSING, (TX,), RX, ghosts=ghosts, vaguest=60.0)
         tracks, _ = tracker.scan(held(tracker, before, spread=0.3), z, count, R, SNR)
         begun[ghosts] = int((tracks.status[0] == TENTATIVE).sum())
     assert begun[True] == 0
     assert begun[False] > 0
 
 
-def test_what_is_expected_is_the_update_by_the_chance_of_a_detection():
-    tracker, state = StreetTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
+def test_the_expected_scan_is_the_update_times_the_detection_probability():
+    tracker, state = UrbanTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
     tracks = held(tracker, state)
     x, P = predict(tracks.x[0, 0, 0], tracks.P[0, 0, 0], tracker.motion[0].F, tracker.motion[0].Q)
     for place in RX:
         z = multistatic_range_and_rate(x[:4], TX, place)
-        # the SNR is that at the predicted measurement, the unscented mean
+        # the SNR is evaluated at the predicted measurement, the unscented mean
         eta = SNR * (100.0 / z[0]) ** 4
         _, updated, _ = ukf_update(x, P, z, R / eta + np.diag([0.0, 0.01]), TX, place)
         P = P - 0.99 * 1e-3 ** (1.0 / (1.0 + eta / 2.0)) * (P - updated)
@@ -187,16 +187,16 @@ def test_combined_is_the_mixture():
         ({"clutter_density": -1.0}, "clutter_density is -1"),
         ({"survival": 1.1}, r"survival is 1\.1"),
         ({"models": "vsim"}, "models is 'vsim'"),
-        ({"reech": 3.0}, "setting 'reech' is unknown to StreetTracker; did you mean 'reach'"),
+        ({"reech": 3.0}, "setting 'reech' is unknown to UrbanTracker; did you mean 'reach'"),
     ],
 )
 def test_mistakes(change, message):
-    arguments = {"city": CROSSING, "transmitters": (TX,), "receivers": RX, **change}
+    arguments = {"urban_map": CROSSING, "transmitters": (TX,), "receivers": RX, **change}
     with pytest.raises(InputError, match=message):
-        make_checked(StreetTracker, arguments)
+        make_checked(UrbanTracker, arguments)
     if "unknown" not in message:
         with pytest.raises(InputError, match=message):
-            StreetTracker(**arguments)
+            UrbanTracker(**arguments)
 
 
 def test_shapes_that_do_not_fit():
@@ -210,7 +210,7 @@ def test_shapes_that_do_not_fit():
 
 
 @pytest.mark.parametrize(
-    "other", [StreetTracker(CROSSING, (TX,), RX, models="ncv"), StreetTracker(CROSSING, (TX,), RX, slots=3)]
+    "other", [UrbanTracker(CROSSING, (TX,), RX, models="ncv"), UrbanTracker(CROSSING, (TX,), RX, slots=3)]
 )
 def test_another_tracker_s_tracks_are_refused(other):
     for use in (lambda tracks: TRACKER.scan(tracks, *NOTHING, R, SNR), lambda tracks: TRACKER.expect(tracks, R, SNR)):

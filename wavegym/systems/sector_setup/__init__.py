@@ -1,4 +1,4 @@
-"""An illuminator that takes time to set up for another target."""
+"""An illuminator that needs set-up time when it changes its target."""
 
 from __future__ import annotations
 

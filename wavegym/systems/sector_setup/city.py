@@ -1,4 +1,4 @@
-"""The sector set-up in a city: targets drive along its roads, and its buildings hide them."""
+"""The sector set-up on an urban map: targets drive along roads, and buildings hide them."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.core.parameters import NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.sensors.multipath import Antenna
-from wavegym.sensors.urban_map import City
-from wavegym.systems.sector_setup.state import Pair, Quad, World
-from wavegym.systems.sector_setup.system import SectorSetup
+from wavegym.sensors.urban_map import UrbanMap
+from wavegym.systems.sector_setup.state import World
+from wavegym.systems.sector_setup.system import Point, SectorSetup
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+@system_parameters
 class SectorSetupCity(SectorSetup):
-    """One illuminator serves several targets in a city; its buildings hide them, at times known from the beginning.
+    """One illuminator serves several targets on an urban map; buildings hide them at times known from the start.
 
     Description
-        As wavegym/SectorSetup-v0 before a row of boards. Targets start anywhere on the roads, on the right of the
-        middle, and drive along them. Each has filed its route: where it starts, without error, and the velocity at
-        which it means to drive on. Route and map say when a building would stand between it and the illuminator or a
-        receiver; then it is out of sight, and else in sight, also where manoeuvres have taken it off its route. These
-        times tell a scheduler something of the true start that the tracker does not use.
+        As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
+        the centre line, and drive along them. Each target has filed its route: its exact start and a constant velocity.
+        A target is hidden when, on its filed route, a building stands between it and the illuminator or a receiver;
+        otherwise it is visible, even if manoeuvres have taken it off the route. These times depend on the true start:
+        schedulers can use them, the tracker does not.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -38,38 +37,42 @@ class SectorSetupCity(SectorSetup):
     Episode end
         Terminates after ``horizon`` steps; the time left is observed.
 
-    Arguments
-        city: one that comes with wavegym, or a TOML file, with roads. region, shown and hidden are not used; windows,
-        where given, take the place of the city's. All others as wavegym/SectorSetup-v0.
-
     References
         As wavegym/SectorSetup-v0.
     """
 
-    city: str = "promenade"
-    dt: float = 0.5
-    illuminator: Pair = (0.0, 0.0)
-    receivers: tuple[Pair, ...] = ((-80.0, 0.0), (80.0, 0.0))
-    speed: Pair = (3.0, 10.0)
-    q: Pair = (0.002, 0.1)
-    prior_variance: Quad = (9.0, 1.0, 9.0, 1.0)
-    waveforms: tuple[Pair, ...] = ((1.0, 2.0), (5.0, 0.1))
-    reference_range: float = 300.0
-    nearest_range: float = 15.0
-    lost_beyond: ClassVar[float] = 9.0  # m: half the width of a lit sector of .15 rad at 120 m
+    city: str = parameter(
+        "promenade",
+        "an urban map of wavegym, or a TOML file, with roads; region, shown and hidden are not used",
+        unit="",
+    )
+    dt: float = changed_default(SectorSetup, "dt", 0.5)
+    illuminator: Point = changed_default(SectorSetup, "illuminator", (0.0, 0.0))
+    receivers: tuple[Point, ...] = changed_default(SectorSetup, "receivers", ((-80.0, 0.0), (80.0, 0.0)))
+    speed: tuple[NonNegative, float] = changed_default(SectorSetup, "speed", (3.0, 10.0))
+    q: tuple[Positive, float] = changed_default(SectorSetup, "q", (0.002, 0.1))
+    prior_variance: tuple[Positive, Positive, Positive, Positive] = changed_default(
+        SectorSetup, "prior_variance", (9.0, 1.0, 9.0, 1.0)
+    )
+    waveforms: tuple[tuple[Positive, Positive], ...] = changed_default(
+        SectorSetup, "waveforms", ((1.0, 2.0), (5.0, 0.1))
+    )
+    reference_range: float = changed_default(SectorSetup, "reference_range", 300.0)
+    nearest_range: float = changed_default(SectorSetup, "nearest_range", 15.0)
+    lost_beyond: ClassVar[float] = 9.0  # m: half the width of a sector of .15 rad at 120 m
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
+        """Check what single fields cannot say."""
         super().__post_init__()
         if not self.map.roads:
-            raise InputError(f"city is {self.city!r}, expected one with roads, on which targets start")
+            raise InputError(f"city is {self.city!r}, expected a map with roads, on which targets start")
         self.map.check_roads()
         _ = self._sites
 
     @cached_property
-    def map(self) -> City:
-        """The city."""
-        return City.load(self.city)
+    def map(self) -> UrbanMap:
+        """The urban map."""
+        return UrbanMap.load(self.city)
 
     @cached_property
     def _sites(self) -> list[Antenna]:
@@ -77,29 +80,29 @@ class SectorSetupCity(SectorSetup):
 
     @cached_property
     def _lanes(self) -> tuple[Array, Array]:
-        """Stretches of the roads, from where to where, (stretch, 2, 2), and half their width, (stretch,)."""
+        """Ends of the segments of all roads, (segment, 2, 2), and half their width, (segment,)."""
         lanes = [(ends, road.width / 2) for road in self.map.roads for ends in pairwise(road.centre)]
         return np.array([ends for ends, _ in lanes]), np.array([half for _, half in lanes])
 
     def _starts(self, world: World) -> Array:
-        """Anywhere on the roads, alike for every metre, on their right-hand side, driving along them."""
+        """Uniform along all roads, right of the centre line, driving along the road."""
         ends, half = self._lanes
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        along, beside, speed, way = np.moveaxis(world.place, -1, 0)
+        along, beside, speed, direction = np.moveaxis(world.place, -1, 0)
         far = along * length.sum()
-        stretch = np.minimum(np.searchsorted(np.cumsum(length), far, side="right"), len(length) - 1)
-        far = far - (np.cumsum(length) - length)[stretch]
+        segment = np.minimum(np.searchsorted(np.cumsum(length), far, side="right"), len(length) - 1)
+        far = far - (np.cumsum(length) - length)[segment]
         forward = (ends[:, 1] - ends[:, 0]) / length[:, None]
-        driven = np.where(way[..., None] < 0.5, 1.0, -1.0) * forward[stretch]
+        driven = np.where(direction[..., None] < 0.5, 1.0, -1.0) * forward[segment]
         right = np.stack([driven[..., 1], -driven[..., 0]], axis=-1)
-        place = ends[stretch, 0] + far[..., None] * forward[stretch] + (beside * half[stretch])[..., None] * right
+        place = ends[segment, 0] + far[..., None] * forward[segment] + (beside * half[segment])[..., None] * right
         velocity = (self.speed[0] + (self.speed[1] - self.speed[0]) * speed)[..., None] * driven
         return np.stack([place[..., 0], velocity[..., 0], place[..., 1], velocity[..., 1]], axis=-1)
 
-    def _in_sight(self, world: World, truth: Array) -> Array:
-        """While the illuminator and every receiver would see them if they drove on as they started."""
+    def _visible(self, world: World, true_states: Array) -> Array:
+        """Whether no building hides the targets on their filed routes, bool (env, H, target)."""
         if self.windows:
-            return super()._in_sight(world, truth)
+            return super()._visible(world, true_states)
         t = self.dt * np.arange(1, self.horizon + 1)[:, None, None]
-        places = truth[:, None, :, ::2] + t * truth[:, None, :, 1::2]  # where they are looked at in each step
-        return np.logical_and.reduce([site.in_sight(places) for site in self._sites])
+        places = true_states[:, None, :, ::2] + t * true_states[:, None, :, 1::2]  # at the end of each step
+        return np.logical_and.reduce([site.directly_visible(places) for site in self._sites])

@@ -1,8 +1,8 @@
-"""The loop of one illuminator and its receivers in compiled form: move, set up, look, track.
+"""Kernels of the closed loop of one illuminator and its receivers: move, set up, look, track.
 
-Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) of receiver after
+Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by
 receiver, n = 4 states [x xdot y ydot]. ``accuracy`` (waveform, 2): variances of range and range-rate at unit SNR.
-``visible`` (e, k, t): whether a target can be seen in step k; after the last k none can.
+``visible`` (e, k, t): whether a target is visible in step k; after the last step none is.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -18,12 +18,12 @@ from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
 
-PLACE = (0, 2)  # of [x xdot y ydot], what a range depends on
-ALL = (0, 1, 2, 3)  # and a range-rate
+PLACE = (0, 2)  # elements of [x xdot y ydot] on which a range depends
+ALL = (0, 1, 2, 3)  # elements on which a range-rate depends
 
 
 class Radar(NamedTuple):
-    """What does not change: sites (1 + j, 2), the illuminator first, and the scalars; see ``SectorSetup``."""
+    """Constants: sites (1 + j, 2), the illuminator first, and scalars; see ``SectorSetup``."""
 
     sites: NDArray[np.float64]
     strength: float  # eta Rt^2 Rr^2
@@ -35,21 +35,21 @@ class Radar(NamedTuple):
 
 @inlined
 def turn(pointed, dead, target, dead_steps):
-    """(target set up, dead steps left, whether a pulse is sent) after a step that chooses ``target``."""
+    """(target set up, dead steps left, whether a pulse is sent) after a step with the action ``target``."""
     if target != pointed:
         dead = dead_steps
     return target, max(dead - 1, 0), dead == 0
 
 
 @inlined
-def can_be_seen(e, k, t, visible):
-    """Whether target t can be seen in step k."""
+def is_visible(e, k, t, visible):
+    """Whether target t is visible in step k."""
     return k < visible.shape[1] and visible[e, k, t]
 
 
 @inlined
 def coast_mean_one(i, x, tau, o, x_out):
-    """x_out[o] is x[i] after tau seconds."""
+    """x_out[o] = x[i] after tau seconds."""
     x_out[o, 0], x_out[o, 1] = x[i, 0] + tau * x[i, 1], x[i, 1]
     x_out[o, 2], x_out[o, 3] = x[i, 2] + tau * x[i, 3], x[i, 3]
 
@@ -58,7 +58,7 @@ def coast_mean_one(i, x, tau, o, x_out):
 def coast_one(i, P, tau, q, o, P_out):
     """P_out[o] = F P[i] F' + Q over tau seconds of white acceleration of density q: 16 products instead of 128.
 
-    The motion model is ``constant_velocity(tau, q)``, whose F does nothing but add tau times a velocity.
+    The motion model is ``constant_velocity(tau, q)``; its F only adds tau times a velocity.
     """
     for b in range(4):
         P_out[o, 0, b], P_out[o, 1, b] = P[i, 0, b] + tau * P[i, 1, b], P[i, 1, b]
@@ -79,9 +79,9 @@ def coast_one(i, P, tau, q, o, P_out):
 
 @inlined
 def look_one(i, x, j, radar, h, H):
-    """eta of x[i] at receiver j; rows 2 j and 2 j + 1 of h (a,) and H (a, n): half the path, its rate, their gradients.
+    """eta of x[i] at receiver j; rows 2 j and 2 j + 1 of h (a,), H (a, n): half the path, its rate, their gradients.
 
-    A leg below ``nearest`` is held there, for the SNR and for how fast its direction turns.
+    A leg shorter than ``nearest`` counts as ``nearest`` in the SNR and in the turn rate of its direction.
     """
     for row in (2 * j, 2 * j + 1):
         h[row] = 0.0
@@ -113,7 +113,7 @@ def probability(eta, radar):
 
 @inlined
 def shrink_by(i, j, P, H, w, accuracy, eta, v, nn):
-    """P[i] after what receiver j has detected of waveform w."""
+    """Update P[i] with a detection of waveform w at receiver j."""
     s = gain_one(i, P, H, 2 * j, v, nn, PLACE) + accuracy[w, 0] / eta
     shrink_one(i, P, v, s, nn)
     s = gain_one(i, P, H, 2 * j + 1, v, nn, ALL) + accuracy[w, 1] / eta
@@ -122,7 +122,7 @@ def shrink_by(i, j, P, H, w, accuracy, eta, v, nn):
 
 @inlined
 def absorb_by(i, j, P, H, y, w, accuracy, eta, d, v, nn):
-    """The same, and d (n,) is the correction of the mean by the innovations y (a,)."""
+    """As ``shrink_by``, and add the correction of the mean by the innovations y (a,) to d (n,)."""
     s = gain_one(i, P, H, 2 * j, v, nn, PLACE) + accuracy[w, 0] / eta
     correct_one(d, H, 2 * j, v, s, y[2 * j], nn)
     shrink_one(i, P, v, s, nn)
@@ -146,9 +146,9 @@ def move(e, k, q, truth, process, L, mean, P, radar, truth_out, x, P_out, nn):
 
 @kernel
 def receive(e, k, t, w, truth, uniform, error, accuracy, radar, x, P, work, nn):
-    """Update x[e, t], P[e, t] with what the receivers detect of target t; how many do.
+    """Update x[e, t], P[e, t] with the detections of target t; return their number.
 
-    The truth sets SNR, Pd and errors; the tracker takes the predicted SNR.
+    SNR, Pd and errors follow from the truth; the tracker uses the predicted SNR.
     """
     h, H, z, G, y, d, v = work
     for a in range(len(nn)):
@@ -173,7 +173,7 @@ def transition(
     step, mean, P, pointed, dead, q, visible, truth, target, waveform, process, uniform, error, L, accuracy, radar,
     x, P_out, pointed_out, dead_out, truth_out, detections, silent, nn
 ):  # fmt: skip
-    """One step of every environment; detections (e,): how many, silent (e,): whether no pulse was sent."""
+    """One step of every environment; detections (e,): their number, silent (e,): whether no pulse was sent."""
     rows, n = 2 * uniform.shape[2], len(nn)
     work = (
         np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(n),
@@ -184,7 +184,7 @@ def transition(
         move(e, k, q, truth, process, L, mean, P, radar, truth_out, x, P_out, nn)
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
         silent[e], detections[e] = not sent, 0
-        if sent and can_be_seen(e, k, t, visible):
+        if sent and is_visible(e, k, t, visible):
             detections[e] = receive(
                 e, k, t, waveform[e], truth_out, uniform, error, accuracy, radar, x, P_out, work, nn
             )

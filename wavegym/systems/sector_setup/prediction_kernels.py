@@ -1,6 +1,6 @@
-"""What looks of one illuminator will be worth, in compiled form. Shapes and arguments as in its loop's kernels.
+"""Kernels that predict the effect of looks. Shapes and arguments as in ``kernels.py``.
 
-c candidates; ``target`` and ``waveform`` (c,) or (e, c) are theirs.
+c candidates; ``target`` and ``waveform`` (c,) or (e, c) of each candidate.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -12,9 +12,9 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.sector_setup.kernels import (
     ALL,
     PLACE,
-    can_be_seen,
     coast_mean_one,
     coast_one,
+    is_visible,
     look_one,
     probability,
     shrink_by,
@@ -22,7 +22,7 @@ from wavegym.systems.sector_setup.kernels import (
 )
 from wavegym.trackers.rank_one_kernels import spread_one
 
-FAINT = 1e-6  # the least that is observed of a spread: log10 has to end somewhere
+FAINT = 1e-6  # least observed standard deviation: keeps log10 finite
 
 
 @inlined
@@ -36,7 +36,7 @@ def workspace(receivers, n):
 
 @inlined
 def copy_one(i, P, o, P_out, nn):
-    """P_out[o] = P[i], faster than by slices."""
+    """P_out[o] = P[i]; faster than slices."""
     for a in range(len(nn)):
         for b in range(len(nn)):
             P_out[o, a, b] = P[i, a, b]
@@ -44,7 +44,7 @@ def copy_one(i, P, o, P_out, nn):
 
 @inlined
 def look_all(i, x, radar, work):
-    """What every receiver can expect of x[i], into ``work``."""
+    """Write SNR, Pd, predicted measurements and Jacobians of x[i] at all receivers to ``work``."""
     eta, pd, h, H, _, _ = work
     for j in range(len(eta)):
         eta[j] = look_one(i, x, j, radar, h, H)
@@ -53,7 +53,7 @@ def look_all(i, x, radar, work):
 
 @kernel
 def expect(i, P, w, accuracy, work, o, P_out, nn):
-    """P_out[o]: the mean of P[i] over every combination of receivers that may detect waveform w."""
+    """P_out[o]: mean of P[i] over all combinations of receivers that detect waveform w."""
     eta, pd, _, H, V, v = work
     P_out[o] = 0.0
     for combination in range(1 << len(eta)):
@@ -75,7 +75,7 @@ def predict(
     step, mean, P, pointed, dead, q, visible, target, waveform, draws, accuracy, radar, x_out, P_out, pointed_out,
     dead_out, nn
 ):  # fmt: skip
-    """One step ahead of every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out (e, c).
+    """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out (e, c).
 
     target, waveform (e or 1, c); draws (e, c or 1, j) uniform, or (e, c or 1, 0) for the expected outcome.
     """
@@ -94,7 +94,7 @@ def predict(
                 copy_one(i, V, i, P_out[e, c], nn)
                 for a in range(n):
                     x_out[e, c, i, a] = ahead[i, a]
-            if not (sent and can_be_seen(e, step[e], t, visible)):
+            if not (sent and is_visible(e, step[e], t, visible)):
                 continue
             if t != last:
                 look_all(t, ahead, radar, work)
@@ -110,9 +110,9 @@ def predict(
 
 @inlined
 def project_one(P, M, H, U, G, B, nn, mm):
-    """U (a, n) = H P, and of G (a, a) = H P H' and B = U M U' the lower triangles, for all waveforms; P (1, n, n).
+    """U (a, n) = H P, and the lower triangles of G (a, a) = H P H' and B = U M U', for all waveforms; P (1, n, n).
 
-    In the space of what is measured a look is cheap: it takes (G + R)^-1 B off trace(M P), summed over the diagonal.
+    In measurement space a look is cheap: it lowers trace(M P) by trace((G + R)^-1 B).
     """
     for a in range(len(mm)):
         for i in range(len(nn)):
@@ -135,7 +135,7 @@ def project_one(P, M, H, U, G, B, nn, mm):
 
 @inlined
 def worth_one(detected, G, B, w, accuracy, eta, S, D, mm):
-    """trace((G + R)^-1 B) over the rows of the receivers in the bits of ``detected``, one quantity after another."""
+    """trace((G + R)^-1 B) over the rows of the receivers whose bit in ``detected`` is set, one quantity at a time."""
     total = 0.0
     for a in range(len(mm)):
         for b in range(a + 1):
@@ -155,7 +155,7 @@ def worth_one(detected, G, B, w, accuracy, eta, S, D, mm):
 
 @inlined
 def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
-    """The mean of that over every combination of receivers that may detect waveform w."""
+    """Mean of ``worth_one`` over all combinations of receivers that detect waveform w."""
     total = 0.0
     for combination in range(1, 1 << len(pd)):
         chance = 1.0
@@ -169,7 +169,7 @@ def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
 def gain(step, mean, P, q, visible, target, waveform, wait, M, accuracy, radar, out, nn, mm):
     """out (e, c): trace(M[l - 1] (P_without - P_with)) of the candidate's target, one look after ``wait`` steps.
 
-    target, waveform (c,), candidates of one target beside each other; wait (e or 1, c or 1); l the steps counted, up
+    target, waveform (c,), candidates of one target adjacent; wait (e or 1, c or 1); l: number of steps counted, up
     to len(M) and not beyond the horizon.
     """
     n, receivers, horizon = len(nn), len(radar.sites) - 1, visible.shape[1]
@@ -183,7 +183,7 @@ def gain(step, mean, P, q, visible, target, waveform, wait, M, accuracy, radar, 
             t, delay = target[c], wait[own, c if wait.shape[1] > 1 else 0]
             k = step[e] + delay
             out[e, c] = 0.0
-            if not can_be_seen(e, k, t, visible):
+            if not is_visible(e, k, t, visible):
                 continue
             if t != last or delay != late:
                 tau = (delay + 1) * radar.dt
@@ -197,11 +197,11 @@ def gain(step, mean, P, q, visible, target, waveform, wait, M, accuracy, radar, 
 
 @kernel
 def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
-    """out (e, elements), in the order of ``SectorSetup.elements``; variances where it is a spread.
+    """out (e, field), in the order of ``SectorSetup.observation_fields``; variances where the field is a deviation.
 
-    Time left, dead steps left; of every target: whether set up, seen in this step, steps until that changes (up to
-    ``soon``), share of the next ``soon`` steps in sight, q, variances of position and velocity one step ahead, and of
-    every receiver eta and the variances of the predicted range and range-rate.
+    Time left, dead steps left; for every target: whether set up, visible in this step, steps until that changes (up to
+    ``soon``), fraction of the next ``soon`` steps in which it is visible, q, variances of position and velocity one
+    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate.
     """
     n, receivers, horizon = len(nn), len(radar.sites) - 1, visible.shape[1]
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
@@ -213,11 +213,11 @@ def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
             coast_mean_one(t, mean[e], radar.dt, 0, ahead)
             coast_one(t, P[e], radar.dt, q[e, t], 0, V)
             look_all(0, ahead, radar, work)
-            now, change, share = can_be_seen(e, k, t, visible), soon, 0
+            now, change, share = is_visible(e, k, t, visible), soon, 0
             for later in range(soon - 1, -1, -1):
-                seen = can_be_seen(e, k + later, t, visible)
-                share += seen
-                if seen != now:
+                later_visible = is_visible(e, k + later, t, visible)
+                share += later_visible
+                if later_visible != now:
                     change = later
             out[e, column], out[e, column + 1] = pointed[e] == t, now
             out[e, column + 2], out[e, column + 3] = change, share / soon

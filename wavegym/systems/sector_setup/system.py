@@ -1,106 +1,118 @@
-"""One illuminator for several targets: turning to another one takes time in which nothing is seen."""
+"""One illuminator for several targets: changing the target takes time in which nothing is measured."""
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
+from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Delay, Gain, LinearCost
 from wavegym.core.costs import trace_cost
+from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
+from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
-from wavegym.systems.sector_setup.state import (
-    SOON,
-    Belief,
-    Pair,
-    Quad,
-    Truth,
-    World,
-    check_sector_setup,
-    sector_elements,
-)
-from wavegym.systems.visibility_windows import Window, visibility, window_draws
+from wavegym.systems.sector_setup.state import SOON, Belief, Truth, World, sector_fields
+from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel, constant_velocity
 
-NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
+NN = (0, 0, 0, 0)  # its length tells kernels the size of the state [x xdot y ydot]
+Coordinate = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]  # m
+Point = tuple[Coordinate, Coordinate]
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
-class SectorSetup(System):
-    """One illuminator serves several targets; setting it up for another one costs steps without any sensing.
+@system_parameters
+class SectorSetup(System, LinearCost, Gain, Delay):
+    """One illuminator serves several targets; setting it up for another target costs steps without sensing.
 
     Description
-        Each target's state is [x xdot y ydot] (m, m/s), x_{k+1} = F x_k + w_k, white acceleration of its own density q.
-        A step illuminates one target with one of the waveforms. Choosing another target than the one that is set up
-        starts its set-up: ``dead_steps`` steps in which no pulse is sent, begun anew whenever the choice changes.
-        Receivers measure the bistatic range (half the path) and its rate, eta = 2E/N0 falling with Rt^2 Rr^2, errors
-        with variances in proportion to 1 / eta, and detect with probability Pd = Pf^(1 / (1 + eta / 2)), each by
-        itself. The world uses eta at the true place, tracker and schedulers at the predicted one. Targets come into
-        sight and go out of it at times known from the beginning, as they drive behind buildings that are on the map.
-        Targets are far apart: whose echo it is is taken as known, and there are no false ones. An extended Kalman
-        filter takes what was detected. One step ahead a set-up never pays; over a window of visibility it does.
+        The state of each target is [x xdot y ydot] (m, m/s), x_{k+1} = F x_k + w_k, with white acceleration of its own
+        density q. Each step illuminates one target with one waveform. An action with another target than the one set
+        up starts a set-up: for ``dead_steps`` steps no pulse is sent; another change of target starts again. Each
+        receiver measures the bistatic range (half the path length) and its rate. eta = 2E/N0 falls with Rt^2 Rr^2,
+        error variances with 1 / eta; receivers detect independently with probability Pd = Pf^(1 / (1 + eta / 2)). The
+        world uses eta at the true position, tracker and schedulers at the predicted position. Targets become visible
+        and hidden at times known from the start: they drive behind buildings on a map. Targets are far apart, so the
+        association is known and there are no false returns. An extended Kalman filter uses the detections. One step
+        ahead a set-up never pays; over a window of visibility it does.
 
     Rewards
         -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
 
     Starting state
-        True targets start anywhere in the region with any heading; the first estimate is drawn around the truth with
-        covariance P0 = diag(prior_variance). The illuminator is set up for none.
+        True targets start uniformly in the region with any heading; the first estimate is drawn around the truth with
+        covariance P0 = diag(prior_variance). The illuminator is set up for no target.
 
     Episode end
         Terminates after ``horizon`` steps; the time left is observed.
 
-    Arguments
-        targets: how many. dead_steps: steps without sensing that a set-up takes. illuminator: position (x, y) in
-        metres. receivers: positions. region: bounds of the starts' x and of their y, m. speed: bounds of the initial
-        speed, m/s. q: bounds of the process noise density, drawn log-uniformly (m^2/s^3). prior_variance: diagonal of
-        P0. waveforms: standard deviations of range (m) and range-rate (m/s) of each at the reference SNR.
-        reference_snr: eta at the reference range, a ratio. reference_range: Rt = Rr in metres at which eta has that
-        value. nearest_range: the SNR grows no further where Rt or Rr is below it. false_alarm: Pf. shown, hidden:
-        least and greatest number of steps in sight and out of it, by turns. windows: (target, first, last), steps in
-        which a target is hidden, in place of drawn ones. weights: diagonal of Lambda.
-
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
-        targets in clutter" (SNR and detection). The delayed cost is this suite's own.
+        targets in clutter" (SNR and detection). The set-up time is this suite's own.
     """
 
-    horizon: int = 60
-    dt: float = 1.0
-    targets: int = 4
-    dead_steps: int = 3
-    illuminator: Pair = (0.0, 0.0)
-    receivers: tuple[Pair, ...] = ((-4e3, 3e3), (4e3, 3e3))
-    region: tuple[Pair, Pair] = ((-2e3, 2e3), (2.5e3, 5e3))
-    speed: Pair = (5.0, 20.0)
-    q: Pair = (0.1, 5.0)
-    prior_variance: Quad = (2500.0, 25.0, 2500.0, 25.0)
-    waveforms: tuple[Pair, ...] = ((12.0, 20.0), (60.0, 1.0))
-    reference_snr: float = 20.0
-    reference_range: float = 5.65e3
-    nearest_range: float = 500.0
-    false_alarm: float = 1e-3
-    shown: tuple[int, int] = (6, 14)
-    hidden: tuple[int, int] = (4, 10)
-    windows: tuple[Window, ...] = ()
-    weights: Quad = (1.0, 1.0, 1.0, 1.0)
-    lost_beyond: ClassVar[float] = 300.0  # m: half the width of a lit sector of .15 rad at the region's middle
+    horizon: int = parameter(60, "steps in an episode", ge=1, le=100_000)
+    dt: float = parameter(1.0, "time step", unit="s", gt=0)
+    targets: int = parameter(4, "number of targets", ge=1, le=64)
+    dead_steps: int = parameter(3, "steps without sensing that a set-up takes", ge=0, le=100_000)
+    illuminator: Point = parameter((0.0, 0.0), "position (x, y) of the illuminator", unit="m")
+    receivers: tuple[Point, ...] = parameter(
+        ((-4e3, 3e3), (4e3, 3e3)), "positions (x, y) of the receivers", unit="m", min_length=1, max_length=6
+    )
+    region: tuple[Point, Point] = parameter(
+        ((-2e3, 2e3), (2.5e3, 5e3)), "bounds of the first x, and of the first y", unit="m"
+    )
+    speed: tuple[NonNegative, float] = parameter((5.0, 20.0), "bounds of the first speed", unit="m/s")
+    q: tuple[Positive, float] = parameter(
+        (0.1, 5.0), "bounds of the process noise density, drawn log-uniformly for each target", unit="m^2/s^3"
+    )
+    prior_variance: tuple[Positive, Positive, Positive, Positive] = parameter(
+        (2500.0, 25.0, 2500.0, 25.0), "diagonal of P0", unit="m^2, m^2/s^2"
+    )
+    waveforms: tuple[tuple[Positive, Positive], ...] = parameter(
+        ((12.0, 20.0), (60.0, 1.0)),
+        "standard deviations of range and range-rate of each waveform at the reference SNR",
+        unit="m, m/s",
+        min_length=1,
+        max_length=64,
+    )
+    reference_snr: float = parameter(20.0, "eta at the reference range, a ratio", gt=0)
+    reference_range: float = parameter(5.65e3, "Rt = Rr at which eta is reference_snr", unit="m", gt=0)
+    nearest_range: float = parameter(500.0, "the SNR grows no further where Rt or Rr is below it", unit="m", gt=0)
+    false_alarm: float = parameter(1e-3, "false alarm probability Pf", gt=0, lt=1)
+    shown: tuple[int, int] = parameter((6, 14), "least and greatest number of steps for which a target stays visible")
+    hidden: tuple[int, int] = parameter((4, 10), "least and greatest number of steps for which it stays hidden")
+    windows: tuple[Window, ...] = parameter(
+        (), "(target, first step, last step) in which a target is hidden, in place of drawn windows", unit=""
+    )
+    weights: tuple[NonNegative, NonNegative, NonNegative, NonNegative] = parameter(
+        (1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2"
+    )
+    lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of .15 rad in the middle of region
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
-        check_sector_setup(self)
+        """Check what single fields cannot say."""
+        check_within("nearest_range", self.nearest_range, 0, self.reference_range, "m")
+        for axis, bounds in zip("xy", self.region, strict=True):
+            check_ordered(f"{axis} of region", *bounds)
+        check_ordered("speed", *self.speed)
+        check_ordered("q", *self.q)
+        check_positive("sum of weights", sum(self.weights))
+        if len(set(self.waveforms)) < len(self.waveforms):
+            raise InputError(f"waveforms is {self.waveforms}, expected different waveforms")
+        window_draws(self.horizon, self.shown, self.hidden)
+        given_windows(self.windows, self.targets, self.horizon)
 
     @cached_property
     def motion(self) -> MotionModel:
-        """The targets' motion model at a process noise density of 1; a target's own multiplies Q."""
+        """Motion model at a process noise density of 1; the density of each target multiplies Q."""
         return constant_velocity(self.dt, 1.0, ("x", "y"), order="axis")
 
     @cached_property
@@ -111,12 +123,12 @@ class SectorSetup(System):
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
-        """One draw a receiver: a single target is illuminated."""
+        """One draw for each receiver: a single target is illuminated."""
         return (len(self.receivers),)
 
     @cached_property
     def _radar(self) -> tuple[Array, kernels.Radar]:
-        """Variances of the waveforms at unit SNR, and what else does not change."""
+        """Variances of the waveforms at unit SNR, and the other constants of the kernels."""
         accuracy = self.reference_snr * np.square(np.array(self.waveforms))
         sites, strength = np.array([self.illuminator, *self.receivers]), self.reference_snr * self.reference_range**4
         law = (strength, self.nearest_range, math.log(self.false_alarm))
@@ -140,24 +152,24 @@ class SectorSetup(System):
         )
 
     def initial(self, world: World) -> State:
-        """Targets somewhere in the region, the first estimates around them, and the windows of visibility."""
+        """Starts of the targets, first estimates around them, and windows of visibility."""
         count, T = world.density.shape
         true_states = self._starts(world)
         mean = true_states + np.sqrt(self.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
         zero = np.zeros(count, np.int64)
-        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), q, self._in_sight(world, true_states))
+        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), q, self._visible(world, true_states))
         return State(Truth(true_states, zero.copy(), np.zeros(count, np.bool_)), belief)
 
     def _starts(self, world: World) -> Array:
-        """States of the targets at first, (env, target, 4): anywhere in the region, with any heading."""
+        """First states of the targets, (env, target, 4): uniform in the region, any heading."""
         low, high = np.array([*self.region, self.speed, (-math.pi, math.pi)]).T
         x, y, speed, heading = np.moveaxis(low + (high - low) * world.place, -1, 0)
         return np.stack([x, speed * np.sin(heading), y, speed * np.cos(heading)], axis=-1)
 
-    def _in_sight(self, world: World, true_states: Array) -> Array:
-        """When targets that start at ``truth`` can be seen, bool (env, H, target)."""
+    def _visible(self, world: World, true_states: Array) -> Array:
+        """Whether targets that start at ``true_states`` are visible in each step, bool (env, H, target)."""
         return visibility(self, world.window, true_states.shape[1])
 
     def _split(self, actions: Array) -> tuple[Array, Array]:
@@ -180,8 +192,8 @@ class SectorSetup(System):
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief one step ahead: predicted means, and covariances after a look with the predicted SNR.
 
-        Expected: the mean over every combination of receivers that may detect the target. ``outcome``: uniform draws,
-        (env, receiver) or (env, candidate, receiver); a receiver detects where its draw is below the predicted Pd.
+        Without ``outcome``: the mean over all combinations of receivers that detect. With ``outcome``, uniform draws
+        (env, receiver) or (env, candidate, receiver): a receiver detects where its draw is below the predicted Pd.
         """
         several = np.ndim(actions) == 2
         chosen = actions if several else np.asarray(actions)[:, None]
@@ -200,35 +212,35 @@ class SectorSetup(System):
         return Belief(step, x, P, pointed, dead, q, visible)
 
     @cached_property
-    def _aims(self) -> tuple[Array, Array]:
+    def _target_and_waveform(self) -> tuple[Array, Array]:
         """Target and waveform of each candidate."""
         return self._split(self.candidates())
 
     @property
     def target_of_action(self) -> Array:
         """The illuminated target of each candidate, (candidate, 1)."""
-        return self._aims[0][:, None]
+        return self._target_and_waveform[0][:, None]
 
     def delay(self, belief: Belief) -> Array:
-        """Steps without sensing before each candidate's pulse is sent, (env, candidate)."""
-        target = self._aims[0]
+        """Steps without sensing before the pulse of each candidate, (env, candidate)."""
+        target = self._target_and_waveform[0]
         return np.where(target == belief.pointed[:, None], belief.dead[:, None], self.dead_steps)
 
     def gain(self, belief: Belief, wait: Array | int, ahead: int) -> Array:
-        """By how much each candidate's pulse lowers the summed cost of the ``ahead`` steps from the look on.
+        """Decrease of the summed cost over ``ahead`` steps from the look on, for each candidate.
 
         Args:
             belief: the belief.
-            wait: steps before the look in which nothing is measured, int or (env or 1, candidate or 1).
-            ahead: steps counted, the look's own included; those beyond the horizon count nothing.
+            wait: steps without measurements before the look, int or (env or 1, candidate or 1).
+            ahead: steps counted, the step of the look included; steps beyond the horizon count 0.
 
         Returns:
-            Expected over detections, (env, candidate); 0 where the target is hidden then or the episode over.
+            Expected value over detections, (env, candidate); 0 where the target is hidden or the episode over.
         """
         out = np.empty((len(belief.step), len(self.actions)))
         later = np.atleast_2d(np.asarray(wait, np.int64))
         step, mean, covariance, _, _, q, visible = belief
-        target, waveform = self._aims
+        target, waveform = self._target_and_waveform
         M, rows = self.weights_ahead(ahead), (0,) * (2 * len(self.receivers))
         prediction.gain(step, mean, covariance, q, visible, target, waveform, later, M, *self._radar, out, NN, rows)
         return out
@@ -239,8 +251,8 @@ class SectorSetup(System):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation: time left, the set-up, and of every target when it can be seen and what a look meets."""
-        return sector_elements(self.targets, len(self.receivers), self.dead_steps)
+        """The observation: time left, set-up, and for each target its visibility, uncertainty and SNR."""
+        return sector_fields(self.targets, len(self.receivers), self.dead_steps)
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
@@ -251,15 +263,15 @@ class SectorSetup(System):
 
     @cached_property
     def _logarithms(self) -> Array:
-        """What the logarithm of an element is multiplied by; 0 where none is taken. A spread's is of its variance."""
+        """Factor of the logarithm of each field; 0 for no logarithm. A deviation is computed from its variance."""
         factors = {"log10_sigma": 0.5, "log10_q": 1.0, "snr": 10.0}
         return np.array(
             [next((f for n, f in factors.items() if e.name.startswith(n)), 0.0) for e in self.observation_fields]
         )
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Of each target ``position_error`` (m), ``nees`` (expected: 4) and ``lost``: its estimate is so far off that
-        the sector lit for it would miss it. Of the step: ``detections``, and whether it was ``dead``.
+        """For each target ``position_error`` (m), ``nees`` (expected: 4) and ``lost``: the error exceeds half the width
+        of the illuminated sector. For the step: ``detections``, and ``dead``: no pulse was sent.
         """
         truth, belief = state
         position, nees = np.empty(belief.mean.shape[:2]), np.empty(belief.mean.shape[:2])

@@ -1,4 +1,4 @@
-"""Barbosa et al.: a multistatic radar in urban terrain."""
+"""A multistatic radar in urban terrain (Barbosa et al.)."""
 
 from __future__ import annotations
 

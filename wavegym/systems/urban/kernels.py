@@ -1,4 +1,4 @@
-"""What receivers in a street measure of one scan, targets by every way and clutter; and what agents see: compiled."""
+"""Kernels of the urban loop: measurements of a scan (targets over all paths, clutter), and the observation."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -8,30 +8,31 @@ import numpy as np
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
-from wavegym.trackers.urban.kernels import CONFIRMED, EMPTY, noise, snr_at
+from wavegym.sensors.multistatic_kernels import noise, snr_at
+from wavegym.trackers.urban.kernels import CONFIRMED, EMPTY
 
-CLUTTER = 10_000  # number of the clutter's stream, beyond those of all ways
+CLUTTER = 10_000  # number of the random stream of clutter, beyond those of all paths
 
 
 @inlined
 def folded(rate, limit):
-    """A range-rate as a pulse train sees it: in [-limit, limit]."""
+    """Range-rate as a pulse train measures it: folded into [-limit, limit]."""
     return rate - 2.0 * limit * np.rint(rate / (2.0 * limit))
 
 
 @kernel
-def measure_targets(key, scan, pair, scene, street, wave, reference, limit, z, count):
-    """Append what is detected of the targets to z[: count]; the new count."""
+def measure_targets(key, scan, pair, scene, constants, wave, reference, limit, z, count):
+    """Append the detections of targets to z[: count]; return the new count."""
     targets, most = scene.z.shape[2], scene.z.shape[3]
     for g in range(targets):
-        for w in range(scene.ways[pair, scan, g]):
+        for w in range(scene.path_count[pair, scan, g]):
             r = scene.z[pair, scan, g, w, 0]
-            if r > street.reach or count >= len(z):
+            if r > constants.reach or count >= len(z):
                 continue
             own = stream(key, g * most + w)
             eta = snr_at(r, reference, scene.reflected[pair, scan, g, w])
-            if uniform(own, 0) < detection(0.5 * eta, street.log_false_alarm):
-                R00, R01, R11 = noise(wave, eta, street)
+            if uniform(own, 0) < detection(0.5 * eta, constants.log_false_alarm):
+                R00, R01, R11 = noise(wave, eta, constants.rate_floor)
                 a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
                 b = R01 / a
                 z[count, 0] = r + a * n0
@@ -41,35 +42,35 @@ def measure_targets(key, scan, pair, scene, street, wave, reference, limit, z, c
 
 
 @kernel
-def measure_clutter(key, street, limit, z, count):
-    """Append false returns, uniform in range and range-rate, to z[: count]; the new count."""
-    own, expected, sum_of_gaps, i = stream(key, CLUTTER), street.density * street.reach * 2.0 * limit, 0.0, 0
+def measure_clutter(key, constants, limit, z, count):
+    """Append false returns, uniform in range and range-rate, to z[: count]; return the new count."""
+    own, expected, sum_of_gaps, i = stream(key, CLUTTER), constants.density * constants.reach * 2.0 * limit, 0.0, 0
     while count < len(z):
         sum_of_gaps += exponential(own, 3 * i)
         if sum_of_gaps > expected:
             break
-        z[count, 0] = street.reach * uniform(own, 3 * i + 1)
+        z[count, 0] = constants.reach * uniform(own, 3 * i + 1)
         z[count, 1] = limit * (2.0 * uniform(own, 3 * i + 2) - 1.0)
         count, i = count + 1, i + 1
     return count
 
 
 @kernel
-def measure(keys, scans, scene, street, wave, reference, limit, z, count):
-    """One scan of every environment, the ``scans[e]``-th: z (env, pair, measurement, 2), count (env, pair).
+def measure(keys, scans, scene, constants, wave, reference, limit, z, count):
+    """Scan ``scans[e]`` of every environment e: z (env, pair, measurement, 2), count (env, pair).
 
-    wave (env, pair, 2, 2), reference (env, pair): of what each pair's transmitter sends.
+    wave (env, pair, 2, 2), reference (env, pair): covariance at unit SNR, and SNR at 100 m, of each pair's waveform.
     """
     for e in range(len(keys)):
         for m in range(z.shape[1]):
             key = stream(stream(keys[e], scans[e]), m)
-            found = measure_targets(key, scans[e], m, scene, street, wave[e, m], reference[e, m], limit, z[e, m], 0)
-            count[e, m] = measure_clutter(key, street, limit, z[e, m], found)
+            found = measure_targets(key, scans[e], m, scene, constants, wave[e, m], reference[e, m], limit, z[e, m], 0)
+            count[e, m] = measure_clutter(key, constants, limit, z[e, m], found)
 
 
 @kernel
 def observe(step, x, P, mu, existence, status, age, centre, horizon, out):
-    """``urban_elements`` of every environment into out, which holds zeros; places are counted from ``centre`` (2,)."""
+    """Write ``urban_fields`` of every environment to out, which holds zeros; positions relative to ``centre`` (2,)."""
     slots, models = mu.shape[1], mu.shape[2]
     mean, variance = np.empty(4), np.empty(4)
     for e in range(len(step)):

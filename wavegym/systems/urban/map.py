@@ -1,4 +1,4 @@
-"""Map of a street: buildings, roads and antennas, where targets are, and where the tracker has them."""
+"""Drawn urban map: buildings, roads, antennas, targets and tracks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLANE = slice(0, 2)  # x and y among [x y xdot ydot xddot yddot]
 ROAD: dict[str, Any] = {"color": "0.93", "linewidth": 0}
 BUILDING: dict[str, Any] = {"facecolor": "0.72", "edgecolor": "0.45", "linewidth": 0.8}
 TREE: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "yellowgreen", "markersize": 3, "markeredgewidth": 0}
-SIGHT: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (4, 3)), "alpha": 0.6}
+DIRECT_PATH: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (4, 3)), "alpha": 0.6}
 TRANSMITTER: dict[str, Any] = {"linestyle": "", "marker": "^", "color": "black", "markersize": 7, "markeredgewidth": 0}
 RECEIVER: dict[str, Any] = {"linestyle": "", "marker": "v", "markersize": 6, "markeredgewidth": 0}
 TRAIL: dict[str, Any] = {"linestyle": "", "marker": ".", "color": "black", "markersize": 2.5, "markeredgewidth": 0}
@@ -29,22 +29,23 @@ SURE: dict[str, Any] = {"color": "black", "linewidth": 1.3}
 UNSURE: dict[str, Any] = {"color": "darkorange", "linewidth": 1.1, "linestyle": (0, (2, 1.2))}
 
 
-def draw_street_map(axes: Axes, system: Urban, moment: Moment) -> None:
-    """Targets with their trails, tracks with theirs and 2 sigma ellipses; x and y to the same scale, in m.
+def draw_urban_map(axes: Axes, system: Urban, moment: Moment) -> None:
+    """Targets and tracks with their trails, tracks with 2 sigma ellipses; x and y to the same scale, in m.
 
-    A target is joined to the first transmitter and the receivers by lines where both first straight ways are open.
+    Lines join a target to the first transmitter and the receivers while the direct paths of the first two pairs are
+    visible.
     """
     scene, step, now = system.scene, len(moment.actions), moment.states[-1]
     senders = len(system.transmitters)
     antennas = np.array([*system.transmitters, *system.receivers])
     places = np.delete(antennas, range(1, senders), axis=0)
     to_scale(axes, np.concatenate([scene.truth[scene.present][:, PLANE], antennas]).T)
-    _draw_city(axes, system)
+    _draw_buildings(axes, system)
     for t in np.flatnonzero(scene.present[step]).tolist():
         trail = scene.truth[: step + 1, t, PLANE][scene.present[: step + 1, t]]
         if scene.direct[step, t]:
-            ways = np.stack([places, np.broadcast_to(trail[-1], places.shape), np.full(places.shape, np.nan)], axis=1)
-            axes.plot(*ways.reshape(-1, 2).T, color=colour(t), **SIGHT)
+            lines = np.stack([places, np.broadcast_to(trail[-1], places.shape), np.full(places.shape, np.nan)], axis=1)
+            axes.plot(*lines.reshape(-1, 2).T, color=colour(t), **DIRECT_PATH)
         axes.plot(*trail.T, color=colour(t), linewidth=1.0)
         axes.plot(*trail[-1:].T, **cross(t))
         style: dict[str, Any] = {"color": colour(t), "fontsize": 10, "fontweight": "bold"}
@@ -60,8 +61,8 @@ def draw_street_map(axes: Axes, system: Urban, moment: Moment) -> None:
         axes.plot(*place[:, None], color=f"C{i}", **RECEIVER)
 
 
-def _draw_city(axes: Axes, system: Urban) -> None:
-    """What stands still."""
+def _draw_buildings(axes: Axes, system: Urban) -> None:
+    """Draw roads, buildings and trees."""
     from shapely.plotting import patch_from_polygon
 
     axes.add_artist(patch_from_polygon(system.map.paved, **ROAD))

@@ -1,4 +1,4 @@
-"""The scene of a street: map, position errors, the last scan of the first receivers, and the tracker's slots."""
+"""Scene of the urban loop: map, position errors, the last scan of the first receivers, and the tracker slots."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
 from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban import kernels as urban_kernels
-from wavegym.systems.urban.map import RECEIVER, SURE, TRANSMITTER, TREE, UNSURE, draw_street_map
+from wavegym.systems.urban.map import RECEIVER, SURE, TRANSMITTER, TREE, UNSURE, draw_urban_map
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
 from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, MODELS, TENTATIVE
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 
-SHOWN = 2  # receivers that have a panel of their own
+SHOWN = 2  # receivers with a panel
 MEASURED: dict[str, Any] = {"linestyle": "", "marker": ".", "color": "0.55", "markersize": 5, "markeredgewidth": 0}
 BY_WALLS: dict[str, Any] = {"marker": "+", "markersize": 5, "markeredgewidth": 1.0, "linestyle": ""}
 EXPECTED: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 8, "fillstyle": "none"}
 SHADES = ("slategray", "goldenrod", "mediumseagreen", "indianred")  # of MODELS
-MOST_NAMED = 8  # slots that have room for a number
+MOST_NAMED = 8  # slots with room for a number
 FAINT = 0.4  # of a tentative track
 LEFT: dict[str, Any] = {"left": 0.1, "right": 0.545, "top": 0.85, "bottom": 0.075}
 RIGHT: dict[str, Any] = {"left": 0.66, "right": 0.975, "top": 0.825, "bottom": 0.075}
@@ -48,8 +48,8 @@ IN_SCAN: dict[str, dict[str, Any]] = {
 }
 
 
-class StreetScene:
-    """Map, position errors of what is held, the last scan at the first receivers, and what the tracker's slots hold.
+class UrbanScene:
+    """Map, position errors of held targets, the last scan of the first receivers, and the tracker slots.
 
     Args:
         system: the closed loop.
@@ -77,7 +77,7 @@ class StreetScene:
             axes.set(xlim=(0.0, system.reach), ylim=(-limit, limit))
         legend(self._scans[0], (-0.2, 1.0 + 1.6 * LINE / self._scans[0].bbox.height), len(IN_SCAN), **IN_SCAN)
         caption(self._slots, "tracks: existence, and model", "", "slot")
-        names = MODELS[: len(system.following.motion)]
+        names = MODELS[: len(system.urban_tracker.motion)]
         self._slots.set(xlim=(0.0, 1.0), ylim=(system.slots + 0.5, 0.5))
         self._slots.set_yticks(range(1, system.slots + 1, -(-system.slots // MOST_NAMED)))
         bars: Any = {name: {"color": shade, "linewidth": 4} for name, shade in zip(names, SHADES, strict=False)}
@@ -88,7 +88,7 @@ class StreetScene:
         for axes in (self._map, self._errors, *self._scans, self._slots):
             wipe(axes)
         self._scan.set_text(scan_caption(self.system, moment))
-        draw_street_map(self._map, self.system, moment)
+        draw_urban_map(self._map, self.system, moment)
         self._draw_errors(moment)
         self._draw_slots(moment)
         for i, axes in enumerate(self._scans):
@@ -97,7 +97,7 @@ class StreetScene:
                 draw_scan(axes, self.system, moment, i)
 
     def _draw_errors(self, moment: Moment) -> None:
-        """Distance from each target to the confirmed track that holds it."""
+        """Plot the distance from each target to the confirmed track that holds it."""
         figures = [self.system.state_info(state) for state in moment.states]
         held = np.concatenate([each["held"] for each in figures])
         error = np.concatenate([each["position_error"] for each in figures])
@@ -107,7 +107,7 @@ class StreetScene:
         fit_y(self._errors, error[held] if held.any() else np.ones(1))
 
     def _draw_slots(self, moment: Moment) -> None:
-        """A bar for each track: as long as it is sure to exist, in the colours of what it may be doing."""
+        """Draw a bar for each track: its length is the existence probability, its colours the model probabilities."""
         belief = moment.states[-1].belief
         for slot in np.flatnonzero(belief.status[0] != EMPTY):
             ends = belief.existence[0, slot] * np.cumsum([0.0, *belief.mu[0, slot]])
@@ -117,9 +117,9 @@ class StreetScene:
 
 
 def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
-    """What a receiver measured, where it should have measured each target by every open way, and the tracks.
+    """Measurements of a receiver, exact values of each target over all visible paths, and the tracks.
 
-    All of the first transmitter. Range-rates beyond ``system.ambiguity`` are measured folded, and drawn so.
+    All with the first transmitter. Range-rates beyond ``system.ambiguity`` are folded, as they are measured.
     """
     scene, step, now = system.scene, len(moment.actions), moment.states[-1]
     measured = now.truth.z[0, receiver, : now.truth.number[0, receiver]]
@@ -127,10 +127,10 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
     antennas = system.transmitters[0], system.receivers[receiver]
     direct = multistatic_range_and_rate(now.truth.targets[0, :, :4], *antennas)[:, 0]
     for t in np.flatnonzero(scene.present[step]).tolist():
-        ways = folded(scene.z[receiver, step, t, : scene.ways[receiver, step, t]], system.ambiguity)
-        straight = np.isclose(ways[:, 0], direct[t])
-        axes.plot(*ways[~straight].T, color=colour(t), **BY_WALLS)
-        axes.plot(*ways[straight].T, **cross(t))
+        paths = folded(scene.z[receiver, step, t, : scene.path_count[receiver, step, t]], system.ambiguity)
+        straight = np.isclose(paths[:, 0], direct[t])
+        axes.plot(*paths[~straight].T, color=colour(t), **BY_WALLS)
+        axes.plot(*paths[straight].T, **cross(t))
     x, _ = Tracks(*now.belief[1:]).combined()
     for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
         tracks = x[now.belief.status == status][:, :4]
@@ -139,12 +139,12 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
 
 
 def folded(z: Array, ambiguity: float) -> Array:
-    """Range and range-rate (..., 2) as a pulse train measures them: the rate in [-ambiguity, ambiguity]."""
+    """Range and range-rate (..., 2) as a pulse train measures them: the rate folded into [-ambiguity, ambiguity]."""
     return np.stack([z[..., 0], urban_kernels.folded(z[..., 1], ambiguity)], axis=-1)
 
 
 def scan_caption(system: Urban, moment: Moment) -> str:
-    """What was measured in this step, and what is held of what is there."""
+    """Number of measurements in this step, and whether each present target is held."""
     if not moment.actions:
         return ""
     now = moment.states[-1]

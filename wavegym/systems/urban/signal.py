@@ -1,25 +1,23 @@
-"""Controlled tracking in urban terrain with receivers that process signals, pulse by pulse."""
+"""Controlled tracking in urban terrain with receivers that process simulated signals."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
-
+from wavegym.core.parameters import changed_default, system_parameters
 from wavegym.systems.urban.system import Urban
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
+@system_parameters
 class UrbanSignal(Urban):
-    """The urban loop down to the signals: pulse trains at array elements, matched filters, peaks.
+    """The urban loop at the signal level: pulse trains at array elements, matched filters, peaks.
 
     Description
-        As wavegym/Urban-v0, but measurements are found in what three elements of each receiver sample: echoes of
-        targets by every way, of walls and trees, and noise. Each element's matched filter makes an image over delay and
-        Doppler; the mean of thirty frames of the empty street is subtracted. Peaks in the best direction, above a
-        threshold that noise passes ``clutter_density`` times per (m x m/s), are measured by a quadratic fit to
-        log |A|^2. Ways that are less than a resolution cell apart return one peak. Trains are of 25 pulses, 25 ms.
+        As wavegym/Urban-v0, but measurements come from simulated samples at the three elements of each receiver:
+        echoes of targets over all paths, of walls and trees, and noise. The mean of thirty frames without targets is
+        subtracted. A matched filter per element gives an image over delay and Doppler. Peaks in the best direction,
+        above a threshold that noise exceeds ``clutter_density`` times per (m x m/s), are measured by a quadratic fit to
+        log |A|^2. Paths less than a resolution cell apart return one peak. A train has 25 pulses, 25 ms.
 
     Rewards
         As wavegym/Urban-v0.
@@ -31,5 +29,5 @@ class UrbanSignal(Urban):
         As wavegym/Urban-v0.
     """
 
-    pulses: int = 25
-    fidelity: Literal["measurement", "signal"] = "signal"
+    pulses: int = changed_default(Urban, "pulses", 25)
+    fidelity: Literal["measurement", "signal"] = changed_default(Urban, "fidelity", "signal")

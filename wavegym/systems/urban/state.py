@@ -1,4 +1,4 @@
-"""A street with targets: what one episode draws, the truth, the belief, and what an agent is shown."""
+"""The urban loop: tape, scene, truth, belief and observation fields."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import ObservationField, State
 from wavegym.sensors.multistatic import Multistatic
-from wavegym.sensors.urban_map import City
+from wavegym.sensors.urban_map import UrbanMap
 from wavegym.targets import ScriptedPath
 from wavegym.trackers import Tracks, gospa
 from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
 
-HELD_WITHIN = 20.0  # m, of GOSPA too: a confirmed track farther off is none of a target's
-MOST = 64  # measurements of a pair in a scan, where there is little clutter
-GREATEST = 4096  # in any
+HELD_WITHIN = 20.0  # m, cutoff of GOSPA too: a confirmed track farther from a target does not hold it
+MOST = 64  # least room for the measurements of a pair in a scan
+GREATEST = 4096  # greatest room
 
 
 class World(NamedTuple):
-    """One episode's tape: where a target drives is known, what is measured of it comes by counter from a key."""
+    """One episode's tape: routes are fixed; measurements are drawn by counter from a key."""
 
     key: Array  # () uint64
 
@@ -35,8 +35,8 @@ class Truth(NamedTuple):
     targets: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
     present: Array  # (env, target)
     z: Array  # (env, pair, most, 2): the last scan
-    number: Array  # (env, pair): how many measurements it has
-    refused: Array  # (env,): tracks that found no slot of their own in it
+    number: Array  # (env, pair): number of its measurements
+    refused: Array  # (env,): new tracks that found no free slot in it
 
 
 class Belief(NamedTuple):
@@ -52,12 +52,12 @@ class Belief(NamedTuple):
 
 
 def room_for(expected: float) -> int:
-    """Measurements of a pair in a scan that there has to be room for, where so many false returns are expected.
+    """Room for the measurements of a pair in a scan, for an expected number of false returns.
 
-    Targets' returns beside six standard deviations of clutter.
+    Six standard deviations of clutter, and returns of targets.
 
     Raises:
-        InputError: more than may be.
+        InputError: more than ``GREATEST``.
     """
     most = max(MOST, math.ceil(expected + 6.0 * math.sqrt(expected)) + MOST // 2)
     if most > GREATEST:
@@ -67,63 +67,63 @@ def room_for(expected: float) -> int:
 
 
 class Scene(NamedTuple):
-    """What happens in the street whatever is transmitted, for every scan from 0 to the horizon."""
+    """Targets and their propagation paths, for every scan from 0 to the horizon; no action changes them."""
 
     truth: Array  # (scan, target, 6)
     present: Array  # (scan, target)
-    ways: Array  # (pair, scan, target): how many ways are open
-    way: Array  # (pair, scan, target, way): their numbers
-    z: Array  # (pair, scan, target, way, 2): range and range-rate by each of them
-    reflected: Array  # (pair, scan, target, way): what their walls leave of the power
-    direct: Array  # (scan, target): whether the straight ways of the first two pairs are open
+    path_count: Array  # (pair, scan, target): number of visible paths; they come first along the path axis
+    path_index: Array  # (pair, scan, target, path): index of each path in ``Multistatic.paths``
+    z: Array  # (pair, scan, target, path, 2): range and range-rate
+    reflected: Array  # (pair, scan, target, path): fraction of the power left after the walls
+    direct: Array  # (scan, target): whether the direct paths of the first two pairs are visible
 
 
 def make_scene(
-    city: City, pairs: Sequence[Multistatic], path: ScriptedPath, arrivals: ArrayLike, times: Array
+    urban_map: UrbanMap, pairs: Sequence[Multistatic], route: ScriptedPath, arrivals: ArrayLike, times: Array
 ) -> Scene:
-    """All targets drive along one path, each from its own arrival [s] on; times (scan,) in s.
+    """All targets drive along one route, each from its own arrival [s] on; times (scan,) in s.
 
     Raises:
-        InputError: a path that leads through a wall.
+        InputError: the route enters a building.
     """
-    driven = [_driven(path, arrival, times) for arrival in np.asarray(arrivals, np.float64)]
+    driven = [_driven(route, arrival, times) for arrival in np.asarray(arrivals, np.float64)]
     true_states = np.stack([states for states, _ in driven], axis=1)
     present = np.stack([there for _, there in driven], axis=1)
     for states, there in driven:
         if there.sum() > 1:
-            city.check_drivable("the targets' path", states[there, :2])
-    if city.indoors(true_states[present][:, :2]).any():
-        raise InputError(f"the targets' path begins in a building at {tuple(path.start)} m, expected one in a street")
-    doors = [pair.open(true_states[..., :2]) & present[..., None] for pair in pairs]
-    most = max(1, *(int(each.sum(axis=-1).max(initial=0)) for each in doors))
-    tables = [_table(pair, true_states, door, most) for pair, door in zip(pairs, doors, strict=True)]
-    z, reflected, ways, way = (np.stack(each) for each in zip(*tables, strict=True))
-    direct = np.logical_and.reduce([door[..., 0] for door in doors[:2]])
-    return Scene(true_states, present, ways, way, z, reflected, direct)
+            urban_map.check_drivable("path", states[there, :2])
+    if urban_map.indoors(true_states[present][:, :2]).any():
+        raise InputError(f"path begins in a building at {tuple(route.start)} m, expected a route outside all buildings")
+    visible = [pair.visible(true_states[..., :2]) & present[..., None] for pair in pairs]
+    most = max(1, *(int(each.sum(axis=-1).max(initial=0)) for each in visible))
+    tables = [_table(pair, true_states, own, most) for pair, own in zip(pairs, visible, strict=True)]
+    z, reflected, path_count, path_index = (np.stack(each) for each in zip(*tables, strict=True))
+    direct = np.logical_and.reduce([own[..., 0] for own in visible[:2]])
+    return Scene(true_states, present, path_count, path_index, z, reflected, direct)
 
 
-def _driven(path: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Array]:
-    here = path.sample(np.maximum(times - arrival, 0.0))
+def _driven(route: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Array]:
+    here = route.sample(np.maximum(times - arrival, 0.0))
     return np.concatenate([here.positions, here.velocities, here.accelerations], axis=1), times >= arrival
 
 
-def _table(pair: Multistatic, true_states: Array, door: Array, most: int) -> tuple[Array, Array, Array, Array]:
-    """Range and rate, and power left, of the open ways, which come first; how many, and which they are."""
-    order = np.argsort(~door, axis=-1, kind="stable")[..., :most]
+def _table(pair: Multistatic, true_states: Array, visible: Array, most: int) -> tuple[Array, Array, Array, Array]:
+    """Range and range-rate, power left, number and indices of the paths; visible paths come first."""
+    order = np.argsort(~visible, axis=-1, kind="stable")[..., :most]
     z = np.take_along_axis(pair.measure(true_states[..., :4]), order[..., None], axis=-2)
-    return z, pair.reflected[order], door.sum(axis=-1), order
+    return z, pair.reflected[order], visible.sum(axis=-1), order
 
 
-def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[ObservationField, ...]:
-    """Observation elements, slot by slot."""
+def urban_fields(slots: int, models: tuple[str, ...], reach: float) -> tuple[ObservationField, ...]:
+    """Observation fields, slot by slot."""
     listed = [ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
     for s in range(1, slots + 1):
-        of = f"of the track in slot {s}; 0 in an empty one"
+        of = f"of the track in slot {s}; 0 if the slot is empty"
         listed += [
             ObservationField(f"existence_{s}", "1", 0.5, 0.5, f"probability of existence {of}"),
             ObservationField(f"confirmed_{s}", "1", 0.5, 0.5, f"whether the track in slot {s} is confirmed"),
-            ObservationField(f"x_{s}", "m", 0.0, reach / 3, f"x, counted from the first transmitter, {of}"),
-            ObservationField(f"y_{s}", "m", 0.0, reach / 3, f"y, counted from the first transmitter, {of}"),
+            ObservationField(f"x_{s}", "m", 0.0, reach / 3, f"x relative to the first transmitter, {of}"),
+            ObservationField(f"y_{s}", "m", 0.0, reach / 3, f"y relative to the first transmitter, {of}"),
             ObservationField(f"xdot_{s}", "m/s", 0.0, 10.0, f"velocity along x {of}"),
             ObservationField(f"ydot_{s}", "m/s", 0.0, 10.0, f"velocity along y {of}"),
             ObservationField(f"sigma_position_{s}", "m", 2.0, 3.0, f"RMS position uncertainty {of}"),
@@ -136,8 +136,8 @@ def urban_elements(slots: int, models: tuple[str, ...], reach: float) -> tuple[O
     return tuple(listed)
 
 
-def key_figures(state: State, direct: Array) -> dict[str, Array]:
-    """What ``Urban.metrics`` says of a state; direct (scan, target): whether both first pairs see it straight."""
+def urban_info(state: State, direct: Array) -> dict[str, Array]:
+    """See ``Urban.state_info``; direct (scan, target): whether both direct paths to a target are visible."""
     truth, belief = state
     x, P = Tracks(*belief[1:]).combined()
     sure = belief.status == CONFIRMED

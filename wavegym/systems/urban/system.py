@@ -7,146 +7,141 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict
-from pydantic.dataclasses import dataclass
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive
+from wavegym.core.errors import InputError, check_positive
+from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.receiver import ArrayReceiver
-from wavegym.sensors.urban_map import City, Point
+from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import kernels
-from wavegym.systems.urban.receivers import StreetReceivers
+from wavegym.systems.urban.receivers import UrbanReceivers
 from wavegym.systems.urban.state import (
     Belief,
     Scene,
     Truth,
     World,
-    key_figures,
     make_scene,
     room_for,
-    urban_elements,
+    urban_fields,
+    urban_info,
 )
 from wavegym.targets import ScriptedPath, Segment
-from wavegym.trackers import StreetTracker, Tracks
+from wavegym.trackers import Tracks, UrbanTracker
 from wavegym.trackers.urban.tracker import MODELS
-from wavegym.waveforms import (
-    GaussianChirp,
-    PulseTrain,
-    measurement_covariances,
-)
+from wavegym.waveforms import GaussianChirp, PulseTrain, measurement_covariances
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
-EFFECTIVE = 7.4338  # durations in which the chirp sweeps its bandwidth
+EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps its bandwidth in this time
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
+@system_parameters
 class Urban(System):
-    """A multistatic radar in a street follows an unknown number of targets, and chooses its pulses scan by scan.
+    """A multistatic radar in urban terrain tracks an unknown number of targets and chooses its pulses scan by scan.
 
     Description
-        One transmitter or more, two receivers or more, buildings that hide and reflect. Two targets drive the same way
-        through the crossing, ten seconds apart: straight on, braking, round a left bend, speeding up. A scan is a train
-        of Gaussian chirps of one of four kinds; each receiver detects each way from a transmitter by target to
-        receiver, by no wall, one or two, with Pd = Pfa^(1 / (1 + eta / 2)), and measures range and range-rate with
-        R(psi) / eta, eta falling with the fourth power of the half path and .4 with each wall, and with the variance
-        rate_floor^2 of range-rate beside it; and there are false returns. Tracks are begun, confirmed and ended by the
-        tracker: LMIPDA and a variable-structure IMM of unscented filters.
+        One or more transmitters, two or more receivers, and buildings that hide targets and reflect signals. Two
+        targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left turn, speeding
+        up. A scan is a train of Gaussian chirps of one of four kinds. Each receiver detects each propagation path from
+        a transmitter by a target, over up to two walls, with Pd = Pfa^(1 / (1 + eta / 2)). The path is measured in
+        range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for range-rate; eta falls with the fourth
+        power of the half path length and by a factor of .4 at each wall. There are false returns. The tracker starts,
+        confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters.
 
     Rewards
-        Minus the cost, summed over the ``charged`` slots that cost least: r min(trace(Lambda P), c0) + (1 - r) c0, with
-        r the track's probability of existence and c0 the trace of a track just begun at its vaguest; m^2, with
-        ``weights`` 1, 1 s^2 and 1 s^4 on positions, velocities and accelerations. To lose a track never pays; a false
-        one pays as much as the tracker believes in it.
+        Minus the cost, summed over the ``charged`` slots of least cost: r min(trace(Lambda P), c0) + (1 - r) c0, with r
+        the existence probability of the track and c0 the trace of a new track of greatest uncertainty; m^2, with
+        ``weights`` 1, 1 s^2 and 1 s^4 on positions, velocities and accelerations. Losing a track never pays; a false
+        track pays in proportion to its existence probability.
 
     Starting state
-        No tracks; the first target enters at its arrival.
+        No tracks; each target enters at its arrival.
 
     Episode end
         Terminates after ``horizon`` scans; the time left is observed.
 
-    Arguments
-        city: a city that comes with wavegym, or a TOML file. transmitters, receivers: (x, y) in m. arrivals: s at which
-        each target starts. fidelity: "measurement", or "signal" as in wavegym/UrbanSignal-v0. start: (x, y) in m.
-        velocity: (x, y) in m/s, there. path: (s, m/s^2 along the motion, rad/s to the left) of each stretch; then it
-        drives on. durations: k of the pulses' envelopes exp(-t^2 / 2k^2), s; each sweeps up or down; the first is sent
-        where no track says otherwise. bandwidth: swept in 7.43 k, the effective pulse, Hz. carrier: Hz. pulses: of a
-        train. interval: between two pulses, s; range-rates beyond lambda / (4 interval) are folded. reference_snr: eta
-        at 100 m of the longest pulse; energy grows with duration. tracker: "vsimm" or "ncv". sigma: of the acceleration
-        that NCV and turns expect, m/s^2. vaguest: standard deviation of a new track's place at most, m. ghosts: whether
-        the tracker tells ghosts by the map. slots: tracks at most. charged: slots that count in the cost.
-        clutter_density: false returns per (m x m/s). false_alarm: Pfa, 1e-3 if not given; of signals it follows from
-        ``clutter_density``, which sets the threshold. rate_floor: m/s. reach: half path, m. weights: diagonal of
-        Lambda, for positions, velocities and accelerations.
-
     References
         P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
-        terrain: closing the loop". The paper's buildings and clutter are read off its figure, its SNR and thresholds
-        are proposals of this suite.
+        terrain: closing the loop". Buildings and clutter are read off the figure of the paper; SNR and thresholds are
+        proposals of this suite.
     """
 
-    horizon: int = 140
-    dt: float = 0.25
-    city: str = "intersection"
-    transmitters: tuple[Point, ...] = ((2085.0, 1470.5),)
-    receivers: tuple[Point, ...] = ((2088.0, 1475.0), (2078.0, 1467.0))
-    arrivals: tuple[float, ...] = (0.0, 10.0)
-    start: Point = (1950.0, 1500.0)
-    velocity: Point = (10.0, 0.0)
-    path: tuple[tuple[float, float, float], ...] = (
-        (5.0, 0.0, 0.0), (5.0, -1.0, 0.0), (10.0, 0.0, math.pi / 20), (5.0, 1.0, 0.0),
-    )  # fmt: skip
-    durations: tuple[float, ...] = (1.375e-6, 0.5e-6)
-    bandwidth: float = 40e6
-    carrier: float = 4e9
-    fidelity: Literal["measurement", "signal"] = "measurement"
-    pulses: int = 249
-    interval: float = 1e-3
-    reference_snr: float = 200.0
-    tracker: Literal["vsimm", "ncv"] = "vsimm"
-    sigma: float = 0.25
-    vaguest: float = 5.0
-    ghosts: bool = True
-    slots: int = 8
-    charged: int = 2
-    clutter_density: float = 1e-3
-    false_alarm: float | None = None
-    rate_floor: float = 0.1
-    reach: float = 300.0
-    weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    horizon: int = parameter(140, "scans in an episode", ge=1)
+    dt: float = parameter(0.25, "time between scans", unit="s", gt=0)
+    city: str = parameter("intersection", "an urban map of wavegym, or a TOML file", unit="")
+    transmitters: tuple[Point, ...] = parameter(((2085.0, 1470.5),), "positions (x, y) of the transmitters", unit="m")
+    receivers: tuple[Point, ...] = parameter(
+        ((2088.0, 1475.0), (2078.0, 1467.0)), "positions (x, y) of the receivers, at least two", unit="m"
+    )
+    arrivals: tuple[float, ...] = parameter((0.0, 10.0), "time at which each target starts", unit="s", min_length=1)
+    start: Point = parameter((1950.0, 1500.0), "start (x, y) of the route of all targets", unit="m")
+    velocity: Point = parameter((10.0, 0.0), "velocity (x, y) at the start", unit="m/s")
+    path: tuple[tuple[float, float, float], ...] = parameter(
+        ((5.0, 0.0, 0.0), (5.0, -1.0, 0.0), (10.0, 0.0, math.pi / 20), (5.0, 1.0, 0.0)),
+        "route: duration, acceleration along the motion and left turn rate of each segment; then constant velocity",
+        unit="s, m/s^2, rad/s",
+    )
+    durations: tuple[Positive, ...] = parameter(
+        (1.375e-6, 0.5e-6),
+        "k of the envelopes exp(-t^2 / 2k^2), each with an up and a down sweep; without tracks the one-step "
+        "scheduler sends the first",
+        unit="s",
+    )
+    bandwidth: float = parameter(40e6, "bandwidth swept in the effective pulse length 7.43 k", unit="Hz", gt=0)
+    carrier: float = parameter(4e9, "carrier frequency", unit="Hz", gt=0)
+    fidelity: Literal["measurement", "signal"] = parameter(
+        "measurement",
+        "measurements from the error model, or from simulated signals as in wavegym/UrbanSignal-v0",
+        unit="",
+    )
+    pulses: int = parameter(249, "pulses in a train", ge=1)
+    interval: float = parameter(
+        1e-3, "time between pulses; range-rates beyond lambda / (4 interval) are folded", unit="s", gt=0
+    )
+    reference_snr: float = parameter(
+        200.0, "eta of the longest pulse at 100 m, a ratio; energy grows with duration", gt=0
+    )
+    tracker: Literal["vsimm", "ncv"] = parameter(
+        "vsimm", "motion models of the tracker: variable-structure IMM, or one nearly constant velocity", unit=""
+    )
+    sigma: float = parameter(0.25, "standard deviation of acceleration in NCV and turn models", unit="m/s^2", ge=0)
+    vaguest: float = parameter(5.0, "largest standard deviation of the position of a new track", unit="m", gt=0)
+    ghosts: bool = parameter(True, "whether the tracker uses the map to recognise ghosts", unit="")
+    slots: int = parameter(8, "maximum number of tracks", ge=1)
+    charged: int = parameter(2, "number of slots in the cost", ge=1)
+    clutter_density: float = parameter(1e-3, "expected false returns", unit="1/(m m/s)", gt=0)
+    false_alarm: Probability | None = parameter(
+        None, "Pfa; by default 1e-3, or with fidelity='signal' the value that follows from clutter_density"
+    )
+    rate_floor: float = parameter(0.1, "standard deviation of range-rate in addition to its noise", unit="m/s", gt=0)
+    reach: float = parameter(300.0, "half path length beyond which nothing is received", unit="m", gt=0)
+    weights: tuple[NonNegative, NonNegative, NonNegative] = parameter(
+        (1.0, 1.0, 1.0), "diagonal of Lambda, for positions, velocities and accelerations", unit="1, s^2, s^4"
+    )
 
     def __post_init__(self) -> None:
-        """Check what single types cannot say."""
-        for name in ("horizon", "slots"):
-            check_int(name, getattr(self, name), 1)
-        for name in ("dt", "bandwidth", "carrier", "reference_snr"):
-            check_positive(name, getattr(self, name))
-        if not self.arrivals:
-            raise InputError("arrivals is (), expected the time in s at which each target starts")
-        for weight in self.weights:
-            check_non_negative("weight", weight)
+        """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
-        check_positive("clutter_density", self.clutter_density)
-        if not 1 <= self.charged <= self.slots:
+        if self.charged > self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
         if self.fidelity == "signal" and self.false_alarm is not None:
             wanted = "expected none with fidelity='signal': it follows from clutter_density"
             raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
-        _ = self.actions, self.following, self.scene, self._most
+        _ = self.actions, self.urban_tracker, self.scene, self._most
 
     @cached_property
-    def map(self) -> City:
-        """The city."""
-        return City.load(self.city)
+    def map(self) -> UrbanMap:
+        """The urban map."""
+        return UrbanMap.load(self.city)
 
     @cached_property
     def library(self) -> Library:
-        """Trains of each duration, sweeping up and down."""
+        """A train of each duration with an up and a down sweep."""
         trains = []
         for k in self.durations:
-            rate = math.pi * self.bandwidth / (EFFECTIVE * check_positive("duration", k, "s"))
+            rate = math.pi * self.bandwidth / (EFFECTIVE * k)
             for direction in ("up", "down"):
                 chirp = GaussianChirp(duration=k, chirp_rate=rate, direction=direction)
                 trains.append(PulseTrain(chirp, count=self.pulses, interval=self.interval))
@@ -154,12 +149,12 @@ class Urban(System):
 
     @cached_property
     def actions(self) -> Library | JointLibrary:
-        """A train; of several transmitters every combination, which receivers tell apart."""
+        """A train; with several transmitters every combination, which receivers can separate."""
         several = len(self.transmitters)
         return JointLibrary(self.library, several) if several > 1 else self.library
 
     def _sent(self, action: Array) -> Array:
-        """Number of the waveform that each pair's transmitter sends, (..., pair)."""
+        """Index of the waveform that the transmitter of each pair sends, (..., pair)."""
         chosen = np.asarray(action)
         sent = self.actions.indices[chosen] if isinstance(self.actions, JointLibrary) else chosen[..., None]
         return np.repeat(sent, len(self.receivers), axis=-1)
@@ -171,11 +166,11 @@ class Urban(System):
         return [Multistatic(transmitter, receiver) for transmitter in out for receiver in back]
 
     @cached_property
-    def signals(self) -> StreetReceivers:
-        """What turns samples into measurements, for ``fidelity="signal"``."""
+    def signals(self) -> UrbanReceivers:
+        """The receivers for ``fidelity="signal"``."""
         trains = [train for train in self.library.entries if isinstance(train, PulseTrain)]
         arrays = [ArrayReceiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
-        return StreetReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density)
+        return UrbanReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density)
 
     @property
     def _false_alarm(self) -> float:
@@ -184,9 +179,9 @@ class Urban(System):
         return 1e-3 if self.false_alarm is None else self.false_alarm
 
     @cached_property
-    def following(self) -> StreetTracker:
+    def urban_tracker(self) -> UrbanTracker:
         """The tracker."""
-        return StreetTracker(
+        return UrbanTracker(
             self.map, self.transmitters, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
             clutter_density=self.clutter_density, false_alarm=self._false_alarm, rate_floor=self.rate_floor,
             reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
@@ -194,8 +189,8 @@ class Urban(System):
 
     @cached_property
     def scene(self) -> Scene:
-        """What happens whatever is transmitted."""
-        route = ScriptedPath(self.start, self.velocity, [Segment(*stretch) for stretch in self.path])
+        """Targets and propagation paths; no action changes them."""
+        route = ScriptedPath(self.start, self.velocity, [Segment(*segment) for segment in self.path])
         times = self.dt * np.arange(self.horizon + 1)
         return make_scene(self.map, self.pairs, route, self.arrivals, times)
 
@@ -207,32 +202,32 @@ class Urban(System):
 
     @property
     def ambiguity(self) -> float:
-        """Range-rates beyond this are folded, m/s: lambda / (4 interval)."""
+        """Greatest unambiguous range-rate, lambda / (4 interval), m/s; range-rates beyond are folded."""
         return SPEED_OF_LIGHT / self.carrier / (4.0 * self.interval)
 
     @cached_property
     def _most(self) -> int:
-        """Measurements of a pair in a scan that there is room for."""
+        """Room for the measurements of a pair in a scan."""
         return room_for(self.clutter_density * self.reach * 2.0 * self.ambiguity)
 
     def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
-        """The paper's baseline: waveforms in turn, and one nearly constant velocity."""
+        """The baseline of the paper: round robin with one nearly-constant-velocity model."""
         return {"open-loop": ("round-robin", {"tracker": "ncv"})}
 
     def draw_world(self, rng: np.random.Generator) -> World:
-        """The key of all draws of one episode."""
+        """The key of all random draws of one episode."""
         return World(np.asarray(rng.integers(2**64, dtype=np.uint64)))
 
     def initial(self, world: World) -> State:
-        """No tracks, no scan."""
+        """The scene at scan 0 without tracks or measurements."""
         count = len(world.key)
         true_states, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
         nothing = np.zeros((count, len(self.pairs), self._most, 2)), np.zeros((count, len(self.pairs)), np.int64)
         truth = Truth(true_states, present, *nothing, np.zeros(count, np.int64))
-        return State(truth, Belief(np.zeros(count, np.int64), *self.following.empty(count)))
+        return State(truth, Belief(np.zeros(count, np.int64), *self.urban_tracker.empty(count)))
 
     def transition(self, state: State, action: Array, world: World) -> State:
-        """One scan: the street is measured with the chosen train, and the tracks take it."""
+        """One scan: measurements with the chosen trains update the tracks."""
         scan = state.belief.step + 1
         sent = self._sent(action)
         R, snr = (values[sent] for values in self._waves)
@@ -240,18 +235,18 @@ class Urban(System):
         if self.fidelity == "signal":
             self.signals.measure(world.key, scan, sent, z, count)
         else:
-            kernels.measure(world.key, scan, self.scene, self.following.street, R, snr, self.ambiguity, z, count)
-        tracks, refused = self.following.scan(Tracks(*state.belief[1:]), z, count, R, snr)
+            kernels.measure(world.key, scan, self.scene, self.urban_tracker.constants, R, snr, self.ambiguity, z, count)
+        tracks, refused = self.urban_tracker.scan(Tracks(*state.belief[1:]), z, count, R, snr)
         truth = Truth(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
         return State(truth, Belief(scan, *tracks))
 
     def predict(self, belief: Belief, actions: Array, outcome: Any = None) -> Belief:
-        """Predicted tracks with covariances as a scan may be expected to leave them; no draws decide anything."""
+        """Predicted tracks with the covariances expected after a scan; ``outcome`` is not used."""
         chosen = np.asarray(actions)
         lead = np.broadcast_shapes(chosen.shape, (len(belief.step), *(1,) * (chosen.ndim - 1)))
         index = np.broadcast_to(chosen, lead).reshape(-1)
         each = index.size // len(belief.step)
-        tracks = self.following.expect(
+        tracks = self.urban_tracker.expect(
             Tracks(*(np.repeat(leaf, each, axis=0) for leaf in belief[1:])),
             *(v[self._sent(index)] for v in self._waves),
         )
@@ -264,8 +259,8 @@ class Urban(System):
 
     @property
     def absent(self) -> float:
-        """c0, what a track that is not there costs: as much as one just begun at its vaguest."""
-        tracker, (position, velocity, acceleration) = self.following, self.weights
+        """c0, the cost of an absent track: that of a new track of greatest uncertainty."""
+        tracker, (position, velocity, acceleration) = self.urban_tracker, self.weights
         return position * tracker.vaguest**2 + 2.0 * velocity * tracker.usual_speed**2 + 2.0 * acceleration
 
     def cost(self, belief: Belief) -> Array:
@@ -278,7 +273,7 @@ class Urban(System):
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The time left, and each slot."""
-        return urban_elements(self.slots, MODELS[: len(self.following.motion)], self.reach)
+        return urban_fields(self.slots, MODELS[: len(self.urban_tracker.motion)], self.reach)
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
@@ -291,10 +286,10 @@ class Urban(System):
         return np.array(self.transmitters[0])
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Of each target ``held``: whether a confirmed track is within 20 m; ``position_error`` of the nearest (20 m
-        where none is, 0 while the target is not there) and its ``nees`` (expected: 4), with ``present`` for those that
-        are held, of which evaluations take means; ``lost``: both straight ways are open, and it is not held. Of the
-        scan: ``confirmed``, ``false`` and ``tentative`` tracks, those ``refused`` a slot, ``gospa`` (m, cutoff 20 m),
-        and the ``measurements``.
+        """For each target ``held``: a confirmed track is within 20 m; ``position_error`` of the nearest track (20 m if
+        not held, 0 while the target is absent) and its ``nees`` (expected: 4); ``present``: equal to ``held``, which
+        selects the targets that evaluations average; ``lost``: both direct paths are visible, but the target is not
+        held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative`` tracks, of tracks ``refused`` a
+        slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
-        return key_figures(state, self.scene.direct)
+        return urban_info(state, self.scene.direct)

@@ -1,1 +1,1 @@
-"""A tracker of unknown targets on the streets of an urban map."""
+"""Tracker of an unknown number of targets on an urban map."""

@@ -1,4 +1,4 @@
-"""Where the ghosts of confirmed tracks are to be expected, in compiled form: their ways by walls, from the map."""
+"""Kernels for ghosts of confirmed tracks: where the map predicts their returns over walls."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -9,49 +9,50 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import multistatic_range_and_rate, range_and_rate
 from wavegym.sensors.multipath_kernels import MOST_WALLS
+from wavegym.sensors.multistatic_kernels import noise, snr_at
 from wavegym.trackers.imm_kernels import combine_one, squared_length
-from wavegym.trackers.urban.kernels import CONFIRMED, cell_of, noise, snr_at
+from wavegym.trackers.urban.kernels import CONFIRMED, cell_of
 
 
 @kernel
-def claim_ghosts(tracks, street, pair, wave, reference, z, count, mean, P, ghosts, claims, nn, mm):
-    """ghosts[i] += how densely confirmed tracks' ways by walls are expected to fall on measurement i.
+def claim_ghosts(tracks, constants, pair, wave, reference, z, count, mean, P, ghosts, claims, nn, mm):
+    """ghosts[i] += density of ghost returns at measurement i: paths of confirmed tracks over walls.
 
-    A way is to other tracks what another track is in LMIPDA: clutter where its return is expected, with the detection
-    probability that its walls leave. Its innovation covariance is linearised at the track's mean. mean (t, n), P (t, n,
-    n) and claims (measurement,) are scratch space.
+    As another track does in LMIPDA, a path acts as clutter around its predicted return, with the detection probability
+    that its walls leave. The innovation covariance is linearised at the mean of the track. mean (t, n), P (t, n, n) and
+    claims (measurement,) are scratch space.
     """
-    tx_images, rx_images = street.out_images[pair], street.back_images[pair]
+    tx_images, rx_images = constants.out_images[pair], constants.back_images[pair]
     for t in range(len(tracks.mu)):
         if tracks.status[t] != CONFIRMED:
             continue
         combine_one(t, tracks.x, tracks.P, tracks.mu, mean, P, nn, mm)
-        i, j = cell_of(mean[t, 0], mean[t, 1], street)
+        i, j = cell_of(mean[t, 0], mean[t, 1], constants)
         if i < 0:
             continue
         for a in range(len(tx_images)):
-            if not street.out_seen[pair, i, j, a]:
+            if not constants.out_visible[pair, i, j, a]:
                 continue
             for b in range(len(rx_images)):
-                walls = street.out_order[pair, a] + street.back_order[pair, b]
-                if 1 <= walls <= MOST_WALLS and street.back_seen[pair, i, j, b]:
-                    reflected = street.out_reflected[pair, a] * street.back_reflected[pair, b]
-                    claim_way(
-                        t, mean, P, tx_images[a], rx_images[b], reflected, tracks.existence[t], street, wave, reference,
-                        z, count, ghosts, claims,
+                walls = constants.out_order[pair, a] + constants.back_order[pair, b]
+                if 1 <= walls <= MOST_WALLS and constants.back_visible[pair, i, j, b]:
+                    reflected = constants.out_reflected[pair, a] * constants.back_reflected[pair, b]
+                    claim_path(
+                        t, mean, P, tx_images[a], rx_images[b], reflected, tracks.existence[t], constants, wave,
+                        reference, z, count, ghosts, claims,
                     )  # fmt: skip
 
 
 @inlined
-def claim_way(t, mean, P, out, back, reflected, existence, street, wave, reference, z, count, ghosts, claims):
-    """``claim_ghosts`` for one way, between the images ``out`` and ``back``."""
+def claim_path(t, mean, P, out, back, reflected, existence, constants, wave, reference, z, count, ghosts, claims):
+    """``claim_ghosts`` for one path, between the images ``out`` and ``back``."""
     x, y, u, v = mean[t, 0], mean[t, 1], mean[t, 2], mean[t, 3]
     r, rate = multistatic_range_and_rate(x, y, u, v, out[0], out[1], back[0], back[1])
-    if r > street.reach:
+    if r > constants.reach:
         return
     eta = snr_at(r, reference, reflected)
-    h, g = way_gradient(x, y, u, v, out, back)
-    s00, s01, s11 = noise(wave, eta, street)
+    h, g = path_gradient(x, y, u, v, out, back)
+    s00, s01, s11 = noise(wave, eta, constants.rate_floor)
     for k in range(4):
         for m in range(4):
             s00 += h[k] * P[t, k, m] * h[m]
@@ -61,19 +62,19 @@ def claim_way(t, mean, P, out, back, reflected, existence, street, wave, referen
     for n in range(count):
         d0, d1 = z[n, 0] - r, z[n, 1] - rate
         squared, determinant = squared_length(d0, d1, s00, s01, s11)
-        near = np.exp(-0.5 * squared) / (2.0 * np.pi * np.sqrt(determinant) * street.gate_probability)
-        claims[n] = near if squared <= street.gate else 0.0
-        total += claims[n] / street.density
-    chance = street.gate_probability * detection(0.5 * eta, street.log_false_alarm) * existence
+        near = np.exp(-0.5 * squared) / (2.0 * np.pi * np.sqrt(determinant) * constants.gate_probability)
+        claims[n] = near if squared <= constants.gate else 0.0
+        total += claims[n] / constants.density
+    chance = constants.gate_probability * detection(0.5 * eta, constants.log_false_alarm) * existence
     for n in range(count):
         if claims[n] > 0.0:
-            mine = chance * claims[n] / street.density / total
+            mine = chance * claims[n] / constants.density / total
             ghosts[n] += claims[n] * mine / (1.0 - mine)
 
 
 @inlined
-def way_gradient(x, y, u, v, out, back):
-    """d r and d rdot by (x, y, xdot, ydot) of the way between two images: two tuples of four."""
+def path_gradient(x, y, u, v, out, back):
+    """Gradients of r and rdot by (x, y, xdot, ydot) for the path between two images: two tuples of four."""
     r0, v0 = range_and_rate(x, y, u, v, out[0], out[1])
     r1, v1 = range_and_rate(x, y, u, v, back[0], back[1])
     a0, b0, a1, b1 = (x - out[0]) / r0, (y - out[1]) / r0, (x - back[0]) / r1, (y - back[1]) / r1

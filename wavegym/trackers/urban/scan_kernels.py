@@ -1,4 +1,4 @@
-"""A scan of tracks in a street, in compiled form, and what may be expected of one; ``street.py`` is its public face."""
+"""Kernels of ``tracker.py``: one scan of all tracks, and the expected effect of a scan."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -11,30 +11,30 @@ from wavegym.core.kernels import kernel
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one, update_one
 from wavegym.trackers.lmipda_kernels import lmipda_one
 from wavegym.trackers.urban.ghost_kernels import claim_ghosts
-from wavegym.trackers.urban.kernels import EMPTY, foresee_tracks, predict_tracks, weigh_scan
-from wavegym.trackers.urban.track_management_kernels import initiate, settle
+from wavegym.trackers.urban.kernels import EMPTY, predict_measurements, predict_tracks, weigh_scan
+from wavegym.trackers.urban.track_management_kernels import initiate, update_status
 
 
-class Street(NamedTuple):
-    """What a tracker knows of a street and of targets; see ``street.StreetTracker`` for units and meaning."""
+class TrackerConstants(NamedTuple):
+    """What the tracker assumes about map, antennas and targets; see ``UrbanTracker`` for units and meaning."""
 
     transmitters: Any  # (pair, 2), of each pair of a transmitter and a receiver
     receivers: Any
     F: Any  # (model, 6, 6)
     Q: Any
     transition: Any  # (2, model, model): near junctions, elsewhere
-    corner: Any  # (2,), of the grid
+    corner: Any  # (2,), south-western corner of the grid
     cell: float
-    road: Any  # (column, row): metres to the nearest road, 0 on one
-    junction: Any  # (column, row)
-    out_images: Any  # (pair, image, 2): the transmitter's, filled up with images that are seen from nowhere
+    road: Any  # (column, row): distance to the nearest road, m
+    junction: Any  # (column, row): whether the cell lies in a junction
+    out_images: Any  # (pair, image, 2): of the transmitter, padded with images visible from nowhere
     out_order: Any  # (pair, image)
     out_reflected: Any
-    out_seen: Any  # (pair, column, row, image)
-    back_images: Any  # and the receiver's
+    out_visible: Any  # (pair, column, row, image)
+    back_images: Any  # the same of the receiver
     back_order: Any
     back_reflected: Any
-    back_seen: Any
+    back_visible: Any
     density: float
     gate: float  # squared
     gate_probability: float
@@ -69,7 +69,7 @@ class Tracks(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for one scan."""
+    """Scratch space for one scan."""
 
     x: Any
     P: Any
@@ -85,8 +85,8 @@ class Scratch(NamedTuple):
 
 
 @kernel
-def room_for(slots, models, n):
-    """Scratch space; S and G are read before they are written where a slot is empty."""
+def scratch_for(slots, models, n):
+    """Scratch space; S and G start at 0 because empty slots read them unwritten."""
     rows = slots * models
     return Scratch(
         np.empty((rows, n)), np.empty((rows, n, n)), np.empty((slots, models)), np.empty((n, n)),
@@ -97,83 +97,98 @@ def room_for(slots, models, n):
 
 @kernel
 def slots_of(e, x, P, mu, existence, status, age):
-    """The tracks of environment e: views of arrays (env, slot, ...)."""
+    """Tracks of environment e: views of arrays (env, slot, ...)."""
     rows, n = x.shape[1] * x.shape[2], x.shape[3]
     return Tracks(x[e].reshape(rows, n), P[e].reshape(rows, n, n), mu[e], existence[e], status[e], age[e])
 
 
 @kernel
-def scan(x, P, mu, existence, status, age, street, wave, reference, z, count, refused, nn, mm):
-    """One scan in place, arrays with one leading axis: waves (env, pair, 2, 2), z (env, pair, measurement, 2).
+def scan(x, P, mu, existence, status, age, constants, wave, reference, z, count, refused, nn, mm):
+    """One scan of all environments, in place: wave (env, pair, 2, 2), z (env, pair, measurement, 2).
 
-    refused (env,): tracks that found no slot of their own.
+    refused (env,): tracks that found no free slot.
     """
     slots, pairs, most = mu.shape[1], z.shape[1], z.shape[2]
-    room, rows = room_for(slots, len(mm), len(nn)), slots * len(mm)
+    scratch, rows = scratch_for(slots, len(mm), len(nn)), slots * len(mm)
     p, beta = np.empty((slots, len(mm), most)), np.empty((rows, most + 1))
     density, own, claim = np.empty((slots, most)), np.empty((slots, most)), np.empty((slots, most))
     ghosts, claims, taken = np.empty(most), np.empty(most), np.empty((pairs, most), np.bool_)
     state, spread, J, R = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((4, 4)), np.empty((2, 2, 2))
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
-        predict_tracks(tracks, street, room.x, room.P, room.c, room.T, nn, mm)
+        predict_tracks(tracks, constants, scratch.x, scratch.P, scratch.c, scratch.T, nn, mm)
         taken[:] = False
         for pair in range(pairs):
-            seen, number = z[e, pair], count[e, pair]
-            foresee_tracks(
-                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A,
-                room.whole, room.pd, nn, mm,
+            measured, number = z[e, pair], count[e, pair]
+            predict_measurements(
+                tracks, constants, pair, wave[e, pair], reference[e, pair], scratch.centre, scratch.S, scratch.G,
+                scratch.A, scratch.whole, scratch.pd, nn, mm,
             )  # fmt: skip
-            weigh_scan(tracks, street, seen, number, room.centre, room.S, room.whole, p, taken[pair], mm)
+            weigh_scan(
+                tracks, constants, measured, number, scratch.centre, scratch.S, scratch.whole, p, taken[pair], mm
+            )
             ghosts[:] = 0.0
-            if street.ghosts:
+            if constants.ghosts:
                 claim_ghosts(
                     tracks,
-                    street,
+                    constants,
                     pair,
                     wave[e, pair],
                     reference[e, pair],
-                    seen,
+                    measured,
                     number,
-                    room.x,
-                    room.P,
+                    scratch.x,
+                    scratch.P,
                     ghosts,
                     claims,
                     nn,
                     mm,
                 )
             for i in range(number):
-                taken[pair, i] |= ghosts[i] > street.density
+                taken[pair, i] |= ghosts[i] > constants.density
                 for t in range(slots):
-                    density[t, i] = street.density + ghosts[i]
-            lmipda_one(p, tracks.mu, room.pd, tracks.existence, density, number, beta, own, claim)
+                    density[t, i] = constants.density + ghosts[i]
+            lmipda_one(p, tracks.mu, scratch.pd, tracks.existence, density, number, beta, own, claim)
             for row in range(rows):
                 if tracks.status[row // len(mm)] != EMPTY:
                     update_one(
-                        row, tracks.x, tracks.P, seen, number, beta, row, room.centre, room.S, room.G, room.K, nn
+                        row,
+                        tracks.x,
+                        tracks.P,
+                        measured,
+                        number,
+                        beta,
+                        row,
+                        scratch.centre,
+                        scratch.S,
+                        scratch.G,
+                        scratch.K,
+                        nn,
                     )
-        settle(tracks, street, mm)
-        refused[e] = initiate(tracks, street, z[e], count[e], taken, wave[e], reference[e], state, spread, J, R, mm)
+        update_status(tracks, constants, mm)
+        refused[e] = initiate(tracks, constants, z[e], count[e], taken, wave[e], reference[e], state, spread, J, R, mm)
 
 
 @kernel
-def expect(x, P, mu, existence, status, age, street, wave, reference, nn, mm):
-    """What a scan may be expected to leave, in place: covariances shrink by the share that detections are likely.
+def expect(x, P, mu, existence, status, age, constants, wave, reference, nn, mm):
+    """Expected effect of a scan, in place: covariances shrink in proportion to the detection probability.
 
-    An expected measurement moves no mean, makes no model likelier and no track surer to exist.
+    Means, model probabilities and existence stay as predicted.
     """
-    room = room_for(mu.shape[1], len(mm), len(nn))
+    scratch = scratch_for(mu.shape[1], len(mm), len(nn))
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
-        predict_tracks(tracks, street, room.x, room.P, room.c, room.T, nn, mm)
-        for pair in range(len(street.receivers)):
-            foresee_tracks(
-                tracks, street, pair, wave[e, pair], reference[e, pair], room.centre, room.S, room.G, room.A,
-                room.whole, room.pd, nn, mm,
+        predict_tracks(tracks, constants, scratch.x, scratch.P, scratch.c, scratch.T, nn, mm)
+        for pair in range(len(constants.receivers)):
+            predict_measurements(
+                tracks, constants, pair, wave[e, pair], reference[e, pair], scratch.centre, scratch.S, scratch.G,
+                scratch.A, scratch.whole, scratch.pd, nn, mm,
             )  # fmt: skip
             for row in range(mu.shape[1] * len(mm)):
                 t = row // len(mm)
                 if tracks.status[t] != EMPTY:
-                    gain_one(row, room.G, room.S, room.K, nn)
-                    s00, s01, s11 = room.S[row, 0, 0], room.S[row, 0, 1], room.S[row, 1, 1]
-                    shrink_one(row, tracks.P, room.K, room.pd[t] * s00, room.pd[t] * s01, room.pd[t] * s11, nn)
+                    gain_one(row, scratch.G, scratch.S, scratch.K, nn)
+                    s00, s01, s11 = scratch.S[row, 0, 0], scratch.S[row, 0, 1], scratch.S[row, 1, 1]
+                    shrink_one(
+                        row, tracks.P, scratch.K, scratch.pd[t] * s00, scratch.pd[t] * s01, scratch.pd[t] * s11, nn
+                    )

@@ -1,10 +1,10 @@
-"""A tracker for a street: how many targets there are is not known, walls hide them and make ghosts of them.
+"""Urban tracker: an unknown number of targets, which walls hide and of which walls make ghosts.
 
-Gates, LMIPDA, interacting unscented filters whose set depends on the place, and the life of tracks (Barbosa et al.,
-section 4.2), for transmitters that receivers tell apart and two or more receivers. From the map it takes what the paper
-leaves open: tracks begin where the first two receivers' measurements of the first transmitter meet on a road that all
-three see; where a target is hidden, not to be seen is no evidence against it; a track that leaves the roads was a
-mirror image; and what a confirmed track's ways by walls would return is clutter to all others (``ghosts``).
+Gates, LMIPDA, a variable-structure IMM of unscented filters, and track management (Barbosa et al., section 4.2), for
+transmitters whose signals receivers can separate and two or more receivers. The map settles what the paper leaves
+open: a track starts where measurements of the first two receivers from the first transmitter intersect on a road
+visible to all three; a missed detection does not count against a hidden track; a track that leaves the roads was a
+mirror image and ends; returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
 """
 
 from __future__ import annotations
@@ -19,26 +19,25 @@ from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
+from wavegym.core.array_checks import check_elements, check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int, check_positive, check_probability, check_within
 from wavegym.core.parameters import in_one_line
-from wavegym.sensors.checks import every, shaped
 from wavegym.sensors.multipath import Antenna
-from wavegym.sensors.urban_map import City, Point
-from wavegym.sensors.visibility import Grid, SightMap, in_junctions, metres_to_road, sight_map
+from wavegym.sensors.urban_map import Point, UrbanMap
+from wavegym.sensors.visibility import Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers.imm import imm_combine, variable_structure
 from wavegym.trackers.multilateration import check_triangle
-from wavegym.trackers.urban import kernels as street_kernels
-from wavegym.trackers.urban import scan_kernels as street_scan_kernels
+from wavegym.trackers.urban import kernels, scan_kernels
 
-EMPTY, TENTATIVE, CONFIRMED = street_kernels.EMPTY, street_kernels.TENTATIVE, street_kernels.CONFIRMED
+EMPTY, TENTATIVE, CONFIRMED = kernels.EMPTY, kernels.TENTATIVE, kernels.CONFIRMED
 MODELS = ("NCV", "NCA", "CT left", "CT right")
 TRANSITION = np.array([[0.99, 0.01, 0.0, 0.0], [0.1, 0.7, 0.1, 0.1], [0.0, 0.01, 0.99, 0.0], [0.0, 0.01, 0.0, 0.99]])
-"""From row to column. The paper prints .1 where .01 stands, and says that a column is from; rows then sum to 1.09."""
+"""From row to column. The paper prints .1 in place of .01 and exchanges rows and columns; rows then sum to 1.09."""
 SETS = ((False, True, True, True), (True, True, False, False))  # near junctions, elsewhere
-NO_IMAGE = 9  # walls of an image that fills up a table: more than any way takes
+NO_IMAGE = 9  # order of a padding image: more walls than any path has
 
 
 class Tracks(NamedTuple):
@@ -58,41 +57,41 @@ class Tracks(NamedTuple):
 
 @in_one_line
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
-class StreetTracker:
-    """See the module; parameters are not the paper's, which prints next to none.
+class UrbanTracker:
+    """See the module; the paper prints almost no parameters, so the defaults are of this suite.
 
     Args:
-        city: the map.
-        transmitters, receivers: (x, y) in m; two receivers or more, the first two not in one line with the first
-            transmitter. What is measured comes by pairs, the first transmitter's with each receiver first.
-        models: "vsimm" for constant velocity and acceleration, and turns near junctions; "ncv" for constant velocity.
-        dt: from one scan to the next, s.
-        turn_rate: of both turns, rad/s.
-        sigma: standard deviation of acceleration, NCV and turns, m/s^2.
-        sigma_acceleration: that of its change in a scan, NCA, m/s^2.
-        slots: tracks at most; where all are taken, the tentative track least sure to exist gives way.
+        urban_map: the map.
+        transmitters, receivers: (x, y) in m; at least two receivers, the first two not in one line with the first
+            transmitter. Measurements are ordered by pairs: the first transmitter with each receiver first.
+        models: "vsimm": constant velocity and acceleration, and turns near junctions; "ncv": constant velocity.
+        dt: time between scans, s.
+        turn_rate: turn rate of both turn models, rad/s.
+        sigma: standard deviation of acceleration in NCV and turn models, m/s^2.
+        sigma_acceleration: standard deviation of the change of acceleration in a scan, NCA, m/s^2.
+        slots: maximum number of tracks; when full, a new track replaces the tentative track of least existence.
         clutter_density: expected false returns in a scan of a receiver, per (m x m/s).
-        gate_probability: Pg, that of a gate to hold a detected target's measurement.
-        false_alarm: Pfa, from which an SNR follows its detection probability.
-        rate_floor: standard deviation that a range-rate has beside its noise, m/s.
-        reach: half path beyond which nothing is received, m.
-        survival: probability to exist on from one scan to the next.
-        birth: probability that a new track exists.
-        confirm: probability of existence from which on a track is confirmed.
-        confirm_after: scans that it takes at least; a target's mirror image between the receivers rarely lasts so long.
-        drop: probability of existence below which a track ends, tentative and confirmed.
-        merge: distance in m and difference of velocity in m/s below which two tracks are one.
-        vaguest: standard deviation of a new track's place at most, m.
-        fastest: a new track's speed at most, m/s; beyond twice that a track ends.
-        usual_speed: standard deviation of a target's velocity on either axis before it is known, m/s.
-        ghosts: whether the map is used to tell tracks from their ghosts.
-        cell: width of the map's cells, m.
+        gate_probability: Pg, probability that a gate holds the measurement of a detected target.
+        false_alarm: Pfa, which relates SNR and detection probability.
+        rate_floor: standard deviation of range-rate in addition to its noise, m/s.
+        reach: half path length beyond which nothing is received, m.
+        survival: probability that a target exists in the next scan too.
+        birth: existence probability of a new track.
+        confirm: existence probability at which a track is confirmed.
+        confirm_after: least number of scans before that; mirror images between the receivers rarely last so long.
+        drop: existence probabilities below which a tentative and a confirmed track end.
+        merge: distance (m) and velocity difference (m/s) below which two tracks are merged.
+        vaguest: largest standard deviation of the position of a new track, m.
+        fastest: largest speed of a new track, m/s; a track ends beyond twice this speed.
+        usual_speed: prior standard deviation of the velocity of a target on each axis, m/s.
+        ghosts: whether the map is used to separate tracks from their ghosts.
+        cell: width of the cells of the grid, m.
 
     Raises:
         InputError: an antenna in a building, fewer than two receivers, antennas in one line, a number out of range.
     """
 
-    city: City
+    urban_map: UrbanMap
     transmitters: tuple[Point, ...]
     receivers: tuple[Point, ...]
     models: Literal["vsimm", "ncv"] = "vsimm"
@@ -122,7 +121,7 @@ class StreetTracker:
         if not self.transmitters:
             raise InputError("transmitters is (), expected at least one place (x, y) in m")
         if len(self.receivers) < 2:
-            raise InputError(f"receivers is {self.receivers}, expected at least two: one cannot tell directions")
+            raise InputError(f"receivers is {self.receivers}, expected at least two: one gives no direction")
         check_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
         check_int("slots", self.slots, 1)
         check_int("confirm_after", self.confirm_after, 1)
@@ -132,11 +131,11 @@ class StreetTracker:
             check_probability(name, getattr(self, name))
         for name in ("survival", "birth", "confirm"):
             check_within(name, getattr(self, name), 0.0, 1.0)
-        _ = self.street
+        _ = self.constants
 
     @cached_property
     def motion(self) -> tuple[MotionModel, ...]:
-        """The models, in the order of ``MODELS``."""
+        """Motion models, in the order of ``MODELS``."""
         straight = nearly_constant_velocity(self.dt, self.sigma)
         if self.models == "ncv":
             return (straight,)
@@ -157,21 +156,22 @@ class StreetTracker:
         """Tracks after one scan of all receivers.
 
         Args:
-            tracks: before it.
-            z: range and range-rate of each pair's measurements, m and m/s, (env, pair, most, 2).
-            count: how many of them there are, (env, pair).
-            R: error covariance at an SNR of 1 of the waveform that each pair's transmitter sent, beside which a
-                range-rate has the variance rate_floor^2; leading axes broadcast to (env, pair, 2, 2).
-            snr: its SNR at a half path of 100 m by no wall; leading axes broadcast to (env, pair).
+            tracks: tracks before the scan.
+            z: range and range-rate of the measurements of each pair, m and m/s, (env, pair, most, 2).
+            count: number of measurements, (env, pair).
+            R: error covariance at an SNR of 1 of the waveform that the transmitter of each pair sent, without the
+                range-rate variance rate_floor^2; leading axes broadcast to (env, pair, 2, 2).
+            snr: SNR of this waveform at a half path length of 100 m without walls; broadcasts to (env, pair).
 
         Returns:
-            New tracks, and how many found no slot of their own, (env,): they took a tentative track's, or none.
+            The tracks, and the number of new tracks that found no free slot, (env,): they replaced a tentative track or
+            were not started.
 
         Raises:
-            InputError: shapes that do not fit, a count, an R or an SNR that is none.
+            InputError: a wrong shape, or an invalid count, R or SNR.
         """
         envs, pairs = len(tracks.existence), len(self.transmitters) * len(self.receivers)
-        z, count = np.array(shaped("z", z, 2), order="C"), np.array(count)
+        z, count = np.array(check_last_axes("z", z, 2), order="C"), np.array(count)
         if z.shape[:2] != (envs, pairs) or z.ndim != 4 or count.shape != (envs, pairs):
             raise InputError(
                 f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, 2) and "
@@ -179,24 +179,24 @@ class StreetTracker:
             )
         wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
         if wrong.any():
-            raise InputError(f"count is {count[wrong][0]}, expected an integer from 0 to {z.shape[2]}, what z holds")
+            raise InputError(f"count is {count[wrong][0]}, expected an integer from 0 to {z.shape[2]}, the size of z")
         after, refused = self._copied(tracks), np.zeros(envs, np.int64)
-        street_scan_kernels.scan(
-            *after, self.street, *self._waves(R, snr, envs), z, count.astype(np.int64), refused, *self._sizes
+        scan_kernels.scan(
+            *after, self.constants, *self._waves(R, snr, envs), z, count.astype(np.int64), refused, *self._sizes
         )
         return after, refused
 
     def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
-        """What a scan may be expected to leave: covariances shrink by the share that a detection is likely.
+        """Tracks after an expected scan: covariances shrink in proportion to the detection probability.
 
-        Arguments as for ``scan``; the mean is the predicted one.
+        Arguments as in ``scan``; means are the predicted means.
         """
         after = self._copied(tracks)
-        street_scan_kernels.expect(*after, self.street, *self._waves(R, snr, len(after.existence)), *self._sizes)
+        scan_kernels.expect(*after, self.constants, *self._waves(R, snr, len(after.existence)), *self._sizes)
         return after
 
     def _copied(self, tracks: Tracks) -> Tracks:
-        """To be written over; InputError for those of another tracker."""
+        """A copy that kernels overwrite; InputError for tracks of another tracker."""
         models, envs = len(self.motion), len(tracks.existence)
         cores: list[tuple[int, ...]] = [(models, 6), (models, 6, 6), (models,), (), (), ()]
         for name, leaf, core in zip(Tracks._fields, tracks, cores, strict=True):
@@ -206,17 +206,17 @@ class StreetTracker:
         return Tracks(*(np.array(leaf, order="C") for leaf in tracks))
 
     def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
-        """R and SNR of each environment's pairs."""
+        """R and SNR of each pair in each environment."""
         lead = envs, len(self.transmitters) * len(self.receivers)
         try:
-            covariance = np.broadcast_to(shaped("R", R, 2, 2), (*lead, 2, 2))
+            covariance = np.broadcast_to(check_last_axes("R", R, 2, 2), (*lead, 2, 2))
             ratio = np.broadcast_to(np.asarray(snr, np.float64), lead)
         except ValueError:
             raise InputError(
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
-        every(check_positive, "snr", ratio)
-        # by hand: eigenvalues take as long as the scan
+        check_elements(check_positive, "snr", ratio)
+        # written out: eigenvalues would take as long as the scan
         variance, other = covariance[..., 0, 0], covariance[..., 1, 1]
         if not ((variance > 0.0) & (variance * other > covariance[..., 0, 1] * covariance[..., 1, 0])).all():
             raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
@@ -227,20 +227,21 @@ class StreetTracker:
         return (0,) * 6, (0,) * len(self.motion)
 
     @cached_property
-    def street(self) -> street_scan_kernels.Street:
-        """All of this as kernels take it."""
-        grid = Grid.over(self.city, (*self.transmitters, *self.receivers), self.cell)
+    def constants(self) -> scan_kernels.TrackerConstants:
+        """Everything that kernels need."""
+        grid = Grid.over(self.urban_map, (*self.transmitters, *self.receivers), self.cell)
         pairs = list(product(self.transmitters, self.receivers))
         out, back = (
-            [sight_map(Antenna(self.city, place), grid) for place in side] for side in zip(*pairs, strict=True)
+            [visibility_map(Antenna(self.urban_map, place), grid) for place in side]
+            for side in zip(*pairs, strict=True)
         )
         whole_set = self.models == "vsimm"
-        return street_scan_kernels.Street(
+        return scan_kernels.TrackerConstants(
             transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, r in pairs]),
             F=np.stack([model.F for model in self.motion]), Q=np.stack([model.Q for model in self.motion]),
             transition=variable_structure(TRANSITION, SETS) if whole_set else np.ones((2, 1, 1)),
-            corner=np.array(grid.corner), cell=float(grid.cell), road=metres_to_road(self.city, grid),
-            junction=in_junctions(self.city, grid), **_images("out", out), **_images("back", back),
+            corner=np.array(grid.corner), cell=float(grid.cell), road=metres_to_road(self.urban_map, grid),
+            junction=in_junctions(self.urban_map, grid), **_images("out", out), **_images("back", back),
             density=self.clutter_density, gate=-2.0 * math.log(1.0 - self.gate_probability),
             gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
             rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
@@ -251,8 +252,8 @@ class StreetTracker:
         )  # fmt: skip
 
 
-def _images(side: str, maps: list[SightMap]) -> dict[str, Array]:
-    """The images of each pair's transmitter, or receiver; tables are filled up to one length."""
+def _images(side: str, maps: list[VisibilityMap]) -> dict[str, Array]:
+    """Tables of the images of the transmitter, or the receiver, of each pair, padded to one length."""
     most = max(len(one.images) for one in maps)
 
     def table(name: str, fill: float, axis: int = 0) -> Array:
@@ -265,5 +266,5 @@ def _images(side: str, maps: list[SightMap]) -> dict[str, Array]:
 
     return {
         f"{side}_images": table("images", 0.0), f"{side}_order": table("order", NO_IMAGE),
-        f"{side}_reflected": table("reflected", 0.0), f"{side}_seen": table("seen", False, axis=-1),
+        f"{side}_reflected": table("reflected", 0.0), f"{side}_visible": table("visible", False, axis=-1),
     }  # fmt: skip
