@@ -8,20 +8,21 @@
     >>> bool((rewards == -info["cost"]).all())
     True
 
-``wavegym.list_envs()`` lists the ids, ``print(wavegym.describe(id))`` shows what an environment observes and takes.
-``wavegym.waveforms``, ``wavegym.trackers`` and ``wavegym.schedulers`` are usable alone.
+``wavegym.list_envs()`` lists the ids, ``print(wavegym.describe(id))`` shows what an environment observes and takes,
+``wavegym.load_agent(id, "ppo")`` loads a trained agent. On the command line: ``wavegym --help``. ``wavegym.waveforms``, ``wavegym.trackers`` and ``wavegym.schedulers`` are usable alone.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, InputWarning
+from wavegym.core.policy import Policy
 from wavegym.core.version import VERSION
 from wavegym.registration import list_envs, register, register_suite
 
 __version__ = VERSION
-__all__ = ["InputError", "describe", "list_envs", "register"]
+__all__ = ["InputError", "InputWarning", "describe", "list_envs", "load_agent", "register"]
 
 register_suite()
 
@@ -35,3 +36,22 @@ def describe(id: str, /, **parameters: Any) -> str:
     from wavegym.envs.describe import describe as in_full
 
     return in_full(id, **parameters)
+
+
+def load_agent(id: str, /, algo: str, **parameters: Any) -> Policy:
+    """The trained agent that comes with the environment ``id``, as a policy in plain NumPy.
+
+    Args:
+        id: the environment, with or without ``wavegym/``.
+        algo: "ppo" or "dqn".
+        **parameters: parameters of the environment, such as ``action="joint"``.
+
+    Raises:
+        InputError: no such environment or agent (nearest named), or with these parameters the environment has other
+            observations or actions than in the training (its parameters named).
+    """
+    from wavegym.evaluation.task import make_task
+    from wavegym.policies.pretrained import load_pretrained
+
+    task = make_task(id, parameters)
+    return load_pretrained(task.env_id, algo, task.system)

@@ -1,4 +1,4 @@
-"""The command ``evaluate.py``: compare policies, trained ones among them, on the same worlds."""
+"""The subcommand ``evaluate``: compare policies, trained ones included, on the same worlds."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ COMPARISON = {
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="evaluate.py", description="Compare policies on the same worlds.")
+    options = Parser(prog="wavegym evaluate", description="Compare policies on the same worlds.")
     options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
     options.add_argument("--policies", default="myopic,best-fixed,random", help=f"{POLICIES} (default: %(default)s)")
     options.add_argument("--worlds", type=int, default=200, metavar="N", help="how many (default: %(default)s)")
@@ -110,7 +110,11 @@ def saved(name: str, env_id: str) -> Path:
     environment = stem(env_id)
     folder = SAVED / environment / name
     if not folder.is_dir():
-        wanted = f"the folder of a run (nearest: python train.py {environment}-v0 --algo {name} --out runs/{name})"
+        from wavegym.policies.pretrained import pretrained_folder
+
+        if packaged := pretrained_folder(env_id, name):
+            return packaged
+        wanted = f"the folder of a run (nearest: wavegym train {environment}-v0 --algo {name} --out runs/{name})"
         raise InputError(f"policy is {name!r}, of which none is saved for {env_id}, expected {wanted}")
     return folder
 
@@ -127,7 +131,7 @@ def load_trained(folder: Path, env_id: str, system: Any) -> Any:
 def evaluate(arguments: Sequence[str] | None) -> None:
     """Play, compare, write, print."""
     options = parser().read(arguments)
-    # Half a second of imports that a misspelt option need not wait for.
+    # These imports take half a second; a misspelt option is reported before them.
     from wavegym.evaluation import compare, full_id, write_report
 
     env_id = full_id(options.env)
