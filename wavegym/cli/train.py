@@ -29,10 +29,16 @@ def parser() -> Parser:
     options.add_argument("--seed", type=int, default=0, metavar="S", help="training seed (default: %(default)s)")
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
     several: Any = {"nargs": "+", "action": "extend", "default": [], "metavar": "KEY=VALUE"}
-    options.add_argument("--set", **several, help="training settings that replace those of wavegym/learning/settings.toml")
+    options.add_argument(
+        "--set", **several, help="training settings that replace those of wavegym/learning/settings.toml"
+    )
     options.add_argument("--environment", **several, help="parameters of the environment that replace its defaults")
     options.add_argument(
-        "--checkpoint-every", type=int, default=50_000, metavar="N", help="steps between checkpoints (default: %(default)s)"
+        "--checkpoint-every",
+        type=int,
+        default=50_000,
+        metavar="N",
+        help="steps between checkpoints (default: %(default)s)",
     )
     tune = "search settings until there are N trials, instead of one training; DIR/best.toml holds the best"
     options.add_argument("--tune", type=int, metavar="N", help=tune)

@@ -64,7 +64,9 @@ def read_run(path: Path) -> dict[str, Any]:
         if not isinstance(value, kind):
             raise InputError(f"{path} is no record of wavegym train: {name!r} is {value!r}, expected {kind.__name__}")
     if not all(isinstance(element, str) for element in run["observation"]):
-        raise InputError(f"{path} is no record of wavegym train: 'observation' is {run['observation']!r}, expected names")
+        raise InputError(
+            f"{path} is no record of wavegym train: 'observation' is {run['observation']!r}, expected names"
+        )
     return run
 
 

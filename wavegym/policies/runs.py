@@ -22,10 +22,12 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import load_env_creator
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError, InputWarning, check_choice
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.parameters import make_checked
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.observations.forecasts import Forecasts
@@ -193,13 +195,18 @@ def _unlike_training(run: dict[str, Any], env_id: str, system: System) -> str:
 
 
 def _trained_parameters(run: dict[str, Any]) -> dict[str, Any]:
-    """All parameters of the system of a run; only those on record if the environment of the run cannot be made here."""
+    """All parameters of the system of a run; only those on record if that system cannot be made here."""
     recorded = dict(run["settings"].get("environment", {}))
     try:
-        env: Any = gym.make(run["env"], disable_env_checker=True, **recorded)
-        return _parameters(env.unwrapped.system)
-    except (gym.error.Error, InputError):  # an id that is not registered here, a parameter of another version
-        return recorded
+        given = {**gym.spec(run["env"]).kwargs, **recorded}
+        system = given.pop("system")
+        if isinstance(system, System):
+            return _parameters(system)
+        make: Any = load_env_creator(system) if isinstance(system, str) else system
+        names = {field.name for field in dataclasses.fields(make)}
+        return _parameters(make_checked(make, {name: value for name, value in given.items() if name in names}))
+    except (gym.error.Error, ImportError, AttributeError, KeyError, TypeError, ValueError):
+        return recorded  # the id is not registered here, or another version had other parameters
 
 
 def _parameters(system: Any) -> dict[str, Any]:
