@@ -8,8 +8,9 @@
     >>> bool((rewards == -info["cost"]).all())
     True
 
-``wavegym.list_envs()`` lists the ids, ``print(wavegym.describe(id))`` shows what an environment observes and takes,
-``wavegym.load_agent(id, "ppo")`` loads a trained agent. On the command line: ``wavegym --help``. ``wavegym.waveforms``, ``wavegym.trackers`` and ``wavegym.schedulers`` are usable alone.
+``wavegym.list_envs()`` lists the ids, ``print(wavegym.describe(id))`` shows observations and actions of an environment,
+``wavegym.load_agent(id, "ppo")`` loads a trained agent. ``wavegym.waveforms``, ``wavegym.trackers`` and
+``wavegym.schedulers`` are usable alone. The same on the command line: ``wavegym --help``.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ register_suite()
 
 
 def describe(id: str, /, **parameters: Any) -> str:
-    """What the environment ``id`` observes, takes and rewards, as Markdown tables (those of its page in the docs).
+    """Observations, actions and rewards of the environment ``id``, as Markdown tables (its page in the docs).
 
-    With parameters: of what ``gym.make(id, **parameters)`` makes. InputError for an unknown id, or a parameter that is
-    unknown or out of range.
+    With parameters: the environment that ``gym.make(id, **parameters)`` makes. Raises an InputError for an unknown id,
+    or a parameter that is unknown or out of range.
     """
     from wavegym.envs.describe import describe as in_full
 

@@ -190,8 +190,8 @@ def _unlike_training(run: dict[str, Any], env_id: str, system: System) -> str:
     if run["env"] == env_id and not changes:
         return ""
     other = "" if run["env"] == env_id else f", not in {env_id}"
-    told = f"; parameters that differ: {', '.join(changes)}" if changes else ""
-    return f"was trained in {run['env']}{other}{told}"
+    parameters = f"; parameters that differ: {', '.join(changes)}" if changes else ""
+    return f"was trained in {run['env']}{other}{parameters}"
 
 
 def _trained_parameters(run: dict[str, Any]) -> dict[str, Any]:
