@@ -16,14 +16,15 @@ import pytest
 import wavegym
 
 ROOT = Path(__file__).parents[1]
-REFUSE = """import sys
+REFUSE = """import os, sys
 
 class WithoutTorch:
     def find_spec(self, name, path=None, target=None):
         if name in ("torch", "stable_baselines3", "sb3_contrib"):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
-sys.meta_path.insert(0, WithoutTorch())
+if not os.environ.get("WITH_TORCH"):
+    sys.meta_path.insert(0, WithoutTorch())
 """
 
 pytestmark = pytest.mark.slow
@@ -36,8 +37,8 @@ class Installed(NamedTuple):
     scripts: Path
     folder: Path
 
-    def run(self, *command: str) -> subprocess.CompletedProcess[str]:
-        environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    def run(self, *command: str, **variables: str) -> subprocess.CompletedProcess[str]:
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | variables
         program = str(self.scripts / command[0])
         return subprocess.run(
             [program, *command[1:]], cwd=self.folder, env=environment, capture_output=True, text=True, check=False
@@ -129,3 +130,15 @@ def test_training_without_torch_names_the_extra(installed: Installed) -> None:
     assert done.returncode == 2
     assert "pip install 'wavegym[agents]'" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_with_torch_an_agent_is_trained_and_then_compared_without(installed: Installed) -> None:
+    small = ["--steps", "300", "--set", "num_envs=3", "n_steps=10", "batch_size=15", "n_epochs=2"]
+    train = ["train", "KershawEvansPosition-v0", "--algo", "ppo", "--out", "runs/small", "--quiet", *small]
+    done = installed.run("wavegym", *train, WITH_TORCH="1")
+    assert done.returncode == 0, done.stderr
+    evaluate = ["evaluate", "KershawEvansPosition-v0", "--policies", "runs/small,ppo", "--worlds", "2", "--out", "both"]
+    done = installed.run("wavegym", *evaluate)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((installed.folder / "both" / "summary.json").read_text())
+    assert list(summary["policies"]) == ["myopic", "small", "ppo"]

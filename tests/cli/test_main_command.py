@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image
 
 import wavegym
 from wavegym.cli.main import COMMANDS, main
+from wavegym.core.command_line import guarded
 from wavegym.core.version import VERSION
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.play import play
@@ -155,3 +157,11 @@ def test_train_without_torch_names_the_extra(monkeypatch, capsys, tmp_path):
     monkeypatch.setitem(sys.modules, "wavegym.learning.training.train", None)
     assert main(["train", "KershawEvans-v0", "--algo", "ppo", "--out", str(tmp_path / "run")]) == 2
     assert "pip install 'wavegym[agents]'" in capsys.readouterr().err
+
+
+def test_other_warnings_stay_python_s_own(capsys):
+    with pytest.warns(UserWarning, match="elsewhere"):
+        assert guarded(lambda: warnings.warn("elsewhere", UserWarning, stacklevel=1)) == 0
+    assert capsys.readouterr().err == ""
+    assert guarded(lambda: warnings.warn("two\nlines", wavegym.InputWarning, stacklevel=1)) == 0
+    assert capsys.readouterr().err == "warning: two lines\n"

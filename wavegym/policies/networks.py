@@ -59,7 +59,7 @@ class Network(NamedTuple):
         return np.asarray(hidden @ given[-2].T + given[-1])
 
     def _scores(self, observation: Array, activate: Any) -> Array:
-        given, layers = self.arrays, self.count("W")
+        given, layers = self.arrays, self.number_of("W")
         elements, (candidates, _) = given["W0"].shape[1], given["offset"].shape
         context = observation[:, :elements]
         for n in range(layers):
@@ -71,14 +71,14 @@ class Network(NamedTuple):
             )
             hidden = hidden + np.concatenate([predicted, observation[:, given["pairs"]]], axis=2) @ given["own"].T
         hidden = activate(hidden)
-        for n in range(self.count("round") // 3):
+        for n in range(self.number_of("round") // 3):
             pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
             others = (pooled @ given[f"round{n}_others"].T)[:, None]
             exchanged = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
             hidden = hidden + exchanged if exchanged.shape == hidden.shape else exchanged
         return (hidden @ given["score"].T)[..., 0]
 
-    def count(self, start: str) -> int:
+    def number_of(self, start: str) -> int:
         """Number of arrays whose names begin with ``start``."""
         return sum(name.startswith(start) for name in self.arrays)
 

@@ -38,11 +38,10 @@ def export_onnx(folder: Path, file: Path) -> None:
 def to_onnx(network: Network, about: dict[str, str] | None = None) -> bytes:
     """The network as the bytes of an ONNX model.
 
-    The input ``observation`` is float32 (batch, elements), as an environment shows it; of a network that was trained
-    with forecasts, as an environment with ``forecasts=True`` shows it. The output ``action`` is int64 (batch,), or
-    (batch, sensors), or float32 (batch, parameters) in [-1, 1] for a box. A network that chooses from a finite set has
-    the output ``scores`` (batch, alternatives) too, and an optional input ``mask``, bool of the same shape: the
-    alternatives that are allowed (default: all).
+    The input ``observation`` is float32 (batch, elements), from an environment with the ``forecasts`` of the training.
+    The output ``action`` is int64 (batch,), or (batch, sensors), or for a box float32 (batch, parameters) in [-1, 1].
+    For finite sets there are also the output ``scores`` (batch, alternatives) and the optional input ``mask``, bool of
+    the same shape: the allowed alternatives (default: all). onnxruntime logs a warning about this default.
 
     Args:
         network: of any kind.
@@ -118,7 +117,7 @@ class _Graph:
         return self._add("Gather", of, self._constant(np.asarray(columns, np.int64)), axis=1)
 
     def _mlp(self) -> str:
-        hidden, layers = "observation", self.network.count("W")
+        hidden, layers = "observation", self.network.number_of("W")
         for n in range(layers):
             hidden = self._linear(hidden, f"W{n}", f"b{n}")
             if n < layers - 1:
@@ -129,7 +128,7 @@ class _Graph:
         arrays, elements = self.network.arrays, self.network.arrays["W0"].shape[1]
         candidates = len(arrays["offset"])
         context = self._columns("observation", np.arange(elements))
-        for n in range(self.network.count("W")):
+        for n in range(self.network.number_of("W")):
             context = self._add(self.activation, self._linear(context, f"W{n}", f"b{n}"))
         axis = self._constant([1], "candidate_axis")
         hidden = self._add("Unsqueeze", self._linear(context, "shared", "shared_bias"), axis)
@@ -144,7 +143,7 @@ class _Graph:
                 own = self._add("Concat", own, of_targets, axis=2) if own else of_targets
             hidden = self._add("Add", hidden, self._linear(own, "own"))
         hidden = self._add(self.activation, hidden)
-        for n in range(self.network.count("round") // 3):
+        for n in range(self.network.number_of("round") // 3):
             hidden = self._round(hidden, n, axis)
         return self._add("Squeeze", self._linear(hidden, "score"), self._constant([2], "score_axis"))
 
@@ -171,7 +170,7 @@ class _Graph:
 
     def _point(self, outputs: str) -> None:
         """The point of a box; of a mixture the mean of the likeliest mode."""
-        last = self.network.arrays[f"b{self.network.count('W') - 1}"]
+        last = self.network.arrays[f"b{self.network.number_of('W') - 1}"]
         self.parameters = len(last)
         if self.network.kind == "mixture":
             (modes,) = self.network.heads
