@@ -45,7 +45,7 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
     """Under every shift: costs against the best simple heuristic, in per cent with intervals, and the filter's NEES."""
     env_id = full_id(f"{name}-v0")
     original = make_task(env_id, {}).system
-    rule = make_policy(SIMPLE, original, None)
+    heuristic = make_policy(SIMPLE, original, None)
     agents = {}
     for algo in LEARNERS:
         folder = SAVED / name / algo
@@ -54,7 +54,7 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
             agents[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
     found: dict[str, Any] = {}
     for shift, parameters in shifts.items():
-        accounts = _accounts(env_id, SIMPLE, lambda _: rule, parameters, jobs)
+        accounts = _accounts(env_id, SIMPLE, lambda _: heuristic, parameters, jobs)
         for algo, (own, runs) in agents.items():
             accounts[algo] = _accounts(env_id, algo, lambda _, runs=runs: runs, {**own, **parameters}, jobs)[algo]
         found[shift] = _against_simple(accounts)

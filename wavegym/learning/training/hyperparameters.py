@@ -31,7 +31,7 @@ from wavegym.schedulers.tuned_constants import SIMPLE
 TRIALS, TABLE, BEST = "trials.log", "trials.csv", "best.toml"
 ROOT = 1  # of the worlds that score trials; heuristics are tuned on those of root 0
 WORLDS = 200
-RULE_WORLDS = 50  # for a heuristic without recorded constants
+HEURISTIC_WORLDS = 50  # for a heuristic without recorded constants
 
 # The search space: for each setting a range (low, high) on a logarithmic scale, or a list of values.
 SPACE: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
@@ -79,21 +79,9 @@ def tune(
     Raises:
         InputError: a setting out of range, ``trials`` below 1, or Optuna is not installed.
     """
-    try:
-        import optuna
-        from optuna.storages.journal import JournalFileBackend, JournalStorage
-    except ImportError as error:
-        raise InputError(f"--tune needs Optuna: {error}; pip install 'wavegym[tune]'") from None
     check_int("tune", trials, 1)
     load_settings(env_id, algo, changes, environment)  # report a mistake before the first training
-    out.mkdir(parents=True, exist_ok=True)
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    experiment = optuna.create_study(
-        storage=JournalStorage(JournalFileBackend(str(out / TRIALS))),
-        study_name=f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}",
-        sampler=optuna.samplers.TPESampler(seed=seed),
-        load_if_exists=True,
-    )
+    experiment = _search(f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}", seed, out)
     space = {name: values for name, values in SPACE[algo].items() if name not in changes}
 
     def objective(trial: Any) -> float:
@@ -111,15 +99,33 @@ def tune(
     return _toml(env_id, algo, experiment)
 
 
+def _search(name: str, seed: int, out: Path) -> Any:
+    """Optuna's study called ``name`` in the folder ``out``, new or continued."""
+    try:
+        import optuna
+        from optuna.storages.journal import JournalFileBackend, JournalStorage
+    except ImportError as error:
+        raise InputError(f"--tune needs Optuna: {error}; pip install 'wavegym[tune]'") from None
+    out.mkdir(parents=True, exist_ok=True)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    return optuna.create_study(
+        storage=JournalStorage(JournalFileBackend(str(out / TRIALS))),
+        study_name=name,
+        sampler=optuna.samplers.TPESampler(seed=seed),
+        load_if_exists=True,
+    )
+
+
 def judge(spec: RunSpec) -> float:
     """Train, and score: the mean logarithm of the cost over the best simple heuristic's on tuning worlds."""
     task = make_task(spec.env, dict(spec.settings.environment))
-    rule = make_policy(SIMPLE, task.system, draw_worlds(task.system, world_seeds(0, "tune", RULE_WORLDS)))
+    tuning = draw_worlds(task.system, world_seeds(0, "tune", HEURISTIC_WORLDS))
+    heuristic = make_policy(SIMPLE, task.system, tuning)
     seeds = world_seeds(ROOT, "tune", WORLDS)
     with tempfile.TemporaryDirectory() as folder:
         train(spec, Path(folder) / "run", spec.settings.steps, progress=False)
         (policy,) = load_policy(Path(folder) / "run", spec.env, task.system)
-    cost, reference = (play(task, p, seeds).episode_cost() for p in (policy, rule))
+    cost, reference = (play(task, p, seeds).episode_cost() for p in (policy, heuristic))
     return float(np.log(cost / reference).mean())
 
 
