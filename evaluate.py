@@ -1,4 +1,4 @@
-"""Compare policies on the same worlds: the command ``wavegym evaluate``.
+"""Compare policies on the same worlds; the same as ``wavegym evaluate``.
 
 python evaluate.py KershawEvansPosition-v0 --policies best-fixed,random,lookahead:2 --worlds 200 --out DIR
 """

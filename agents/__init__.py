@@ -1,5 +1,5 @@
-"""Learned waveform schedulers on Stable-Baselines3: settings, training that survives a kill, saved policies.
+"""The suite's own trained agents: experiments, leaderboard, ablation, distribution shift, demo.
 
-A folder of the repository, not of the wheel: ``train.py`` is its command line, and ``evaluate.py`` takes the folders
-that ``train.py`` makes as policies (``agents.policies.runs.load_policy``).
+A folder of the repository, not of the wheel. Training is in ``wavegym.learning``, trained policies are loaded by
+``wavegym.policies``.
 """

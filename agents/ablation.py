@@ -1,8 +1,8 @@
-"""What each part of the training is worth: ``python -m agents.ablation [EXPERIMENT ...]``.
+"""Ablation of the training: ``python -m agents.ablation [EXPERIMENT ...]``.
 
-Experiments of results/experiments.toml whose names end in ``-ablation`` train agents with one part left out, and as
-many steps as the one that has them all, ``full``. They are played on the worlds of ``make leaderboard``; the accounts
-are kept in results/ablation, their table goes to docs/learned.md. ``--tables`` makes it of what was played before.
+Experiments of results/experiments.toml whose names end in ``-ablation`` train agents with one part left out, for as
+many steps as the complete agent, ``full``. The agents play the worlds of ``make leaderboard``. results/ablation keeps
+the episodes, docs/learned.md shows their table. ``--tables`` renews the table without playing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ START, END = "<!-- made by `python -m agents.ablation`: -->", "<!-- ablations to
 
 
 def play(name: str, experiment: Experiment, jobs: int) -> None:
-    """Train what is missing, and keep the accounts of all its agents and of the best simple rule."""
+    """Train missing agents; write the episodes of all agents and of the best simple heuristic."""
     train_missing(name, experiment, jobs)
     policies: dict[str, Any] = {SIMPLE: None}
     for learner in experiment.learners:
@@ -43,7 +43,7 @@ def play(name: str, experiment: Experiment, jobs: int) -> None:
 
 
 def table(played: Mapping[str, Mapping[str, Account]]) -> str:
-    """A line for every agent of every experiment: per cent against the best simple rule, and against the full agent."""
+    """A line for each agent: cost in per cent against the best simple heuristic and against the full agent."""
     head = ["environment", "agent", "seeds", "against best simple", "95 %", "against full", "95 %"]
     rows = []
     for name, accounts in played.items():
@@ -56,9 +56,9 @@ def table(played: Mapping[str, Mapping[str, Account]]) -> str:
 
 
 def against_seed_by_seed(account: Account, full: Account) -> Estimate:
-    """Geometric mean of the ratios of costs, in per cent, each run's to that of the full agent with the same seed.
+    """Geometric mean of the cost ratios, in per cent, of each run to the full agent with the same seed.
 
-    An agent's mean over runs would be above its geometric mean, and so a partner that makes the other look better.
+    The full agent's arithmetic mean over seeds would exceed its geometric mean and favour the other agent.
     """
     if account.cost.shape != full.cost.shape:
         raise InputError(f"runs and worlds are {account.cost.shape}, expected the full agent's {full.cost.shape}")
@@ -68,10 +68,10 @@ def against_seed_by_seed(account: Account, full: Account) -> Estimate:
 
 def main() -> None:
     """The command."""
-    parser = Parser(prog="python -m agents.ablation", description="What each part of the training is worth.")
+    parser = Parser(prog="python -m agents.ablation", description="Ablation of the training.")
     parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help="which (default: all ablations)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
+    parser.add_argument("--tables", action="store_true", help="renew the table from earlier results; play nothing")
     options = parser.read(None)
     experiments = {name: experiment for name, experiment in load_experiments().items() if name.endswith(SUFFIX)}
     asked = [check_choice("ablation", name, experiments) for name in options.experiments] or list(experiments)

@@ -1,9 +1,9 @@
-"""The whole loop in about a minute: train PPO to schedule waveforms, then compare it with the analytic schedulers.
+"""Train PPO to schedule waveforms, then compare it with the analytic schedulers; takes about a minute.
 
     python -m agents.demo --out out/demo
 
-The trained run goes to DIR/ppo, the comparison to DIR/summary.json, episodes.csv, table.md and comparison.png. Nothing
-is overwritten: where DIR holds something already, DIR-2 is used, then DIR-3, ...
+The trained run goes to DIR/ppo, the comparison to DIR/summary.json, episodes.csv, table.md and comparison.png. No file
+is overwritten: if DIR is not empty, the results go to DIR-2, then DIR-3, ...
 """
 
 from __future__ import annotations
@@ -24,13 +24,17 @@ def parser() -> Parser:
     """The options."""
     options = Parser(prog="python -m agents.demo", description=__doc__.partition("\n")[0])
     options.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default: %(default)s")
-    options.add_argument("--worlds", type=int, default=200, metavar="N", help="to compare on (default: %(default)s)")
-    options.add_argument("--steps", type=int, metavar="N", help="of training (default: wavegym/learning/settings.toml)")
+    options.add_argument(
+        "--worlds", type=int, default=200, metavar="N", help="number of test worlds (default: %(default)s)"
+    )
+    options.add_argument(
+        "--steps", type=int, metavar="N", help="training steps (default: wavegym/learning/settings.toml)"
+    )
     return options
 
 
 def unused(folder: Path) -> Path:
-    """``folder`` if there is nothing in it, else the first of folder-2, folder-3, ... that is free."""
+    """``folder`` if it is new or empty, else the first of folder-2, folder-3, ... that is."""
     names = (folder if n == 1 else folder.with_name(f"{folder.name}-{n}") for n in count(1))
     return next(path for path in names if not path.exists() or (path.is_dir() and not any(path.iterdir())))
 
@@ -47,7 +51,7 @@ def demo(arguments: Sequence[str] | None) -> None:
     settings = load_settings(ENV, "ppo", {} if options.steps is None else {"steps": options.steps})
     print(f"training PPO on {ENV} for {settings.steps} steps, half a minute or more", flush=True)
     train(RunSpec(ENV, "ppo", 0, settings), out / "ppo", CHECKPOINT_EVERY)
-    print(f"comparing it with the analytic schedulers on {options.worlds} worlds that it has never met", flush=True)
+    print(f"comparing it with the analytic schedulers on {options.worlds} test worlds", flush=True)
     evaluate([ENV, "--policies", f"{SCHEDULERS},{out / 'ppo'}", "--worlds", str(options.worlds), "--out", str(out)])
     print(f"the picture: {out / 'comparison.png'}")
 

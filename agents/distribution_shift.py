@@ -1,8 +1,8 @@
-"""Policies in worlds that they were not made for: ``python -m agents.distribution_shift [ENVIRONMENT ...]``.
+"""Policies under distribution shift: ``python -m agents.distribution_shift [ENVIRONMENT ...]``.
 
-``results/distribution_shifts.toml`` says what changes. Agents stay as they were trained, rules keep the constants
-that were tuned for the environment's own parameters; the tracker, and so prediction, knows the new ones. Results go
-to results/distribution_shift, their table to docs/learned.md; ``--tables`` makes it of what was played before.
+``results/distribution_shifts.toml`` lists the changed parameters. Agents and tuned constants stay those of the
+original parameters; the tracker, and therefore prediction, knows the new ones. Results go to
+results/distribution_shift, their table to docs/learned.md. ``--tables`` renews the table without playing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ WORLDS = 200
 
 
 def load_shifts(file: Path = FILE) -> dict[str, dict[str, dict[str, Any]]]:
-    """Parameters by environment and shift; InputError where the file is no such thing."""
+    """Changed parameters by environment and shift; InputError if the file is not valid."""
     try:
         table = tomllib.loads(file.read_text(encoding="utf-8"))
         return {env: {name: settings(given) for name, given in shifts.items()} for env, shifts in table.items()}
@@ -42,10 +42,10 @@ def load_shifts(file: Path = FILE) -> dict[str, dict[str, dict[str, Any]]]:
 
 
 def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, Any]:
-    """Costs against the best simple rule's under every shift, in per cent with intervals; and the filter's NEES."""
+    """Under every shift: costs against the best simple heuristic, in per cent with intervals, and the filter's NEES."""
     env_id = full_id(f"{name}-v0")
-    made_for = make_task(env_id, {}).system
-    rule = make_policy(SIMPLE, made_for, None)
+    original = make_task(env_id, {}).system
+    heuristic = make_policy(SIMPLE, original, None)
     agents = {}
     for algo in LEARNERS:
         folder = SAVED / name / algo
@@ -54,7 +54,7 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
             agents[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
     found: dict[str, Any] = {}
     for shift, parameters in shifts.items():
-        accounts = _accounts(env_id, SIMPLE, lambda _: rule, parameters, jobs)
+        accounts = _accounts(env_id, SIMPLE, lambda _: heuristic, parameters, jobs)
         for algo, (own, runs) in agents.items():
             accounts[algo] = _accounts(env_id, algo, lambda _, runs=runs: runs, {**own, **parameters}, jobs)[algo]
         found[shift] = _against_simple(accounts)
@@ -62,7 +62,7 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
 
 
 def _accounts(env_id: str, name: str, policy: Any, parameters: dict[str, Any], jobs: int) -> dict[str, Account]:
-    """What a policy, and the one-step scheduler, did in the changed environment."""
+    """Costs and NEES of a policy and of the one-step scheduler in the changed environment."""
     comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, **parameters)
     return {
         name: Account(comparison.cost(name), np.stack([member.nees for member in members]))
@@ -79,7 +79,7 @@ def _against_simple(accounts: dict[str, Account]) -> dict[str, Any]:
 
 
 def table(results: dict[str, dict[str, Any]]) -> str:
-    """A line for every environment and shift."""
+    """A line for each environment and shift."""
     head = ["environment", "shift", "NEES", "myopic", "PPO", "95 %", "DQN", "95 %"]
     rows = []
     for env, shifts in results.items():
@@ -94,7 +94,7 @@ def table(results: dict[str, dict[str, Any]]) -> str:
 
 
 def renew(names: Sequence[str]) -> None:
-    """The table in docs/learned.md, of all that was played."""
+    """Renew the table in docs/learned.md from all results."""
     files = [FOLDER / f"{name}.json" for name in names]
     results = {f.stem: json.loads(f.read_text(encoding="utf-8")) for f in files if f.exists()}
     blocks.renew(PAGE, START, END, table(results))
@@ -102,14 +102,12 @@ def renew(names: Sequence[str]) -> None:
 
 def main() -> None:
     """The command."""
-    parser = Parser(
-        prog="python -m agents.distribution_shift", description="Policies in worlds that they were not made for."
-    )
+    parser = Parser(prog="python -m agents.distribution_shift", description="Policies under distribution shift.")
     parser.add_argument(
-        "names", nargs="*", metavar="ENVIRONMENT", help="as results/distribution_shifts.toml has them (default: all)"
+        "names", nargs="*", metavar="ENVIRONMENT", help="names in results/distribution_shifts.toml (default: all)"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
+    parser.add_argument("--tables", action="store_true", help="renew the table from earlier results; play nothing")
     read = parser.read(None)
     shifts = load_shifts()
     for name in () if read.tables else read.names or shifts:

@@ -1,9 +1,7 @@
-"""Rebuild the tables under results/: ``python -m agents.experiment [EXPERIMENT ...]`` trains what is missing and
-compares.
+"""Train missing agents and rebuild the tables under results/: ``python -m agents.experiment [EXPERIMENT ...]``.
 
-``results/experiments.toml`` says what an experiment is. Runs go to ``results/runs/EXPERIMENT/LEARNER/seedN``; one
-that was killed is taken up again, a finished one is kept. Comparisons go to ``results/EXPERIMENT``, their tables into
-``docs/results.md`` too.
+``results/experiments.toml`` defines the experiments. Runs go to ``results/runs/EXPERIMENT/LEARNER/seedN``: a killed run
+is resumed, a finished run is kept. Comparisons go to ``results/EXPERIMENT``, their tables also to ``docs/results.md``.
 """
 
 from __future__ import annotations
@@ -34,12 +32,12 @@ CLOSED = ConfigDict(extra="forbid")
 
 @dataclass(frozen=True, config=CLOSED)
 class Learner:
-    """What is trained, once for each seed.
+    """A learner, trained once for each seed.
 
     Attributes:
         algo: "ppo" or "dqn".
-        set: settings other than those of wavegym/learning/settings.toml, ``["gamma=0"]``.
-        environment: parameters of the environment it is trained in, ``["q=1"]``.
+        set: settings that replace those of wavegym/learning/settings.toml, ``["gamma=0"]``.
+        environment: parameters of the environment in training, ``["q=1"]``.
     """
 
     algo: str
@@ -53,14 +51,14 @@ class Experiment:
 
     Attributes:
         env: id of the environment.
-        worlds: how many; 0 trains the learners for ``make leaderboard``, which compares them with the ladder's
-            schedulers.
-        policies: schedulers by name.
+        worlds: number of test worlds; with 0 the learners are only trained, and ``make leaderboard`` compares them.
+        policies: names of schedulers.
         seeds: training seeds.
         learners: by name.
         environment: parameters of the environment, in training and comparison, ``["action=joint"]``.
-        trained_in: another experiment whose learners are compared here too.
-        tracks: a recording, relative to the repository; radar: where the radar stands.
+        trained_in: another experiment, whose learners are compared here too.
+        tracks: a recording, relative to the repository.
+        radar: position of the radar.
     """
 
     env: str
@@ -82,7 +80,7 @@ class Experiment:
 
 
 def load_experiments(file: Path = FOLDER / "experiments.toml") -> dict[str, Experiment]:
-    """All experiments of a file; InputError where it is not one."""
+    """All experiments of a file; InputError if the file is not valid."""
     try:
         return TypeAdapter(dict[str, Experiment]).validate_python(tomllib.loads(file.read_text(encoding="utf-8")))
     except (ValidationError, tomllib.TOMLDecodeError) as error:
@@ -91,7 +89,7 @@ def load_experiments(file: Path = FOLDER / "experiments.toml") -> dict[str, Expe
 
 def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
     """Train every learner of an experiment with every seed, ``jobs`` at a time."""
-    # Compile the kernels here, not in several processes at once.
+    # Compile the kernels once here, not in each process.
     envs = gym.make_vec(experiment.env, num_envs=2, reward="relative", **settings(experiment.environment))
     envs.reset(seed=0)
     envs.step(envs.action_space.sample())
@@ -117,12 +115,12 @@ def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folde
 
 
 def run_folder(experiment: str, learner: str) -> Path:
-    """Where the runs of a learner are, one folder for each seed."""
+    """The folder with the runs of a learner, one folder for each seed."""
     return FOLDER / "runs" / experiment / learner
 
 
 def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
-    """Train and compare one experiment; its table."""
+    """Train and compare one experiment; returns its table."""
     from wavegym.policies.runs import load_policy
 
     experiment = experiments[name]
@@ -143,7 +141,7 @@ def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.experiment", description="Rebuild the tables under results/.")
     parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help="which (default: all)")
-    parser.add_argument("--train", action="store_true", help="train what is missing, compare nothing")
+    parser.add_argument("--train", action="store_true", help="train missing agents, compare nothing")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     options = parser.read(None)
     experiments = load_experiments()

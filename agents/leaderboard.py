@@ -1,9 +1,9 @@
-"""Where learned and analytic schedulers meet: ``python -m agents.leaderboard [ID ...]``.
+"""Trained agents and analytic schedulers in one table: ``python -m agents.leaderboard [ID ...]``.
 
 Plays the saved agents of each environment (results/runs/ENVIRONMENT/ppo and dqn) on the worlds on which
-``make headroom`` played the schedulers, and puts both into one table: docs/learned.md, and README's front table. What
-was played is kept in results/leaderboard; ``--times`` only times decisions anew, on a machine with nothing else to do;
-``--tables`` makes the tables without playing.
+``make headroom`` played the schedulers. The tables of both go to docs/learned.md and README. results/leaderboard keeps
+the episodes. ``--times`` only repeats the timing of decisions, on an otherwise idle machine; ``--tables`` renews the
+tables without playing.
 """
 
 from __future__ import annotations
@@ -42,23 +42,23 @@ WORLDS, SEED = 200, 0  # those of `make headroom`
 
 
 class Account(NamedTuple):
-    """What a policy did, axis 0 = training run, axis 1 = world."""
+    """Costs and NEES of a policy, axis 0 = training run, axis 1 = world."""
 
     cost: Array  # (member, world), mean per step
-    nees: Array  # (member, world); NaN where it is not measured
+    nees: Array  # (member, world); NaN if not measured
 
     def against(self, reference: Account) -> statistics.Estimate:
-        """Geometric mean of the paired ratios of costs, in per cent, with its interval."""
+        """Geometric mean of the paired cost ratios, in per cent, with its interval."""
         rng = np.random.default_rng([SEED, word("bootstrap")])
         return statistics.difference(self.cost, reference.cost, rng).geometric
 
     def median_nees(self) -> float | None:
-        """Over episodes, of the mean over steps: a lost track's error has no mean. None where it is not measured."""
+        """Median over episodes of the mean over steps; None if not measured. Lost tracks spoil a mean over episodes."""
         return None if np.isnan(self.nees).all() else float(np.nanmedian(self.nees))
 
 
 def play(env_id: str, jobs: int) -> None:
-    """Play the environment's saved agents; their accounts go to results/leaderboard."""
+    """Play the environment's saved agents; the episodes go to results/leaderboard."""
     files = {}
     for algo, folder in saved(env_id).items():
         settings = environment_of(folder)
@@ -68,7 +68,7 @@ def play(env_id: str, jobs: int) -> None:
 
 
 def time_decisions(env_id: str) -> None:
-    """What a decision of the best planner takes, and one of each saved agent; to results/leaderboard."""
+    """Time the decisions of the best planner and of each saved agent; the times go to results/leaderboard."""
     agents = {}
     for algo, folder in saved(env_id).items():
         system = make_task(env_id, environment_of(folder)).system
@@ -90,7 +90,7 @@ def environment_of(folder: Path) -> dict[str, Any]:
 
 
 def read_accounts(file: Path) -> dict[str, Account]:
-    """The accounts in an episodes.csv by policy; InputError where there is no such file."""
+    """The accounts in an episodes.csv by policy; InputError if the file is missing."""
     if not file.exists():
         raise InputError(f"{file} is missing, expected it from `make headroom` or `python -m agents.leaderboard`")
     rows: dict[str, dict[int, list[tuple[float, float]]]] = {}
@@ -107,14 +107,14 @@ class Entry(NamedTuple):
 
     env_id: str
     accounts: dict[str, Account]
-    us: dict[str, float]  # of a decision, by policy; empty where the leaderboard was not played
+    us: dict[str, float]  # per decision, by policy; empty if not timed
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
-        """See ``Account``; both by name."""
+        """See ``Account``; both policies by name."""
         return self.accounts[name].against(self.accounts[reference])
 
     def recovered(self, name: str) -> float | None:
-        """The share of the planner's gain over the best simple rule; None where that gain is not established."""
+        """The share of the planner's gain over the best simple heuristic; None if that gain is not significant."""
         gain = self.against(PLANNER, SIMPLE)
         if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > -1.0:
             return None
@@ -123,7 +123,7 @@ class Entry(NamedTuple):
 
 
 def entry(env_id: str) -> Entry:
-    """All that was played in one environment."""
+    """The results in one environment."""
     name = env_id.rpartition("/")[2]
     accounts = read_accounts(HEADROOM / f"{name}.csv")
     for algo in LEARNERS:
@@ -137,7 +137,7 @@ def entry(env_id: str) -> Entry:
 
 
 def table(entries: Sequence[Entry]) -> str:
-    """One line for each environment: what each policy costs more or less than the best simple rule."""
+    """One line for each environment: the cost of each policy against the best simple heuristic."""
     head = ["environment", "best simple rule", "myopic", "best planner", "PPO", "95 %", "DQN", "95 %", "PPO recovers"]
     rows = []
     for e in entries:
@@ -151,7 +151,7 @@ def table(entries: Sequence[Entry]) -> str:
 
 
 def details(entries: Sequence[Entry]) -> str:
-    """One line for each environment: consistency of the filter, and what a decision takes."""
+    """One line for each environment: consistency of the filter and time per decision."""
     head = [
         "environment",
         "seeds",
@@ -175,20 +175,20 @@ def details(entries: Sequence[Entry]) -> str:
 
 
 def libraries(entries: Sequence[Entry]) -> str:
-    """One line for each agent that chooses from other actions than the ladder's schedulers: against myopic there."""
+    """One line for each agent with other actions than the schedulers: its cost against myopic with these actions."""
     head = ["environment", "agent", "parameters", "myopic there", "agent against it", "95 %"]
     rows = []
     for e in entries:
         for algo in filter(e.accounts.__contains__, LEARNERS):
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
-                told = ", ".join(f"{name}={value}" for name, value in parameters.items())
+                shown_parameters = ", ".join(f"{name}={value}" for name, value in parameters.items())
                 there = signed(e.against(_rival(algo), SIMPLE).value)
-                rows.append([stem(e.env_id), algo.upper(), told, there, *_cells(e, algo, _rival(algo))])
+                rows.append([stem(e.env_id), algo.upper(), shown_parameters, there, *_cells(e, algo, _rival(algo))])
     return tabulated(head, rows)
 
 
 def _rival(algo: str) -> str:
-    """The account of the one-step scheduler where it chooses from what the agent does."""
+    """The name of the one-step scheduler's account with the agent's actions."""
     return f"{BASELINE} for {algo}"
 
 
@@ -199,7 +199,7 @@ def _cells(e: Entry, algo: str, reference: str = SIMPLE) -> list[str]:
 
 
 def shown(estimate: statistics.Estimate) -> list[str]:
-    """Its value and its interval, for a table."""
+    """An estimate's value and interval, for a table."""
     return [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
 
 
@@ -209,7 +209,7 @@ def _nees(account: Account | None) -> str:
 
 
 def renew(env_ids: Sequence[str]) -> None:
-    """The tables in docs/learned.md and README."""
+    """Renew the tables in docs/learned.md and README."""
     entries = [entry(env_id) for env_id in env_ids]
     front = table(entries)
     for file, text in ((PAGE, "\n\n".join([front, details(entries), libraries(entries)])), (README, front)):
@@ -218,13 +218,15 @@ def renew(env_ids: Sequence[str]) -> None:
 
 def main() -> None:
     """The command."""
-    parser = Parser(prog="python -m agents.leaderboard", description="Learned and analytic schedulers in one table.")
+    parser = Parser(
+        prog="python -m agents.leaderboard", description="Trained agents and analytic schedulers in one table."
+    )
     ladders = [env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}.csv").exists()]
     wanted = "environments (default: those of the suite that `make headroom` played)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=ladders, help=wanted)
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     parser.add_argument("--times", action="store_true", help="time decisions, play nothing")
-    parser.add_argument("--tables", action="store_true", help="of what was played before; play nothing")
+    parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
     read = parser.read(None)
     for env_id in map(full_id, () if read.tables else read.ids):
         if not read.times:

@@ -1,4 +1,4 @@
-"""What a decision takes: a learned one for a single environment, the best planner's for one and for a batch."""
+"""Time per decision: of an agent for a single environment, of the best planner for one and for a batch."""
 
 from __future__ import annotations
 
@@ -20,24 +20,23 @@ from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import PLANNER
 
 BATCH = 50  # environments for which the planner decides at once, as in ``make headroom``
-STEPS = 6  # of the episodes that it plays
+STEPS = 6  # of the timed episodes
 SINGLES = 100  # decisions of each agent in each of these steps
-PLANS = 3  # decisions of the planner for a single environment in each of these steps
+PLANS = 3  # single decisions of the planner in each of these steps
 ALONE = f"{PLANNER} alone"
 
 
 def decisions_us(system: System, agents: Mapping[str, tuple[System, Policy]], seed: int = 0) -> dict[str, float]:
-    """Microseconds of one decision by name, the planner's twice; medians over the first steps of episodes.
+    """Microseconds per decision by name; medians over the first steps of episodes.
 
-    A planner shares out what a call costs among the environments of a batch (``PLANNER``); ``ALONE`` it decides for a
-    single one, as the agents do.
-
-    In turns, because a machine's speed changes from second to second and it is the ratio that counts.
+    ``PLANNER`` is the planner's time in a batch, divided by the number of environments; ``ALONE`` its time for a single
+    environment, as for the agents. All policies take turns: a machine's speed changes from second to second, and the
+    ratio counts.
 
     Args:
-        system: that in which the planner plays.
-        agents: each with its own system, which has other actions, perhaps; what they observe is included.
-        seed: of the worlds, which are for tuning.
+        system: the planner's system.
+        agents: each with its own system, which may have other actions. Their times include the observation.
+        seed: of the tuning worlds.
     """
     worlds = draw_worlds(system, world_seeds(seed, "tune", BATCH))
     state, (planner, alone) = system.initial(worlds), (make_policy(PLANNER, system, None) for _ in range(2))
@@ -63,7 +62,7 @@ def _observe_and_act(policy: Policy, observer: Observer, belief: Any, mask: Arra
 
 
 def _median(times: int, decide: Callable[[], Any]) -> float:
-    """Seconds of a call, the median of so many."""
+    """Median seconds of ``times`` calls."""
     took = []
     for _ in range(times):
         begun = perf_counter()

@@ -8,30 +8,51 @@
     >>> bool((rewards == -info["cost"]).all())
     True
 
-``wavegym.list_envs()`` lists the ids, ``print(wavegym.describe(id))`` shows what an environment observes and takes.
-``wavegym.waveforms``, ``wavegym.trackers`` and ``wavegym.schedulers`` are usable alone.
+``wavegym.list_envs()`` lists the ids, ``print(wavegym.describe(id))`` shows observations and actions of an environment,
+``wavegym.load_agent(id, "ppo")`` loads a trained agent. ``wavegym.waveforms``, ``wavegym.trackers`` and
+``wavegym.schedulers`` are usable alone. The same on the command line: ``wavegym --help``.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, InputWarning
+from wavegym.core.policy import Policy
 from wavegym.core.version import VERSION
 from wavegym.registration import list_envs, register, register_suite
 
 __version__ = VERSION
-__all__ = ["InputError", "describe", "list_envs", "register"]
+__all__ = ["InputError", "InputWarning", "describe", "list_envs", "load_agent", "register"]
 
 register_suite()
 
 
 def describe(id: str, /, **parameters: Any) -> str:
-    """What the environment ``id`` observes, takes and rewards, as Markdown tables (those of its page in the docs).
+    """Observations, actions and rewards of the environment ``id``, as Markdown tables (its page in the docs).
 
-    With parameters: of what ``gym.make(id, **parameters)`` makes. InputError for an unknown id, or a parameter that is
-    unknown or out of range.
+    With parameters: the environment that ``gym.make(id, **parameters)`` makes. Raises an InputError for an unknown id,
+    or a parameter that is unknown or out of range.
     """
     from wavegym.envs.describe import describe as in_full
 
     return in_full(id, **parameters)
+
+
+def load_agent(id: str, /, algo: str, **parameters: Any) -> Policy:
+    """The trained agent that comes with the environment ``id``, as a policy in plain NumPy.
+
+    Args:
+        id: the environment, with or without ``wavegym/``.
+        algo: "ppo" or "dqn".
+        **parameters: parameters of the environment, such as ``action="joint"``.
+
+    Raises:
+        InputError: no such environment or agent (nearest named), or with these parameters the environment has other
+            observations or actions than in the training (its parameters named).
+    """
+    from wavegym.evaluation.task import make_task
+    from wavegym.policies.pretrained import load_pretrained
+
+    task = make_task(id, parameters)
+    return load_pretrained(task.env_id, algo, task.system)

@@ -1,4 +1,4 @@
-"""What each part of the training is worth: every agent beside the full one and the best simple rule."""
+"""The ablation: every agent against the full agent and against the best simple heuristic."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAME = f"Small{ablation.SUFFIX}"
 
 @pytest.fixture
 def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str, Path]) -> experiment.Experiment:
-    """A experiment of two agents, trained already."""
+    """An experiment with two trained agents."""
     monkeypatch.setattr(experiment, "FOLDER", tmp_path)
     monkeypatch.setattr(ablation, "FOLDER", tmp_path / "ablation")
     monkeypatch.setattr(ablation, "WORLDS", 4)
@@ -55,7 +55,7 @@ def test_figures_are_geometric_means_of_paired_ratios() -> None:
 
 
 def test_runs_meet_those_of_the_same_seed() -> None:
-    """An agent that costs what the full one does, run for run, is no better, however its runs differ."""
+    """An agent with the full agent's cost in each run is no better, however much its runs differ."""
     costs = np.array([[1.0, 2.0], [9.0, 4.0]])
     full = Account(costs, np.full((2, 2), np.nan))
     assert ablation.against_seed_by_seed(full, full).value == pytest.approx(0.0, abs=1e-12)

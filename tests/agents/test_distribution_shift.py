@@ -1,4 +1,4 @@
-"""Policies in worlds that they were not made for."""
+"""Policies under distribution shift."""
 
 from __future__ import annotations
 

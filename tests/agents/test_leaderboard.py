@@ -124,7 +124,7 @@ def test_every_saved_agent_can_be_played(env_id: str) -> None:
 
 
 def test_an_agent_that_is_not_there_is_named_with_the_way_to_have_it() -> None:
-    with pytest.raises(InputError, match=r"none is saved for wavegym/None-v0, .*train\.py None-v0 --algo ppo"):
+    with pytest.raises(InputError, match=r"none is saved for wavegym/None-v0, .*wavegym train None-v0 --algo ppo"):
         command.saved("ppo", "wavegym/None-v0")
 
 

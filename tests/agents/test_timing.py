@@ -1,4 +1,4 @@
-"""What a decision takes: every policy is asked what it will be asked in life, as often, and its own time counts."""
+"""Time per decision: the inputs of each policy are those of an evaluation, and only its own time counts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SYSTEM = make_task(ID, {}).system
 
 
 class Slow:
-    """Takes so many seconds for a decision, and keeps what it was shown."""
+    """Takes a given time for each decision and records its inputs."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds

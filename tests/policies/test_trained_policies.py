@@ -9,23 +9,32 @@ import random
 import shutil
 import subprocess
 import sys
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from runs_for_tests import ENVIRONMENT, ID, small_spec
 from stable_baselines3 import DQN, PPO
 
-from wavegym.core.errors import InputError
+import wavegym
+from wavegym.core.errors import InputError, InputWarning
+from wavegym.core.parameters import parameter, system_parameters
 from wavegym.core.policy import Policy
 from wavegym.envs import WaveformVectorEnv
-from wavegym.evaluation import make_task
+from wavegym.evaluation import make_task, world_seeds
+from wavegym.evaluation.play import play
 from wavegym.learning.training.train import train
-from wavegym.policies.runs import load_policy
+from wavegym.policies.pretrained import pretrained_folder
+from wavegym.policies.runs import load_policy, signature
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
-SYSTEM = make_task(ID, {}).system
+SYSTEM = make_task(ID, {"horizon": ENVIRONMENT["horizon"]}).system  # that of the small runs
+OTHER = make_task("wavegym/KershawEvans-v0", {}).system
+RF_EO, RF_EO_FAR = (f"wavegym/{name}-v0" for name in ("RfEo", "RfEoFar"))
 CLASSES: dict[str, Any] = {"ppo": PPO, "dqn": DQN}
 
 
@@ -81,7 +90,7 @@ def test_a_box_policy_stays_in_the_box(tmp_path: Path) -> None:
     spec = small_spec("ppo", steps=60)
     boxed = type(spec.settings)(**{**vars(spec.settings), "environment": {**ENVIRONMENT, "action": "box"}})
     train(type(spec)(ID, "ppo", 1, boxed), tmp_path / "run", 60, progress=False)
-    system = make_task(ID, {"action": "box"}).system
+    system = make_task(ID, {"action": "box", "horizon": ENVIRONMENT["horizon"]}).system
     (policy,) = load_policy(tmp_path / "run", ID, system)
     actions = policy.act(None, 10.0 * observations(), None)
     assert actions.shape == (40, 2)
@@ -120,7 +129,7 @@ def test_a_folder_of_runs_gives_all_in_order(unbroken: dict[str, Path], tmp_path
 @pytest.mark.parametrize(
     ("env_id", "system", "message"),
     [
-        ("wavegym/KershawEvans-v0", SYSTEM, f"was trained in {ID}, expected one trained in wavegym/KershawEvans-v0"),
+        ("wavegym/KershawEvans-v0", OTHER, f"was trained in {ID} and chooses among actions 56 .*offers 88"),
         (
             ID,
             {"model": "ca", "weights": (1, 0, 0), "prior_variance": (1, 1, 1)},
@@ -137,6 +146,75 @@ def test_a_policy_of_another_environment_is_refused(
     with pytest.raises(InputError, match=message) as caught:
         load_policy(unbroken["ppo"], env_id, here)
     assert "\n" not in str(caught.value)
+
+
+@system_parameters
+class Windy(KershawEvansPosition):
+    """A subclass with the observations and actions of its base, and a parameter of its own."""
+
+    wind: float = parameter(3.0, "speed of the wind", unit="m/s")
+
+
+@pytest.fixture
+def windy() -> Iterator[str]:
+    wavegym.register("tests/Windy-v0", Windy)
+    yield "tests/Windy-v0"
+    gym.registry.pop("tests/Windy-v0")
+
+
+def test_a_subclass_with_the_same_signature_plays(windy: str, unbroken: dict[str, Path]) -> None:
+    system = make_task(windy, {"horizon": 7}).system  # as in the training
+    assert signature(system) == signature(SYSTEM)
+    with pytest.warns(InputWarning, match=f"was trained in {ID}, not in {windy}") as caught:
+        (policy,) = load_policy(unbroken["ppo"], windy, system)
+    (notice,) = caught
+    assert "parameters that differ" not in str(notice.message)
+    (same,) = load_policy(unbroken["ppo"], ID, SYSTEM)
+    shown = observations()
+    assert (policy.act(None, shown, None) == same.act(None, shown, None)).all()
+    assert play(make_task(windy, {"horizon": 7}), policy, world_seeds(0, "test", 2)).steps.tolist() == [7, 7]
+
+
+def test_the_parameters_that_differ_from_training_are_named_once(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    for seed in (1, 2):
+        shutil.copytree(unbroken["ppo"], tmp_path / f"seed{seed}")
+        rewrite(tmp_path / f"seed{seed}", seed=seed)
+    with pytest.warns(InputWarning) as caught:
+        load_policy(tmp_path, ID, make_task(ID, {"q": 2.0}).system)
+    (notice,) = caught
+    parameters = "parameters that differ: horizon=50 (training: 7), q=2.0 (training: 100.0)"
+    assert str(notice.message) == f"policy {str(tmp_path)!r} was trained in {ID}; {parameters}"
+
+
+def test_the_parameters_of_the_training_itself_need_no_warning(unbroken: dict[str, Path]) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load_policy(unbroken["ppo"], ID, SYSTEM)
+
+
+def test_an_id_that_is_not_registered_here_is_still_named(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
+    rewrite(folder, env="elsewhere/Radar-v3")
+    with pytest.warns(InputWarning, match=r"was trained in elsewhere/Radar-v3, not in .*horizon=50 \(training: 7\)"):
+        load_policy(folder, ID, make_task(ID, {}).system)
+
+
+def test_rf_eo_and_rf_eo_far_take_each_others_policies_with_a_warning() -> None:
+    folder = pretrained_folder(RF_EO_FAR, "ppo")
+    assert folder is not None
+    with pytest.warns(
+        InputWarning, match=f"trained in {RF_EO_FAR}, not in {RF_EO}; .*q=0.01 .training: 1.0."
+    ) as caught:
+        load_policy(folder, RF_EO, make_task(RF_EO, {}).system)
+    assert "\n" not in str(caught[0].message)
+
+
+def test_a_network_with_other_forecasts_is_refused(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
+    settings = json.loads((folder / "run.json").read_text())["settings"]
+    rewrite(folder, settings={**settings, "forecasts": True})
+    with pytest.raises(InputError, match=r"observes 6 elements, but this .* shows 62"):
+        load_policy(folder, ID, SYSTEM)
 
 
 def test_another_scaling_of_the_observation_is_refused(unbroken: dict[str, Path], tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The command ``evaluate.py``: compare policies, trained ones among them, on the same worlds."""
+"""The subcommand ``evaluate``: compare policies, trained ones included, on the same worlds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEARNERS = ("ppo", "dqn")
 
 RECORDED = "KershawEvansPosition-v0"
 
-# What `compare` takes besides parameters of the environment, and where a user says it.
+# Arguments of `compare` that are no parameters of an environment, and their options.
 COMPARISON = {
     "env_id": "it as the first argument",
     "policies": "--policies NAMES",
@@ -37,10 +37,12 @@ COMPARISON = {
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="evaluate.py", description="Compare policies on the same worlds.")
+    options = Parser(prog="wavegym evaluate", description="Compare policies on the same worlds.")
     options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
     options.add_argument("--policies", default="myopic,best-fixed,random", help=f"{POLICIES} (default: %(default)s)")
-    options.add_argument("--worlds", type=int, default=200, metavar="N", help="how many (default: %(default)s)")
+    options.add_argument(
+        "--worlds", type=int, default=200, metavar="N", help="number of test worlds (default: %(default)s)"
+    )
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     options.add_argument("--seed", type=int, default=0, metavar="S", help="another seed, other worlds (default: 0)")
     options.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes (default: one for each core)")
@@ -50,14 +52,14 @@ def parser() -> Parser:
         type=float,
         nargs="+",
         metavar="X",
-        help="where the radar stands: LAT LON [ALT], or X Y [Z] in metres",
+        help="position of the radar: LAT LON [ALT], or X Y [Z] in metres",
     )
     options.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the environment")
     return options
 
 
 def parameters(options: Any, env_id: str) -> dict[str, Any]:
-    """The system's parameters that the options ask for. InputError for recorded targets where there can be none."""
+    """The system's parameters from the options. InputError if the system takes no recorded targets."""
     from wavegym.evaluation import make_task
 
     chosen = settings(options.set)
@@ -110,7 +112,11 @@ def saved(name: str, env_id: str) -> Path:
     environment = stem(env_id)
     folder = SAVED / environment / name
     if not folder.is_dir():
-        wanted = f"the folder of a run (nearest: python train.py {environment}-v0 --algo {name} --out runs/{name})"
+        from wavegym.policies.pretrained import pretrained_folder
+
+        if packaged := pretrained_folder(env_id, name):
+            return packaged
+        wanted = f"the folder of a run (nearest: wavegym train {environment}-v0 --algo {name} --out runs/{name})"
         raise InputError(f"policy is {name!r}, of which none is saved for {env_id}, expected {wanted}")
     return folder
 
@@ -127,7 +133,7 @@ def load_trained(folder: Path, env_id: str, system: Any) -> Any:
 def evaluate(arguments: Sequence[str] | None) -> None:
     """Play, compare, write, print."""
     options = parser().read(arguments)
-    # Half a second of imports that a misspelt option need not wait for.
+    # These imports take half a second; a misspelt option is reported before them.
     from wavegym.evaluation import compare, full_id, write_report
 
     env_id = full_id(options.env)

@@ -1,9 +1,9 @@
-"""Train a waveform scheduler.
+"""The subcommand ``train``: train a waveform scheduler.
 
-    python train.py KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
+    wavegym train KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
 
-A run that was killed goes on with the same command and --resume, to the same weights. DIR is then a policy for
-evaluate.py, with the learning curve in DIR/curve.csv and TensorBoard's files in DIR/tensorboard.
+The same command with --resume continues a killed run and ends with the same weights. ``wavegym evaluate`` takes DIR as
+a policy. DIR/curve.csv holds the learning curve, DIR/tensorboard the files of TensorBoard.
 """
 
 from __future__ import annotations
@@ -14,29 +14,35 @@ from pathlib import Path
 from typing import Any
 
 from wavegym.core.command_line import Parser, guarded, settings
-from wavegym.core.errors import check_choice
+from wavegym.core.errors import InputError, check_choice
 
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="train.py", description=__doc__.partition("\n")[0])
+    options = Parser(prog="wavegym train", description="Train a waveform scheduler.")
     options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
     options.add_argument("--algo", required=True, metavar="ALGO", help="ppo or dqn")
     steps = (
         "environment steps, rounded up to whole rollouts of all environments (default: wavegym/learning/settings.toml)"
     )
     options.add_argument("--steps", type=int, metavar="N", help=steps)
-    options.add_argument("--seed", type=int, default=0, metavar="S", help="number of the run (default: %(default)s)")
+    options.add_argument("--seed", type=int, default=0, metavar="S", help="training seed (default: %(default)s)")
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
     several: Any = {"nargs": "+", "action": "extend", "default": [], "metavar": "KEY=VALUE"}
-    options.add_argument("--set", **several, help="settings other than in wavegym/learning/settings.toml")
-    options.add_argument("--environment", **several, help="parameters of the environment other than its defaults")
     options.add_argument(
-        "--checkpoint-every", type=int, default=50_000, metavar="N", help="steps (default: %(default)s)"
+        "--set", **several, help="training settings that replace those of wavegym/learning/settings.toml"
     )
-    tune = "instead of one training, search settings until there are N trials; DIR/best.toml has the best"
+    options.add_argument("--environment", **several, help="parameters of the environment that replace its defaults")
+    options.add_argument(
+        "--checkpoint-every",
+        type=int,
+        default=50_000,
+        metavar="N",
+        help="steps between checkpoints (default: %(default)s)",
+    )
+    tune = "search settings until there are N trials, instead of one training; DIR/best.toml holds the best"
     options.add_argument("--tune", type=int, metavar="N", help=tune)
-    options.add_argument("--resume", action="store_true", help="go on with the run in DIR, from its last checkpoint")
+    options.add_argument("--resume", action="store_true", help="continue the run in DIR from its last checkpoint")
     options.add_argument("--quiet", action="store_true", help="no progress bar")
     return options
 
@@ -45,12 +51,15 @@ def train(arguments: Sequence[str] | None) -> None:
     """Read the options and the settings, then train."""
     options = parser().read(arguments)
     check_choice("algorithm", options.algo, ["ppo", "dqn"])
-    # Seconds of imports that a misspelt option need not wait for.
+    # These imports take seconds; a misspelt option is reported before them.
     from wavegym.evaluation import full_id
     from wavegym.learning.settings import load_settings
     from wavegym.learning.training.run_spec import RunSpec
-    from wavegym.learning.training.train import train as run
 
+    try:
+        from wavegym.learning.training.train import train as run
+    except ImportError as error:
+        raise InputError(f"training needs the extra: {error}; pip install 'wavegym[agents]'") from None
     env_id, changes = full_id(options.env), settings(options.set)
     if options.steps is not None:
         changes["steps"] = options.steps
@@ -68,7 +77,7 @@ def train(arguments: Sequence[str] | None) -> None:
     print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
     if chosen.environment:
         same = shlex.join(f"{name}={value}" for name, value in chosen.environment.items())
-        print(f"trained with {same}: evaluate.py takes the same as --set {same}")
+        print(f"trained with other parameters: wavegym evaluate needs --set {same}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -11,10 +11,12 @@ import ast
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from wavegym.core.errors import InputError, nearest
+from wavegym.core.errors import InputError, InputWarning, nearest
 
 FAILED = 2
 UNFORESEEN = 1
@@ -70,7 +72,8 @@ def guarded(main: Callable[[], None]) -> int:
     traceback comes before the line.
     """
     try:
-        main()
+        with _one_line_warnings():
+            main()
     except (InputError, OSError) as error:
         text = f"{error.strerror}: {error.filename}" if isinstance(error, OSError) and error.filename else str(error)
         return _told(text or type(error).__name__, FAILED)
@@ -80,6 +83,21 @@ def guarded(main: Callable[[], None]) -> int:
         print("error: interrupted", file=sys.stderr)
         return INTERRUPTED
     return 0
+
+
+@contextmanager
+def _one_line_warnings() -> Iterator[None]:
+    """An InputWarning takes one line on stderr, without its place in the code."""
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def in_one_line(message: Warning | str, category: type[Warning], *place: Any, **named: Any) -> None:
+            if not issubclass(category, InputWarning):
+                return show(message, category, *place, **named)
+            return print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+        warnings.showwarning = in_one_line
+        yield
 
 
 def _told(text: str, status: int) -> int:

@@ -12,6 +12,10 @@ class InputError(ValueError):
     """A user's mistake. The message is one line; command lines print it without a traceback."""
 
 
+class InputWarning(UserWarning):
+    """What a user should know of the input, but may intend. The message is one line; command lines print it so."""
+
+
 def nearest(value: object, choices: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` for the choice most like ``value``, or ``""`` where none is alike."""
     close = difflib.get_close_matches(str(value), list(choices), n=1, cutoff=0.4)

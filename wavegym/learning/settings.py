@@ -1,4 +1,4 @@
-"""Training settings: one readable file (settings.toml), closed and checked, with changes from the command line."""
+"""Training settings: settings.toml, checked and closed to unknown names, with changes from the command line."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameters import Count, NonNegative, Positive, make_checked
 from wavegym.registration import list_envs
 
-# What gymnasium.make_vec takes besides parameters of the environment, and what to do about it here.
+# Arguments of gymnasium.make_vec that are no parameters of a system, and the alternative here.
 SHELL = {
     "num_envs": "--set num_envs=N",
     "reward": "--set reward=NAME",
     "forecasts": "--set forecasts=true",
     "autoreset_mode": "none: training needs SameStep",
-    "render_mode": "none: training shows nothing",
+    "render_mode": "none: training renders nothing",
     "vectorization_mode": "none: training uses the native batch",
     "vector_kwargs": "none: training uses the native batch",
     "wrappers": "none: training uses the native batch",
@@ -38,31 +38,31 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 @dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
 class Settings:
-    """What all algorithms share. Values stand in settings.toml, so there are no defaults here but ``environment``'s.
+    """Settings of all algorithms. Their values stand in settings.toml; only ``environment`` has a default here.
 
     Attributes:
-        steps: environment steps in a whole training, over all environments together.
-        num_envs: environments in the batch.
+        steps: environment steps of a run, all environments together.
+        num_envs: number of environments in the batch.
         reward: the environment's training reward.
         forecasts: whether the observation holds forecasts of each candidate.
         policy: "mlp", or "scorer": one network that scores every candidate alike (``learning.policies.scorer``).
-        network: widths of the hidden layers; of a scorer, of what is made of a candidate and of the rounds after it.
+        network: widths of the hidden layers; for a scorer, of the trunk and of each round after the trunk.
         activation: of the hidden layers.
-        learning_rate: Adam's, at the start; falls linearly to 0.
-        gamma: discount; 0 learns the one-step scheduler.
+        learning_rate: Adam's learning rate at the start; falls linearly to 0.
+        gamma: discount factor; with 0 the agent learns a one-step scheduler.
         batch_size: transitions in a gradient step.
-        max_grad_norm: longer gradients are shortened to it.
-        teacher: a scheduler that the learner imitates before it learns by itself; "" for none. Of a planner that
-            follows its base in rollouts ("rollout:H") it learns what each candidate saves.
-        teacher_futures: of each candidate, where the teacher is such a planner.
-        teacher_episodes: episodes in which the teacher is asked, in each round.
+        max_grad_norm: bound of the gradient's norm.
+        teacher: the scheduler that the learner imitates before reinforcement learning; "" for none. The labels of a
+            rollout planner ("rollout:H") are the advantages of all candidates.
+        teacher_futures: sampled futures of each candidate, if the teacher is a rollout planner.
+        teacher_episodes: labelled episodes in each round of imitation.
         imitation_rounds: rounds of imitation. In all but the first the learner acts and the teacher labels (DAgger).
         query_every: query the teacher every N steps on average, and at each of the first N steps; between queries the
             teacher repeats its last action. More than 1 is only for a teacher without memory.
-        imitation_epochs: passes over all labelled observations so far, after each round.
-        critic_warm_up: rollouts after imitation (of DQN: steps of the batch) in which only the critic learns. If they
-            are all the steps of the run, the actor stays as imitation left it.
-        environment: parameters of the environment other than its defaults.
+        imitation_epochs: passes over the dataset so far, after each round.
+        critic_warm_up: rollouts after imitation (DQN: steps of the batch) in which only the critic learns. If they fill
+            the run, the actor stays as imitation left it.
+        environment: parameters of the environment that replace its defaults.
     """
 
     steps: Count
@@ -90,11 +90,11 @@ class Settings:
 class PPOSettings(Settings):
     """Proximal policy optimisation; see Stable-Baselines3's PPO. ``n_steps`` is the rollout of each environment.
 
-    Advantages are divided by their standard deviation over a batch, so that one transition is too few.
+    Advantages are divided by their standard deviation over a batch, so a batch needs two transitions.
 
     Attributes:
-        masks: whether actions that are not allowed are never tried (sb3-contrib's MaskablePPO).
-        modes: of a box, how many points a choice is made of (``learning.policies.mixture``); 1: a plain Gaussian.
+        masks: whether forbidden actions are masked (sb3-contrib's MaskablePPO).
+        modes: number of Gaussians over a box (``learning.policies.mixture``); 1: a plain Gaussian.
     """
 
     masks: bool
@@ -113,7 +113,7 @@ class DQNSettings(Settings):
     """Deep Q-learning; see Stable-Baselines3's DQN. ``gradient_steps`` follow every step of the batch.
 
     Attributes:
-        n_steps: of the returns.
+        n_steps: length of the n-step returns.
     """
 
     n_steps: Count
@@ -137,13 +137,13 @@ def load_settings(
     environment: Mapping[str, Any] | None = None,
     file: Path = FILE,
 ) -> Settings:
-    """Settings of ``algo`` in ``env_id``: the algorithm's, those of the table it is ``like``, its own, ``changes``.
+    """Settings of ``algo`` in ``env_id``: the algorithm's, the ``like`` table's, the environment's, then ``changes``.
 
     Args:
-        env_id: a registered id; one without a table of its own takes the algorithm's settings.
+        env_id: a registered id; without a table of its own it takes the algorithm's settings.
         algo: "ppo" or "dqn".
-        changes: settings by name.
-        environment: parameters of the environment by name.
+        changes: further settings by name.
+        environment: further parameters of the environment by name.
         file: the settings file.
 
     Raises:
@@ -186,6 +186,6 @@ def _tables(file: Path) -> dict[str, Any]:
 
 
 def _shared(tables: dict[str, Any]) -> set[str]:
-    """Names of the tables that others are ``like``."""
+    """Names of the tables that a ``like`` entry names."""
     groups = (table for name, table in tables.items() if name not in ALGORITHMS)
     return {own["like"] for table in groups for own in table.values() if isinstance(own, dict) and "like" in own}

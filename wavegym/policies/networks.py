@@ -1,6 +1,6 @@
-"""Trained networks in plain NumPy: some ten microseconds a decision, and no torch.
+"""Trained networks in plain NumPy: a decision takes some ten microseconds and needs no torch.
 
-A network is a kind and its arrays, float32. ``learning.policies.export`` makes them of Stable-Baselines3's policies.
+A network is a kind and its float32 arrays. ``learning.policies.export`` converts Stable-Baselines3's policies.
 """
 
 from __future__ import annotations
@@ -17,16 +17,15 @@ from wavegym.observations.forecasts import Forecasts
 
 
 class Network(NamedTuple):
-    """What a policy file holds.
+    """The content of a policy file.
 
     Attributes:
-        kind: "mlp", "mixture" (an MLP too) or "scorer".
+        kind: "mlp", "mixture" (also an MLP) or "scorer".
         activation: "tanh" or "relu".
-        heads: numbers of alternatives of one choice after another, (1,) or (sensors,); empty for a point of a box; of a
-            mixture the number of points from which that of the box is chosen.
+        heads: number of alternatives of each choice: one entry, or one for each sensor; empty for a point of a box;
+            for a mixture, one entry: its number of modes.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
-            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as ``learning.policies.scorer`` has
-            them.
+            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as in ``learning.policies.scorer``.
     """
 
     kind: str
@@ -34,21 +33,33 @@ class Network(NamedTuple):
     heads: tuple[int, ...]
     arrays: dict[str, Array]
 
+    @property
+    def inputs(self) -> int:
+        """Number of elements of an observation, forecasts included."""
+        given = self.arrays
+        if self.kind != "scorer" or "own" not in given:
+            return int(given["W0"].shape[1])
+        candidates, pairs = given["pairs"].shape
+        return int(given["W0"].shape[1] + candidates * (given["own"].shape[1] - pairs))
+
     def outputs(self, observation: Array) -> Array:
-        """Logits, values or means (env, outputs) of observations (env, elements) float32; see ``Mixture``."""
+        """Logits, values or means (env, outputs) of observations (env, elements) float32.
+
+        Outputs of a mixture are the logits of its modes, then the mean of each mode.
+        """
         activate = np.tanh if self.activation == "tanh" else _relu
         return (self._scores if self.kind == "scorer" else self._mlp)(observation, activate)
 
     def _mlp(self, hidden: Array, activate: Any) -> Array:
         given = list(self.arrays.values())  # W0, b0, W1, ...
         for weight, offset in zip(given[:-2:2], given[1:-2:2], strict=True):
-            hidden = hidden @ weight.T  # an array of its own, that may be written over
+            hidden = hidden @ weight.T  # a new array: the lines below may overwrite it
             hidden += offset
             activate(hidden, out=hidden)
         return np.asarray(hidden @ given[-2].T + given[-1])
 
     def _scores(self, observation: Array, activate: Any) -> Array:
-        given, layers = self.arrays, self._count("W")
+        given, layers = self.arrays, self.number_of("W")
         elements, (candidates, _) = given["W0"].shape[1], given["offset"].shape
         context = observation[:, :elements]
         for n in range(layers):
@@ -60,19 +71,19 @@ class Network(NamedTuple):
             )
             hidden = hidden + np.concatenate([predicted, observation[:, given["pairs"]]], axis=2) @ given["own"].T
         hidden = activate(hidden)
-        for n in range(self._count("round") // 3):
+        for n in range(self.number_of("round") // 3):
             pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
             others = (pooled @ given[f"round{n}_others"].T)[:, None]
-            told = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
-            hidden = hidden + told if told.shape == hidden.shape else told
+            exchanged = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
+            hidden = hidden + exchanged if exchanged.shape == hidden.shape else exchanged
         return (hidden @ given["score"].T)[..., 0]
 
-    def _count(self, start: str) -> int:
-        """Number of arrays whose names begin like this."""
+    def number_of(self, start: str) -> int:
+        """Number of arrays whose names begin with ``start``."""
         return sum(name.startswith(start) for name in self.arrays)
 
     def to_bytes(self) -> bytes:
-        """As an .npz file, the same bytes for the same network."""
+        """An .npz file; equal networks give equal bytes."""
         file = io.BytesIO()
         about = {"kind": self.kind, "activation": self.activation, "heads": np.array(self.heads, np.int64)}
         content: dict[str, Any] = {**{f"_{key}": np.asarray(value) for key, value in about.items()}, **self.arrays}
@@ -81,7 +92,7 @@ class Network(NamedTuple):
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Network:
-        """The network of such a file. Raises ValueError, KeyError or OSError where it is none; runs no code of it."""
+        """The network in such a file; runs no code from it. Raises ValueError, KeyError or OSError for other files."""
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         kind, activation, heads = (arrays.pop(f"_{name}") for name in ("kind", "activation", "heads"))
@@ -89,7 +100,7 @@ class Network(NamedTuple):
 
 
 def _likeliest(outputs: Array, modes: int) -> Array:
-    """Of a mixture's outputs the mean (env, parameter) of its likeliest mode."""
+    """The mean (env, parameter) of the likeliest mode of a mixture, from its outputs."""
     points = outputs[:, modes:].reshape(len(outputs), modes, -1)
     return points[np.arange(len(outputs)), outputs[:, :modes].argmax(axis=1)]
 
@@ -99,11 +110,11 @@ def _relu(values: Array, out: Array | None = None) -> Array:
 
 
 class LearnedPolicy:
-    """A trained network as a policy: deterministic, a batch at a time.
+    """A trained network as a deterministic policy for a batch of environments.
 
     Args:
-        network: what was learned.
-        forecasts: whether it was shown forecasts of each candidate beside the system's own elements.
+        network: the trained network.
+        forecasts: whether its observation holds forecasts of each candidate after the system's own elements.
     """
 
     def __init__(self, network: Network, forecasts: bool = False) -> None:
@@ -116,19 +127,19 @@ class LearnedPolicy:
         self._elements = len(system.observation_fields)
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``: the likeliest action, or the one of highest value, among those allowed.
+        """See ``Policy``: the allowed action of highest logit or value.
 
-        Forecasts that the observation lacks are made of ``belief``.
+        If the observation lacks forecasts, they are computed from ``belief``.
         """
         if observation is None:
-            raise InputError("a learned policy was shown no observation, expected an environment's")
+            raise InputError("a learned policy was given no observation, expected the environment's")
         if self._forecasts and observation.shape[1] == self._elements:
             observation = np.concatenate([observation, self._forecasts(belief)], axis=1)
         outputs, heads = self.network.outputs(observation), self.network.heads
         if self.network.kind == "mixture":
             outputs, heads = _likeliest(outputs, *heads), ()
         if not heads:
-            return np.maximum(np.minimum(outputs, 1.0), -1.0)  # np.clip takes four times as long
+            return np.maximum(np.minimum(outputs, 1.0), -1.0)  # np.clip takes four times longer
         if mask is not None:
             outputs = np.where(mask, outputs, -np.inf)
         if len(heads) == 1:

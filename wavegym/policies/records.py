@@ -1,4 +1,4 @@
-"""The JSON records run_spec.json and run.json: read, checked, compared."""
+"""Reading, checking and comparing the JSON records run_spec.json and run.json."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from wavegym.core.errors import InputError
 
-# What a finished run's record must hold to be played.
+# Entries of run.json that evaluation needs.
 RUN_FIELDS: dict[str, type] = {
     "env": str,
     "algo": str,
@@ -26,7 +26,7 @@ RUN_FIELDS: dict[str, type] = {
 
 
 class Unlike(NamedTuple):
-    """An entry in which two records differ; None where one has no such entry."""
+    """An entry in which two records differ; a record without the entry has None."""
 
     name: str
     here: Any
@@ -37,39 +37,41 @@ def read_record(path: Path) -> dict[str, Any]:
     """A JSON object that a training run wrote.
 
     Raises:
-        InputError: the file is missing or is no such thing.
+        InputError: the file is missing or holds no JSON object.
     """
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}") from None
     if not isinstance(record, dict):
-        raise InputError(f"{path} holds no JSON object, expected what train.py wrote")
+        raise InputError(f"{path} holds no JSON object, expected a record of wavegym train")
     return record
 
 
 def read_run(path: Path) -> dict[str, Any]:
-    """The record of a finished run, with every field that playing it needs.
+    """The record of a finished run, with every entry that evaluation needs.
 
     Raises:
-        InputError: the file is missing, no JSON object, or an entry is missing or of another kind (named).
+        InputError: the file is missing or no JSON object, or an entry is missing or of another type (named).
     """
     run = read_record(path)
     for name, kind in RUN_FIELDS.items():
         value: Any = run
         for key in name.split("."):
             if key not in value:
-                raise InputError(f"{path} is not what train.py wrote: {name!r} is missing")
+                raise InputError(f"{path} is no record of wavegym train: {name!r} is missing")
             value = value[key]
         if not isinstance(value, kind):
-            raise InputError(f"{path} is not what train.py wrote: {name!r} is {value!r}, expected {kind.__name__}")
+            raise InputError(f"{path} is no record of wavegym train: {name!r} is {value!r}, expected {kind.__name__}")
     if not all(isinstance(element, str) for element in run["observation"]):
-        raise InputError(f"{path} is not what train.py wrote: 'observation' is {run['observation']!r}, expected names")
+        raise InputError(
+            f"{path} is no record of wavegym train: 'observation' is {run['observation']!r}, expected names"
+        )
     return run
 
 
 def difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> Unlike | None:
-    """The first entry, in alphabetical order, in which two records differ, such as ``settings.gamma``."""
+    """The first entry, in alphabetical order, in which two records differ, such as ``settings.gamma``; or None."""
     mine, other = _flat(here), _flat(there)
     for name in sorted({*mine, *other}):
         if mine.get(name) != other.get(name):

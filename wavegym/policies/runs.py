@@ -1,39 +1,48 @@
-"""The folder of a training run, and trained policies out of it.
+"""The folder of a training run, and the loading of trained policies from such folders.
 
 ::
 
-    run_spec.json      what is being trained, written first: --resume checks it
-    checkpoints/   the last two, while training lasts and after
+    run_spec.json  the specification of the training, written first: --resume checks it
+    checkpoints/   the last two, during and after the training
     tensorboard/   for ``tensorboard --logdir``
     curve.csv      steps, episodes, mean episode cost
-    policy.npz     the trained network in plain NumPy: what is played
-    model.zip      Stable-Baselines3's own file, to train on: load it only from people you trust, it can hold code
-    run.json       written last: what was trained on what; a folder without it holds no finished run
+    policy.npz     the trained network in plain NumPy: evaluation plays this file
+    model.zip      Stable-Baselines3's own file, for further training: it can hold code, so load only trusted ones
+    run.json       the record of the finished run, written last: a folder without it holds no finished run
 """
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import shlex
+import warnings
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
+import numpy as np
+from gymnasium.envs.registration import load_env_creator
+
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.errors import InputError, check_choice
+from wavegym.core.errors import InputError, InputWarning, check_choice
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.parameters import make_checked
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.observations.forecasts import Forecasts
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.records import difference, read_run
 
 SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
 CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
 CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
-LEARNER = ("env", "algo", "settings")  # what training seeds of one learner have in common
+LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one learner
+ABSENT = object()  # stands for a parameter that a system does not have
 
 
 def signature(system: System) -> dict[str, Any]:
-    """What a network's inputs and outputs mean: the observation's elements and scaling, a hash of the actions."""
+    """The meaning of a network's inputs and outputs: names and scaling of the observation, a hash of the actions."""
     form, count, names = _meaning(system.actions)
     return {
         "observation": [e.name for e in system.observation_fields],
@@ -43,7 +52,7 @@ def signature(system: System) -> dict[str, Any]:
 
 
 def _meaning(actions: Any) -> tuple[str, int, Any]:
-    """The form of an action set, how many outputs or waveforms it has, and the names that give them their meaning."""
+    """The form of an action set, its number of outputs or waveforms, and the names that define their meaning."""
     if isinstance(actions, ParameterBox):
         return "box", len(actions.parameters), actions.parameters
     if isinstance(actions, JointLibrary):
@@ -55,29 +64,33 @@ def _meaning(actions: Any) -> tuple[str, int, Any]:
 
 
 def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]:
-    """The trained policies in a folder: one of a run's folder; all, sorted by name, of a folder of runs' folders.
+    """The trained policies in a folder: one from a run's folder; all, sorted by name, from a folder of run folders.
+
+    A policy plays every system with the observations and actions of its training. If the id or a parameter differs
+    from the training, an InputWarning names both.
 
     Args:
-        folder: what ``train.py --out`` was given, or the folder above several (training seeds of one algorithm).
+        folder: the folder of a run, or the folder above several (training seeds of one algorithm).
         env_id: the full id of the environment to be played.
-        system: its closed loop; the policy's observation and actions must be this one's.
+        system: its closed loop.
 
     Raises:
-        InputError: no finished run, a missing or torn file, a policy from another environment (both named), or runs
-            that are not seeds of one learner (the difference named).
+        InputError: no finished run, a missing or torn file, other observations or actions than those of the training
+            (both named), or runs that are not seeds of one learner (the difference named).
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(f"policy {str(folder)!r} is not a folder, expected one that train.py made")
-    if _is_run(folder):
-        return [_load(folder, env_id, system)]
-    runs = sorted(path for path in folder.iterdir() if path.is_dir() and _is_run(path))
+        raise InputError(f"policy {str(folder)!r} is not a folder, expected one that wavegym train made")
+    runs = [folder] if _is_run(folder) else sorted(p for p in folder.iterdir() if p.is_dir() and _is_run(p))
     if not runs:
         raise InputError(
             f"policy folder {str(folder)!r} holds no training run, expected {RUN} in it or in folders in it"
         )
     policies: list[Policy] = [_load(run, env_id, system) for run in runs]
-    _check_seeds({run.name: read_run(run / RUN) for run in runs}, folder)
+    records = {run.name: read_run(run / RUN) for run in runs}
+    _check_seeds(records, folder)
+    if text := _unlike_training(records[runs[0].name], env_id, system):
+        warnings.warn(f"policy {str(folder)!r} {text}", InputWarning, stacklevel=2)
     return policies
 
 
@@ -88,23 +101,37 @@ def _is_run(folder: Path) -> bool:
 def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
     """The policy of one run's folder."""
     if not (folder / RUN).exists():
-        raise InputError(f"training in {str(folder)!r} is unfinished, expected {RUN}; finish it with train.py --resume")
+        wanted = f"expected {RUN}; finish it with wavegym train --resume"
+        raise InputError(f"training in {str(folder)!r} is unfinished, {wanted}")
     run = read_run(folder / RUN)
-    _check_same(folder, run, env_id, system)
+    _check_signature(folder, run, env_id, system)
     check_choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
+    network, forecasts = read_network(folder, run), bool(run["settings"].get("forecasts", False))
+    shown = len(system.observation_fields) + (len(Forecasts(system).observation_fields) if forecasts else 0)
+    if network.inputs != shown:
+        raise InputError(f"policy {str(folder)!r} observes {network.inputs} elements, but this {env_id} shows {shown}")
+    return LearnedPolicy(network, forecasts)
+
+
+def read_network(folder: Path, run: dict[str, Any]) -> Network:
+    """The network of a finished run with the record ``run``.
+
+    Raises:
+        InputError: the policy file is missing, torn, or holds no network.
+    """
     content = read_policy(folder, run)
     try:
-        return LearnedPolicy(Network.from_bytes(content), bool(run["settings"].get("forecasts", False)))
+        return Network.from_bytes(content)
     except (ValueError, KeyError, OSError) as error:
         text = f"{type(error).__name__}: {error}"
         raise InputError(f"{folder / POLICY} is no policy that can be loaded: {text}") from error
 
 
 def read_policy(folder: Path, run: dict[str, Any]) -> bytes:
-    """The policy file of a finished run.
+    """The policy file of a finished run with the record ``run``.
 
     Raises:
-        InputError: it is missing, or not the one that the record ``run`` tells of.
+        InputError: the file is missing, or its SHA-256 is not the recorded one.
     """
     try:
         content = (folder / POLICY).read_bytes()
@@ -134,11 +161,9 @@ def _check_seeds(runs: dict[str, dict[str, Any]], folder: Path) -> None:
             raise InputError(f"runs {twin} and {name} in {str(folder)!r} have one seed, {run['seed']}, expected two")
 
 
-def _check_same(folder: Path, run: dict[str, Any], env_id: str, system: System) -> None:
-    """The run's environment, observation and actions are those to be played."""
+def _check_signature(folder: Path, run: dict[str, Any], env_id: str, system: System) -> None:
+    """Raise an InputError if the system's observation, its scaling or its actions differ from those of the run."""
     here = signature(system)
-    if run["env"] != env_id:
-        raise InputError(f"policy {str(folder)!r} was trained in {run['env']}, expected one trained in {env_id}")
     if run["observation"] != here["observation"]:
         seen, shown = ", ".join(run["observation"]), ", ".join(here["observation"])
         raise InputError(f"policy {str(folder)!r} observes ({seen}), but this {env_id} shows ({shown})")
@@ -151,6 +176,49 @@ def _check_same(folder: Path, run: dict[str, Any], env_id: str, system: System) 
         own = run["settings"]["environment"]
         given = shlex.join(f"{name}={value}" for name, value in own.items())
         hint = f" (nearest: the setting{'s' if len(own) > 1 else ''} {given} of its training)" if own else ""
+        trained = "" if run["env"] == env_id else f"was trained in {run['env']} and "
         raise InputError(
-            f"policy {str(folder)!r} chooses among actions {known}, but this {env_id} offers {offered}{hint}"
+            f"policy {str(folder)!r} {trained}chooses among actions {known}, but this {env_id} offers {offered}{hint}"
         )
+
+
+def _unlike_training(run: dict[str, Any], env_id: str, system: System) -> str:
+    """How the environment to be played differs from that of the training, in one line; "" if it does not."""
+    here, there = _parameters(system), _trained_parameters(run)
+    names = [name for name in there if not _equal(here.get(name, ABSENT), there[name])]
+    changes = [f"{name}={_shown(here.get(name, ABSENT))} (training: {_shown(there[name])})" for name in names]
+    if run["env"] == env_id and not changes:
+        return ""
+    other = "" if run["env"] == env_id else f", not in {env_id}"
+    parameters = f"; parameters that differ: {', '.join(changes)}" if changes else ""
+    return f"was trained in {run['env']}{other}{parameters}"
+
+
+def _trained_parameters(run: dict[str, Any]) -> dict[str, Any]:
+    """All parameters of the system of a run; only those on record if that system cannot be made here."""
+    recorded = dict(run["settings"].get("environment", {}))
+    try:
+        given = {**gym.spec(run["env"]).kwargs, **recorded}
+        system = given.pop("system")
+        if isinstance(system, System):
+            return _parameters(system)
+        make: Any = load_env_creator(system) if isinstance(system, str) else system
+        names = {field.name for field in dataclasses.fields(make)}
+        return _parameters(make_checked(make, {name: value for name, value in given.items() if name in names}))
+    except (gym.error.Error, ImportError, AttributeError, KeyError, TypeError, ValueError):
+        return recorded  # the id is not registered here, or another version had other parameters
+
+
+def _parameters(system: Any) -> dict[str, Any]:
+    if not dataclasses.is_dataclass(system):
+        return {}
+    return {field.name: getattr(system, field.name) for field in dataclasses.fields(system)}
+
+
+def _equal(first: Any, second: Any) -> bool:
+    same = first == second
+    return same if isinstance(same, bool) else bool(np.array_equal(first, second))
+
+
+def _shown(value: Any) -> str:
+    return "none" if value is ABSENT else " ".join(repr(value).split())

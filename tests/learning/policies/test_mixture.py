@@ -1,4 +1,4 @@
-"""Mixtures of Gaussians in a box: densities and draws against SciPy's, and what a switching teacher needs them for."""
+"""Mixtures of Gaussians in a box: densities and draws against SciPy's, imitation of a teacher that switches points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imitation: the lessons are the teacher's, the learner comes to choose as it does, and only then the actor is free."""
+"""Imitation: the labels are the teacher's, the actor learns them, then waits for the critic."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from wavegym.learning.policies.export import export
 from wavegym.learning.policies.mixture import Mixture
 from wavegym.learning.settings import load_settings
 from wavegym.learning.training.imitation import (
+    INVERSE_TEMPERATURE,
     MARGIN,
     MOST,
     NEAR,
-    SHARPER,
     WarmUp,
-    _distance,
-    _surprise,
+    _box_loss,
+    _cross_entropy,
     actor_parameters,
     calibrate_temperature,
     demonstrations,
@@ -51,7 +51,7 @@ def spec(**changes: Any) -> RunSpec:
     return RunSpec(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **changes}))
 
 
-def test_a_lesson_holds_what_the_teacher_does_where_the_actor_goes() -> None:
+def test_the_dataset_holds_the_teachers_labels_in_the_states_of_the_actor() -> None:
     seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
     assert seen.shape == (40 * SYSTEM.horizon, build_model(spec()).observation_space.shape[0])
     elsewhere, corrected = demonstrations(
@@ -73,7 +73,7 @@ class Counting(Fixed):
         return np.full(len(belief.step), self.calls % 8)
 
 
-def test_a_teacher_that_is_asked_now_and_then_stays_with_its_answer_in_between() -> None:
+def test_between_queries_the_teacher_repeats_its_last_action() -> None:
     rng = np.random.default_rng
     played = []
 
@@ -128,7 +128,7 @@ def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same
 def test_a_point_beyond_the_edge_of_a_box_is_at_its_edge() -> None:
     def distance(point: float, wanted: float) -> float:
         chosen = DiagGaussianDistribution(1).proba_distribution(torch.tensor([[point]]), torch.zeros(1))
-        return NEAR * float(_distance(chosen, torch.tensor([[wanted]])))
+        return NEAR * float(_box_loss(chosen, torch.tensor([[wanted]])))
 
     assert distance(1.7, 1.0) == distance(-1.2, -1.0) == 0.0
     assert distance(1.7, -1.0) == pytest.approx(2.7 - NEAR / 2)
@@ -138,7 +138,7 @@ def test_a_point_beyond_the_edge_of_a_box_is_at_its_edge() -> None:
 
 def test_of_several_modes_the_likely_one_that_is_near_counts() -> None:
     def distance(wanted: float, modes: Mixture) -> float:
-        return float(_distance(modes, torch.tensor([[wanted]])))
+        return float(_box_loss(modes, torch.tensor([[wanted]])))
 
     outputs = torch.tensor([[np.log(3.0), 0.0, -0.5, 0.5]], dtype=torch.float32)  # at -.5 with 3/4, else at .5
     modes = Mixture(2, 1).proba_distribution(outputs, torch.zeros(1))
@@ -146,10 +146,10 @@ def test_of_several_modes_the_likely_one_that_is_near_counts() -> None:
     assert distance(0.5, modes) == pytest.approx(-np.log(0.25), rel=1e-5)
     alone = DiagGaussianDistribution(1).proba_distribution(torch.tensor([[0.3]]), torch.zeros(1))
     twice = Mixture(2, 1).proba_distribution(torch.tensor([[1.0, -2.0, 0.3, 0.3]]), torch.zeros(1))
-    assert distance(0.5, twice) == pytest.approx(float(_distance(alone, torch.tensor([[0.5]]))), rel=1e-5)
+    assert distance(0.5, twice) == pytest.approx(float(_box_loss(alone, torch.tensor([[0.5]]))), rel=1e-5)
 
 
-def test_lessons_in_a_box() -> None:
+def test_imitation_in_a_box() -> None:
     env = "wavegym/RfEoFar-v0"
     own = {
         "teacher": "myopic",
@@ -184,13 +184,13 @@ def test_the_actor_waits_for_the_critic() -> None:
     assert all(parameter.requires_grad for parameter in actor_parameters(model))
 
 
-def test_a_policy_that_reads_the_belief_alone_can_be_taught_too() -> None:
+def test_a_policy_that_reads_the_belief_alone_can_be_a_teacher() -> None:
     seen, labels = demonstrations(SYSTEM, Myopic(), Myopic(), WORLDS, forecasts=False, rng=np.random.default_rng(0))
     assert seen.shape[1] == len(SYSTEM.observation_fields)
     assert labels.shape == (len(seen),)
 
 
-def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
+def test_the_labels_of_a_rollout_are_the_advantages_of_all_candidates() -> None:
     planner = make_policy("rollout:6", SYSTEM, None)
     assert isinstance(planner, RolloutPlanner)
     planner.futures.count = 2
@@ -204,16 +204,16 @@ def test_of_a_rollout_the_learner_is_told_what_each_candidate_saves() -> None:
     assert (seen == again).all()  # where the teacher's rule goes, whatever the planner would have done
 
 
-def test_the_actor_comes_to_the_distribution_it_is_told() -> None:
+def test_the_actor_learns_a_distribution_over_candidates() -> None:
     model: Any = build_model(spec())
     seen, chosen = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
     labels = np.where(np.arange(8) == chosen[:, None], 3.0, 0.0).astype(np.float32)
     labels[:, 5] = np.nan  # not allowed, so nothing is asked of it
-    least = surprise(labels, labels)
+    least = cross_entropy(labels, labels)
 
     def excess() -> float:
         logits = model.policy.get_distribution(torch.as_tensor(seen)).distribution.logits
-        return surprise(logits.detach().numpy(), labels) - least
+        return cross_entropy(logits.detach().numpy(), labels) - least
 
     before = excess()
     imitate(model, seen, labels, 60, np.random.default_rng(0))
@@ -221,7 +221,7 @@ def test_the_actor_comes_to_the_distribution_it_is_told() -> None:
 
 
 @pytest.mark.parametrize("policy", ["scorer", "mlp"])
-def test_a_sharper_actor_is_surer_of_the_same_choices(policy: str) -> None:
+def test_a_lower_temperature_changes_no_greedy_choice(policy: str) -> None:
     model: Any = build_model(spec(policy=policy))
     seen = torch.randn(50, model.observation_space.shape[0])
     before = model.policy.get_distribution(seen).distribution
@@ -229,19 +229,21 @@ def test_a_sharper_actor_is_surer_of_the_same_choices(policy: str) -> None:
     after = model.policy.get_distribution(seen).distribution
     assert (before.probs.argmax(dim=1) == after.probs.argmax(dim=1)).all()
     assert (after.entropy() < before.entropy()).all()
-    torch.testing.assert_close(after.probs, torch.softmax(SHARPER * before.logits, dim=1), rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(
+        after.probs, torch.softmax(INVERSE_TEMPERATURE * before.logits, dim=1), rtol=1e-4, atol=1e-6
+    )
 
 
-def surprise(logits: Any, labels: Any) -> float:
-    return float(_surprise(torch.tensor(logits), torch.tensor(labels)))
+def cross_entropy(logits: Any, labels: Any) -> float:
+    return float(_cross_entropy(torch.tensor(logits), torch.tensor(labels)))
 
 
-def test_the_surprise_is_the_cross_entropy_over_what_is_allowed() -> None:
+def test_the_loss_is_the_cross_entropy_over_the_allowed_candidates() -> None:
     labels = np.array([[1.0, 2.0, np.nan]])
     expected = entropy(softmax([1.0, 2.0]))
-    assert surprise(np.array([[5.0, 6.0, -70.0]]), labels) == pytest.approx(expected)  # only differences count
+    assert cross_entropy(np.array([[5.0, 6.0, -70.0]]), labels) == pytest.approx(expected)  # only differences count
     more = entropy(softmax([1.0, 2.0]), softmax([2.0, 0.0]))  # Kullback-Leibler
-    assert surprise(np.array([[2.0, 0.0, 90.0]]), labels) == pytest.approx(expected + more)
+    assert cross_entropy(np.array([[2.0, 0.0, 90.0]]), labels) == pytest.approx(expected + more)
 
 
 def test_training_with_a_rollout_for_a_teacher() -> None:
@@ -251,7 +253,7 @@ def test_training_with_a_rollout_for_a_teacher() -> None:
     assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()
 
 
-def test_values_that_are_taught_choices_set_them_apart_by_the_margin() -> None:
+def test_imitated_actions_have_higher_q_values_by_the_margin() -> None:
     own = {"policy": "scorer", "network": (32,), "forecasts": True}
     model: Any = build_model(RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own})))
     seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
@@ -263,19 +265,19 @@ def test_values_that_are_taught_choices_set_them_apart_by_the_margin() -> None:
 
 
 @pytest.mark.parametrize("policy", ["scorer", "mlp"])
-def test_dqn_can_be_taught_too(policy: str) -> None:
+def test_dqn_imitates_too(policy: str) -> None:
     own = {"policy": policy, "network": (16,), "forecasts": True, "exploration_initial_eps": 0.1, "critic_warm_up": 40}
     imitation = {"teacher": "rollout:4", "teacher_episodes": 4, "imitation_rounds": 2, "imitation_epochs": 2}
     chosen = RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own, **imitation}))
     model: Any = build_model(chosen)
-    untaught = export(model.policy).to_bytes()
+    untrained = export(model.policy).to_bytes()
     pretrain(model, chosen.settings, SYSTEM, chosen.seed)
-    taught = export(model.policy).to_bytes()
-    assert taught != untaught
+    imitated = export(model.policy).to_bytes()
+    assert imitated != untrained
     for online, target in zip(model.q_net.parameters(), model.q_net_target.parameters(), strict=True):
         torch.testing.assert_close(online, target)
     model.learn(150, callback=WarmUp(150))
-    has_learned = export(model.policy).to_bytes() != taught
+    has_learned = export(model.policy).to_bytes() != imitated
     assert has_learned == (policy == "mlp")  # a dueling network's V learns alone first; here is no other part
     model.learn(150, callback=WarmUp(0))
-    assert export(model.policy).to_bytes() != taught
+    assert export(model.policy).to_bytes() != imitated

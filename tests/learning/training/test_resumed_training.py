@@ -136,7 +136,7 @@ def test_a_torn_checkpoint_costs_one_interval_and_two_are_an_error(
     assert sorted(path.name for path in folder.rglob("*")) == names
     earlier.write_bytes(kept)
     assert command.main(arguments("dqn", folder, "--resume")) == 0
-    assert f"{later.name} is torn, passed over" in capsys.readouterr().err
+    assert f"{later.name} is torn, skipped" in capsys.readouterr().err
     assert_same_run(folder, unbroken["dqn"])
 
 

@@ -18,7 +18,7 @@ ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu"}
 
 
 def export(policy: BasePolicy) -> Network:
-    """What chooses in a policy of PPO, MaskablePPO or DQN; the critic, and a dueling network's V, change no choice."""
+    """The network that chooses in a policy of PPO, MaskablePPO or DQN, without critic and without a dueling V."""
     chooser: Any = policy
     if hasattr(chooser, "q_net"):
         core = chooser.q_net.q_net
@@ -36,7 +36,7 @@ def export(policy: BasePolicy) -> Network:
 
 
 def _heads(actions: spaces.Space) -> tuple[int, ...]:
-    """Numbers of alternatives, one for each choice; none for a box."""
+    """Number of alternatives of each choice; () for a box."""
     if isinstance(actions, spaces.MultiDiscrete):
         return tuple(actions.nvec.tolist())
     return (int(actions.n),) if isinstance(actions, spaces.Discrete) else ()

@@ -1,6 +1,6 @@
-"""Points of a box, several of which may be the best though far apart: a mixture of Gaussians (Bishop, 1994).
+"""A mixture of Gaussians over a box, for tasks with several good points far apart (Bishop, 1994).
 
-A Gaussian taught by a scheduler that switches between two points learns a third between them, which is neither.
+A single Gaussian that imitates a scheduler with two alternating points learns their mean, which is neither point.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from torch.distributions import Categorical, Independent, MixtureSameFamily, Nor
 
 
 class Mixture(DiagGaussianDistribution):
-    """One Gaussian of ``modes``, chosen by logits; all have the same standard deviations.
+    """A mixture of ``modes`` Gaussians with logits as weights; all share the same standard deviations.
 
-    The network's outputs are the modes' logits (env, mode), and then their means (env, mode * parameter).
+    The network's outputs are the logits of the modes (env, mode), then their means (env, mode * parameter).
 
     Args:
-        modes: how many Gaussians.
-        parameters: of the box.
+        modes: number of Gaussians.
+        parameters: number of parameters of the box.
     """
 
     mixture: MixtureSameFamily
@@ -32,12 +32,12 @@ class Mixture(DiagGaussianDistribution):
         self.modes = modes
 
     def proba_distribution_net(self, latent_dim: int, log_std_init: float = 0.0) -> tuple[nn.Module, nn.Parameter]:
-        """The last layer, and the logarithms of the standard deviations."""
+        """The last layer and the logarithms of the standard deviations."""
         outputs = self.modes * (1 + self.action_dim)
         return nn.Linear(latent_dim, outputs), nn.Parameter(torch.full((self.action_dim,), log_std_init))
 
     def proba_distribution(self, mean_actions: Tensor, log_std: Tensor) -> Mixture:
-        """That of the last layer's outputs."""
+        """The distribution from the last layer's outputs."""
         logits, means = mean_actions[:, : self.modes], mean_actions[:, self.modes :]
         points = means.reshape(-1, self.modes, self.action_dim)
         gaussians = Independent(Normal(points, log_std.exp()), 1)
@@ -45,27 +45,27 @@ class Mixture(DiagGaussianDistribution):
         return self
 
     def log_prob(self, actions: Tensor) -> Tensor:
-        """Of actions (env, parameter)."""
+        """Log-densities (env,) of actions (env, parameter)."""
         return self.mixture.log_prob(actions)
 
     def entropy(self) -> None:
-        """Not known in closed form; PPO estimates it from what was done."""
+        """None: there is no closed form. PPO then estimates the entropy from the actions taken."""
         return
 
     def sample(self) -> Tensor:
-        """Actions (env, parameter)."""
+        """Random actions (env, parameter)."""
         return self.mixture.sample()
 
     def mode(self) -> Tensor:
-        """The mean of the likeliest Gaussian."""
+        """The mean (env, parameter) of the likeliest Gaussian."""
         log_weights, points = parts(self)
         return points[torch.arange(len(points)), log_weights.argmax(dim=1)]
 
 
 def parts(chosen: DiagGaussianDistribution) -> tuple[Tensor, Tensor]:
-    """Logarithms of the modes' probabilities (env, mode), and their means (env, mode, parameter).
+    """Log-probabilities (env, mode) and means (env, mode, parameter) of the modes.
 
-    A plain Gaussian is a mixture of one.
+    A plain Gaussian is a mixture with one mode.
     """
     if isinstance(chosen, Mixture):
         gaussians: Any = chosen.mixture.component_distribution
@@ -76,7 +76,7 @@ def parts(chosen: DiagGaussianDistribution) -> tuple[Tensor, Tensor]:
 
 
 class MixturePolicy(ActorCriticPolicy):
-    """An MLP that chooses from a box like this, for PPO."""
+    """An MLP with this distribution, for PPO."""
 
     def __init__(self, *args: Any, modes: int, **settings: Any) -> None:
         self.modes = modes
@@ -87,7 +87,7 @@ class MixturePolicy(ActorCriticPolicy):
         self.action_dist = Mixture(self.modes, gaussian.action_dim)
         super()._build(lr_schedule)
         last: Any = self.action_net
-        nn.init.uniform_(last.bias[self.modes :], -1.0, 1.0)  # modes that start alike would stay alike
+        nn.init.uniform_(last.bias[self.modes :], -1.0, 1.0)  # equal modes would stay equal
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return {**super()._get_constructor_parameters(), "modes": self.modes}

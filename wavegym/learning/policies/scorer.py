@@ -1,10 +1,10 @@
-"""One network that scores every candidate alike, from what is predicted of it and from what all candidates share.
+"""One network that scores every candidate with the same weights.
 
-Of each candidate h = tanh(A f + B c + e): f its forecasts (``observations.forecasts``) and what is observed of the
-targets that it looks at (``System.target_of_action``), c a summary of the whole observation of the system, e an
-offset of its own, learned, that says which candidate it is. In rounds the candidates learn of each other, h + tanh(M
-h + N m), m the means and greatest of all h (deep sets: Zaheer et al., 2017); a score is w'h. An MLP has to learn the
-same function once for each candidate; this learns it once for all.
+A candidate has the features h = tanh(A f + B c + e): f are its forecasts (``observations.forecasts``) and the observed
+elements of its targets (``System.target_of_action``), c is a summary of the whole observation, e is a learned offset
+of the candidate. In each round the candidates exchange information: h + tanh(M h + N m), where m are the means and
+maxima over all h (deep sets: Zaheer et al., 2017). A score is w'h. An MLP has to learn the same function once for each
+candidate; a scorer learns the function once for all.
 """
 
 from __future__ import annotations
@@ -25,14 +25,13 @@ from wavegym.core.system import System
 
 
 class Layout(NamedTuple):
-    """How an observation is made up: the system's own elements, then the figures of one candidate after another.
+    """The layout of an observation: the system's own elements, then the forecasts of each candidate in turn.
 
     Attributes:
-        elements: how many the system has.
-        candidates: how many.
-        figures: forecasts of one candidate.
-        pairs: which elements tell of the targets that a candidate looks at, (candidate, element) int; rows may be
-            empty.
+        elements: number of the system's own elements.
+        candidates: number of candidates.
+        figures: number of forecasts of one candidate.
+        pairs: indices of the elements that describe a candidate's targets, (candidate, element); rows may be empty.
     """
 
     elements: int
@@ -42,15 +41,15 @@ class Layout(NamedTuple):
 
     @classmethod
     def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
-        """That of an environment of a system."""
+        """The layout in an environment of a system."""
         own, count = len(system.observation_fields), int(actions.n)
         return cls(own, count, (observation.shape[0] - own) // count, pairs(system))
 
 
 def pairs(system: System) -> tuple[tuple[int, ...], ...]:
-    """Where the elements of a candidate's targets stand: those whose names end with the target's number from 1.
+    """Indices of the elements that describe each candidate's targets: names that end with the target's number from 1.
 
-    A number after it tells of one sensor, as in ``snr_2_1``.
+    A second number is that of a sensor, as in ``snr_2_1``.
     """
     if system.target_of_action is None:
         return ((),) * len(system.candidates())
@@ -65,7 +64,7 @@ def pairs(system: System) -> tuple[tuple[int, ...], ...]:
 
 
 class Trunk(nn.Module):
-    """What is made of each candidate, (env, candidate, width), of observations as ``Layout`` has them."""
+    """Features (env, candidate, width) of each candidate, from observations with the given ``Layout``."""
 
     def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
@@ -89,7 +88,7 @@ class Trunk(nn.Module):
 
 
 class Exchange(nn.Module):
-    """A round in which every candidate learns of the others; what it was stays, where the widths are the same."""
+    """A round in which candidates exchange information; a residual connection if input and output widths are equal."""
 
     def __init__(self, inputs: int, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
@@ -97,9 +96,9 @@ class Exchange(nn.Module):
         self.activation = activation()
 
     def forward(self, hidden: Tensor) -> Tensor:
-        """(env, candidate, width) of (env, candidate, inputs)."""
-        labels = self.activation(self.own(hidden) + self.others(pooled(hidden))[:, None])
-        return hidden + labels if labels.shape == hidden.shape else labels
+        """Features (env, candidate, width) from features (env, candidate, inputs)."""
+        exchanged = self.activation(self.own(hidden) + self.others(pooled(hidden))[:, None])
+        return hidden + exchanged if exchanged.shape == hidden.shape else exchanged
 
 
 class Scorer(nn.Module):
@@ -107,7 +106,7 @@ class Scorer(nn.Module):
 
     Args:
         layout: of the observations.
-        widths: of the trunk, and of each round after it.
+        widths: of the trunk and of each round after the trunk.
         activation: of all layers.
     """
 
@@ -123,7 +122,7 @@ class Scorer(nn.Module):
 
 
 class Critic(nn.Module):
-    """A summary, (env, width), of what the candidates have in common."""
+    """Features (env, width) of the state, pooled over all candidates."""
 
     def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
@@ -136,12 +135,12 @@ class Critic(nn.Module):
 
 
 def pooled(hidden: Tensor) -> Tensor:
-    """What candidates have in common, (env, 2 * width): means and greatest over (env, candidate, width)."""
+    """Means and maxima (env, 2 * width) over the candidates of features (env, candidate, width)."""
     return torch.cat([hidden.mean(dim=1), hidden.amax(dim=1)], dim=1)
 
 
 class ActorAndCritic(nn.Module):
-    """What Stable-Baselines3 calls an extractor: the actor's scores, and the critic's hidden layers."""
+    """An extractor as Stable-Baselines3 calls it: the actor's scores and the critic's hidden layers."""
 
     def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
         super().__init__()
@@ -162,7 +161,7 @@ class ActorAndCritic(nn.Module):
 
 
 class _Scoring:
-    """Puts the scorer in the place of the MLP; the scores are the logits, nothing follows them."""
+    """Replaces the MLP by the scorer; the scores are the logits, without a further layer."""
 
     def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
         self.layout = Layout(*layout)
@@ -192,7 +191,7 @@ class MaskableScorerPolicy(_Scoring, MaskableActorCriticPolicy):
 
 
 class Dueling(nn.Module):
-    """Q = V + scores less their mean (Wang et al., 2016)."""
+    """Q = V + scores - mean of the scores (Wang et al., 2016)."""
 
     def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
         super().__init__()
@@ -206,7 +205,7 @@ class Dueling(nn.Module):
 
 
 class ScorerQNetwork(QNetwork):
-    """DQN's network with the scorer in the place of the MLP."""
+    """DQN's network with a scorer instead of an MLP."""
 
     def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
         super().__init__(*args, **settings)
@@ -225,7 +224,7 @@ class ScorerDQNPolicy(DQNPolicy):
         super().__init__(*args, **settings)
 
     def make_q_net(self) -> QNetwork:
-        """A network; Stable-Baselines3 asks for two."""
+        """A Q network; Stable-Baselines3 makes two, the online and the target network."""
         settings = self._update_features_extractor(self.net_args, features_extractor=None)
         return ScorerQNetwork(**settings, layout=self.layout).to(self.device)
 

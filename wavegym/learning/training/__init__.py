@@ -1,2 +1,1 @@
-"""Training: from a run specification to a run's folder, through kills, with lessons from a scheduler and a search for
-settings."""
+"""Training runs: imitation of a scheduler, reinforcement learning, checkpoints, a search for hyperparameters."""

@@ -1,4 +1,4 @@
-"""What accompanies a training run: learning curve, progress bar, TensorBoard, checkpoints."""
+"""Callbacks of a training run: learning curve, progress bar, TensorBoard, checkpoints."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.snapshots import snapshot
 from wavegym.policies.runs import BOARD, CHECKPOINTS, CURVE
 
-ROWS = 100  # of the learning curve in a whole training
+ROWS = 100  # of the learning curve of a complete run
 
 
 class SnapshotCallback(BaseCallback):
-    """Keeps account of every step, and saves at the start of rollouts, where a run can be taken up (``snapshots``).
+    """Records every step, and saves checkpoints at the start of rollouts, where a run can resume (``snapshots``).
 
     Args:
-        spec: what is being trained.
+        spec: the run's specification.
         folder: of the run.
         curve: the learning curve so far.
-        every: environment steps that a kill may cost, at most (or one rollout, if that is longer).
-        saved: steps at the checkpoint from which the run was taken up; None for a new run.
+        every: most environment steps that a kill may cost (or one rollout, if that is longer).
+        saved: steps at the checkpoint from which the run resumed; None for a new run.
         progress: show a bar on standard error.
     """
 
@@ -70,13 +70,13 @@ class SnapshotCallback(BaseCallback):
     def _on_step(self) -> bool:
         infos = self.locals["infos"]
         self.curve.add(np.array([info["cost"] for info in infos]), self.locals["dones"])
-        self.bar.update(min(len(infos), self.bar.total - self.bar.n))  # the last rollout may go past the end
+        self.bar.update(min(len(infos), self.bar.total - self.bar.n))  # the last rollout may exceed the total
         return True
 
 
 @contextmanager
 def tensorboard(folder: Path, steps: int) -> Iterator[Logger]:
-    """A logger into the run's folder; what a killed run had logged after ``steps`` is struck out."""
+    """A logger into the run's folder; entries that a killed run logged after ``steps`` are purged."""
     logger = Logger(str(folder / BOARD), [_Board(folder / BOARD, steps)])
     before, threading.excepthook = threading.excepthook, _raised_again
     try:
@@ -87,13 +87,13 @@ def tensorboard(folder: Path, steps: int) -> Iterator[Logger]:
 
 
 def _raised_again(failure: threading.ExceptHookArgs) -> None:
-    """TensorBoard writes in a thread and raises its OSError (a full disk) once more in ours, where it is reported."""
+    """Ignore an OSError (a full disk) in TensorBoard's thread: it is raised again in the main thread and reported."""
     if not issubclass(failure.exc_type, OSError):
         threading.__excepthook__(failure)
 
 
 class _Board(TensorBoardOutputFormat):
-    """Stable-Baselines3's TensorBoard output, but one that can begin in the middle."""
+    """Stable-Baselines3's TensorBoard output that can continue an earlier one."""
 
     def __init__(self, folder: Path, steps: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=steps or None)

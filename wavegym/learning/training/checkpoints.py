@@ -1,4 +1,4 @@
-"""Checkpoint files: one each, torn ones recognised, the last two kept."""
+"""Checkpoint files: torn files are recognised, the last two are kept."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ HEADER = len(MAGIC) + LENGTH + hashlib.sha256().digest_size
 
 
 def save_checkpoint(folder: Path, steps: int, content: bytes) -> None:
-    """Keep ``content`` as the checkpoint after ``steps``; remove all before the last two, and half-written ones.
+    """Write ``content`` as the checkpoint after ``steps``; remove half-written files and all but the last two.
 
     Raises:
-        OSError: a full disk and the like; the earlier checkpoints are still there.
+        OSError: a full disk, for example; earlier checkpoints are kept.
     """
     header = MAGIC + len(content).to_bytes(LENGTH, "big") + hashlib.sha256(content).digest()
     write_whole(folder, {f"step-{steps:012d}.ckpt": header + content})
@@ -29,21 +29,21 @@ def save_checkpoint(folder: Path, steps: int, content: bytes) -> None:
 
 
 def load_checkpoint(folder: Path) -> tuple[int, bytes] | None:
-    """Steps and content of the last whole checkpoint, None where there has never been one.
+    """Steps and content of the last intact checkpoint; None if the folder holds no checkpoint.
 
-    A torn one is passed over with a line on standard error; nothing is deleted.
+    A torn checkpoint is skipped with a line on standard error. No file is deleted.
 
     Raises:
-        InputError: there are checkpoints, and none of them is whole.
+        InputError: there are checkpoints, and none of them is intact.
     """
     paths = _listed(folder)
     for path in reversed(paths):
         content = _content(path)
         if content is not None:
             return int(path.stem.removeprefix("step-")), content
-        print(f"checkpoint {path} is torn, passed over", file=sys.stderr)
+        print(f"checkpoint {path} is torn, skipped", file=sys.stderr)
     if paths:
-        raise InputError(f"none of the {len(paths)} checkpoints in {folder} is whole, expected one to resume from")
+        raise InputError(f"none of the {len(paths)} checkpoints in {folder} is intact, expected one to resume from")
     return None
 
 
@@ -53,7 +53,7 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _content(path: Path) -> bytes | None:
-    """What a checkpoint holds, None if it is not whole."""
+    """The content of a checkpoint; None if the file is torn."""
     data = path.read_bytes()
     head, content = data[:HEADER], data[HEADER:]
     length, digest = head[len(MAGIC) : len(MAGIC) + LENGTH], head[len(MAGIC) + LENGTH :]

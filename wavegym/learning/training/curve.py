@@ -1,4 +1,4 @@
-"""The learning curve: mean cost of the episodes that ended, not the reward that the agent was trained on."""
+"""The learning curve: mean cost of finished episodes, not the training reward."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class Row(NamedTuple):
 
     steps: int
     episodes: int
-    cost: float  # mean over the episodes since the row before, of each one's mean cost per step
+    cost: float  # mean cost per step of each episode since the last row, averaged
 
 
 class LearningCurve:
-    """Collects episode costs; belongs to a training run's state, so that a resumed run has no row twice."""
+    """Collects episode costs. It is part of a run's snapshot, so a resumed run repeats no row."""
 
     def __init__(self, num_envs: int) -> None:
         self.rows: list[Row] = []
@@ -26,7 +26,7 @@ class LearningCurve:
         self._finished: list[float] = []
 
     def add(self, cost: Array, ended: Array) -> None:
-        """One step of every environment: cost (env,) after it, and whether it ended an episode."""
+        """Add one step of every environment: cost (env,) after the step, and whether the episode ended (env,) bool."""
         self._sums += cost
         self._lengths += 1
         if ended.any():
@@ -35,7 +35,7 @@ class LearningCurve:
             self._lengths[ended] = 0
 
     def close_row(self, steps: int, spacing: int) -> None:
-        """Add a row at ``steps`` if episodes have ended and the last row is at least ``spacing`` steps back."""
+        """Add a row at ``steps`` if episodes have ended and the last row is at least ``spacing`` steps earlier."""
         last = self.rows[-1].steps if self.rows else 0
         if self._finished and steps - last >= spacing:
             self.rows.append(Row(steps, len(self._finished), float(np.mean(self._finished))))

@@ -1,8 +1,8 @@
-"""A search for training settings with Optuna: ``train.py ENV --algo ALGO --tune N --out DIR``.
+"""A search for training settings with Optuna: ``wavegym train ENV --algo ALGO --tune N --out DIR``.
 
-Every trial trains with settings that the search proposes, and is judged on worlds for tuning, never on those of a test:
-by the mean logarithm of its cost over that of the best simple rule on the same worlds. Trials are kept in
-DIR/trials.log; the same command goes on where an earlier one stopped.
+Every trial trains with settings that the search proposes. Its score is the mean logarithm of its cost over the cost of
+the best simple heuristic on the same tuning worlds; test worlds are never used. DIR/trials.log keeps the trials: the
+same command continues an earlier search.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE
 
 TRIALS, TABLE, BEST = "trials.log", "trials.csv", "best.toml"
-ROOT = 1  # of the worlds on which trials are judged; rules are tuned on those of root 0
+ROOT = 1  # of the worlds that score trials; heuristics are tuned on those of root 0
 WORLDS = 200
-RULE_WORLDS = 50  # for a rule that has no constants on record
+HEURISTIC_WORLDS = 50  # for a heuristic without recorded constants
 
-# What is searched: of each setting a range (low, high), on a logarithmic scale, or a list of values.
+# The search space: for each setting a range (low, high) on a logarithmic scale, or a list of values.
 SPACE: dict[str, dict[str, tuple[float, float] | list[Any]]] = {
     "ppo": {
         "learning_rate": (1e-4, 3e-3),
@@ -65,35 +65,23 @@ def tune(
     environment: Mapping[str, Any],
     out: Path,
 ) -> str:
-    """Search until there are ``trials`` trials in ``out``; the best settings as TOML, which is best.toml too.
+    """Search until there are ``trials`` trials in ``out``; the best settings as TOML, also written to best.toml.
 
     Args:
         env_id: the environment's full id.
         algo: "ppo" or "dqn".
-        trials: how many, those of earlier commands included.
-        seed: of the search and of every training.
-        changes: settings held fixed, by name.
+        trials: number of trials, earlier commands included.
+        seed: of the search and of every training run.
+        changes: fixed settings, by name.
         environment: parameters of the environment.
         out: folder of the results.
 
     Raises:
-        InputError: a setting out of range, no trial, or Optuna is not installed.
+        InputError: a setting out of range, ``trials`` below 1, or Optuna is not installed.
     """
-    try:
-        import optuna
-        from optuna.storages.journal import JournalFileBackend, JournalStorage
-    except ImportError as error:
-        raise InputError(f"--tune needs Optuna: {error}; pip install 'wavegym[tune]'") from None
     check_int("tune", trials, 1)
-    load_settings(env_id, algo, changes, environment)  # a mistake shows before anything is trained
-    out.mkdir(parents=True, exist_ok=True)
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    experiment = optuna.create_study(
-        storage=JournalStorage(JournalFileBackend(str(out / TRIALS))),
-        study_name=f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}",
-        sampler=optuna.samplers.TPESampler(seed=seed),
-        load_if_exists=True,
-    )
+    load_settings(env_id, algo, changes, environment)  # report a mistake before the first training
+    experiment = _search(f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}", seed, out)
     space = {name: values for name, values in SPACE[algo].items() if name not in changes}
 
     def objective(trial: Any) -> float:
@@ -111,15 +99,33 @@ def tune(
     return _toml(env_id, algo, experiment)
 
 
+def _search(name: str, seed: int, out: Path) -> Any:
+    """Optuna's study called ``name`` in the folder ``out``, new or continued."""
+    try:
+        import optuna
+        from optuna.storages.journal import JournalFileBackend, JournalStorage
+    except ImportError as error:
+        raise InputError(f"--tune needs Optuna: {error}; pip install 'wavegym[tune]'") from None
+    out.mkdir(parents=True, exist_ok=True)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    return optuna.create_study(
+        storage=JournalStorage(JournalFileBackend(str(out / TRIALS))),
+        study_name=name,
+        sampler=optuna.samplers.TPESampler(seed=seed),
+        load_if_exists=True,
+    )
+
+
 def judge(spec: RunSpec) -> float:
-    """Train, and compare: the mean logarithm of the cost over the best simple rule's on worlds for tuning."""
+    """Train, and score: the mean logarithm of the cost over the best simple heuristic's on tuning worlds."""
     task = make_task(spec.env, dict(spec.settings.environment))
-    rule = make_policy(SIMPLE, task.system, draw_worlds(task.system, world_seeds(0, "tune", RULE_WORLDS)))
+    tuning = draw_worlds(task.system, world_seeds(0, "tune", HEURISTIC_WORLDS))
+    heuristic = make_policy(SIMPLE, task.system, tuning)
     seeds = world_seeds(ROOT, "tune", WORLDS)
     with tempfile.TemporaryDirectory() as folder:
         train(spec, Path(folder) / "run", spec.settings.steps, progress=False)
         (policy,) = load_policy(Path(folder) / "run", spec.env, task.system)
-    cost, reference = (play(task, p, seeds).episode_cost() for p in (policy, rule))
+    cost, reference = (play(task, p, seeds).episode_cost() for p in (policy, heuristic))
     return float(np.log(cost / reference).mean())
 
 
@@ -131,7 +137,7 @@ def _proposed(trial: Any, name: str, values: tuple[float, float] | list[Any]) ->
 
 
 def _table(trials: list[Any]) -> str:
-    """A row for each finished trial: its number, its judgement, its settings."""
+    """A row for each finished trial: number, score, settings."""
     text = io.StringIO()
     names = sorted({name for trial in trials for name in trial.params})
     writer = csv.writer(text, lineterminator="\n")
@@ -145,6 +151,6 @@ def _table(trials: list[Any]) -> str:
 def _toml(env_id: str, algo: str, experiment: Any) -> str:
     """The best settings as a table for wavegym/learning/settings.toml."""
     percent = 100 * (np.exp(experiment.best_value) - 1)
-    lines = [f"# {percent:+.2f} % of {SIMPLE} on worlds for tuning, the best of {len(experiment.trials)} trials"]
+    lines = [f"# {percent:+.2f} % of {SIMPLE} on tuning worlds, the best of {len(experiment.trials)} trials"]
     values = {k: float(f"{v:.3g}") if isinstance(v, float) else v for k, v in experiment.best_params.items()}
     return "\n".join([*lines, f'["{env_id}".{algo}]', *(f"{name} = {value}" for name, value in values.items())]) + "\n"

@@ -1,9 +1,9 @@
-"""Imitation: the actor learns from a scheduler what it would do, before it learns by itself.
+"""Imitation: the actor is pretrained on the actions of a scheduler, its teacher.
 
-Behaviour cloning in the first round; in later ones the learner acts and the teacher says what it would have done
-(DAgger: Ross, Gordon and Bagnell, 2011), so that the lessons hold the situations that the learner gets into. Of a
-planner that follows its base in rollouts the learner is told what each candidate saves, not only which is the best: one
-step of policy iteration by regression (Lagoudakis and Parr, 2003), for which two futures a candidate are enough.
+The first round is behaviour cloning. In later rounds the learner acts and the teacher labels (DAgger: Ross, Gordon and
+Bagnell, 2011), so that the dataset holds the states that the learner visits. The labels of a rollout planner are the
+advantages of all candidates, not only the best candidate: one step of policy iteration by regression (Lagoudakis and
+Parr, 2003). Two futures for each candidate are enough.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 
-ROOT = word("lessons")  # seeds the worlds of all trained agents: frozen, whatever the words around it become
-TUNING = 200  # worlds for a teacher that is to be tuned
+ROOT = word("lessons")  # frozen: it seeds the worlds of all trained agents
+TUNING = 200  # worlds on which a teacher's constants are tuned
 BATCH = 256
-SHARPNESS = 20.0  # logits for a saving of the whole cost
-MOST = 10.0  # of a logit
-SHARPER = 6.0  # factor of the logits after such lessons: what the actor tries stays near what it will play
-MARGIN = 0.2  # of Q, in steps' mean costs
+ADVANTAGE_SCALE = 20.0  # logit of an advantage as large as the whole cost
+MOST = 10.0  # bound of a label's logit
+INVERSE_TEMPERATURE = 6.0  # factor of the logits after imitation: exploration stays near the greedy choice
+MARGIN = 0.2  # of Q values, in mean costs of a step
 REFUSED = -1e8  # logit of a candidate that is not allowed
-NEAR = 0.02  # of a box's half width: about as far from the best point a choice may be without costing much
-RATE = 3e-3  # Adam's, at the start; falls to 0
+NEAR = 0.02  # of a box's half width: a choice this close to the best point costs little more
+RATE = 3e-3  # Adam's learning rate at the start; falls linearly to 0
 
 
 def pretrain(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -> None:
-    """Let the learner imitate ``settings.teacher``, whose constants are those recorded or tuned on training worlds.
+    """Let the learner imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
 
     Args:
         model: PPO or DQN, untrained.
-        settings: what of the lessons, how many.
+        settings: teacher, rounds and episodes of the imitation.
         system: the closed loop.
-        seed: number of the training run.
+        seed: training seed.
     """
     seeds = training_seeds(ROOT, seed, settings.teacher_episodes * settings.imitation_rounds)
     tuning = draw_worlds(system, training_seeds(ROOT, seed, TUNING))
@@ -68,7 +68,7 @@ def pretrain(model: BaseAlgorithm, settings: Settings, system: System, seed: int
         dataset.append(demonstrations(system, teacher, actor, worlds, settings.forecasts, rng, settings.query_every))
         observations, labels = (np.concatenate(arrays) for arrays in zip(*dataset, strict=True))
         imitate(model, observations, labels, settings.imitation_epochs, np.random.default_rng([seed, n]))
-    if isinstance(model, DQN):  # what a rollout saves is about what Q differs by
+    if isinstance(model, DQN):  # advantages of a rollout are close to differences of Q
         model.q_net_target.load_state_dict(model.q_net.state_dict())
     elif isinstance(teacher, RolloutPlanner) or isinstance(model.action_space, spaces.Box):
         calibrate_temperature(model)
@@ -83,14 +83,15 @@ def demonstrations(
     rng: np.random.Generator,
     every: int = 1,
 ) -> tuple[Array, Array]:
-    """What the teacher would do at steps of the episodes that ``actor`` plays on ``worlds``; ``rng`` is theirs.
+    """A dataset: observations of the episodes that ``actor`` plays on ``worlds``, with the teacher's labels.
 
-    With ``every`` above 1 it is asked at each of the first so many steps, in which much changes, and then once in so
-    many, at random; where it is the actor itself, it does in between what it did last.
+    The teacher is queried every ``every`` steps on average, at random, and at each of the first ``every`` steps, in
+    which much changes. If the teacher is the actor, it repeats its last action between queries. ``rng`` is the
+    generator of the queries and of the policies.
 
     Returns:
-        Observations (decision, elements), and the teacher's actions (decision, ...); or, of a RolloutPlanner, the
-        logits (decision, candidate) that its advantages are worth, NaN where a candidate is not allowed.
+        Observations (decision, elements) and labels: the teacher's actions (decision, ...); for a RolloutPlanner,
+        logits from its advantages (decision, candidate), NaN for a candidate that is not allowed.
     """
     observer, state = Observer(system, forecasts), system.initial(worlds)
     for policy in {id(teacher): teacher, id(actor): actor}.values():
@@ -101,23 +102,23 @@ def demonstrations(
         mask = allowed(system, state.belief)
         observation, _ = observer(state.belief)
         if len(seen) < every or every == 1 or rng.random() < 1.0 / every:
-            answer = _answer(teacher, state.belief, observation, mask)
+            label = _label(teacher, state.belief, observation, mask)
             seen.append(observation[~over])
-            labels.append(answer[~over])
-        done = answer if actor is teacher else actor.act(state.belief, observation, mask)
-        state = system.transition(state, done, worlds)
+            labels.append(label[~over])
+        action = label if actor is teacher else actor.act(state.belief, observation, mask)
+        state = system.transition(state, action, worlds)
     return np.concatenate(seen), np.concatenate(labels)
 
 
-def _answer(teacher: Policy, belief: Any, observation: Array, mask: Array | None) -> Array:
+def _label(teacher: Policy, belief: Any, observation: Array, mask: Array | None) -> Array:
     """See ``demonstrations``."""
     if isinstance(teacher, RolloutPlanner):
-        return np.clip(SHARPNESS * teacher.advantages(belief, mask), -MOST, MOST).astype(np.float32)
+        return np.clip(ADVANTAGE_SCALE * teacher.advantages(belief, mask), -MOST, MOST).astype(np.float32)
     return teacher.act(belief, observation, mask)
 
 
 def imitate(model: BaseAlgorithm, observations: Array, labels: Array, epochs: int, rng: np.random.Generator) -> None:
-    """Bring the actor to what it was told: actions, or the distribution that logits stand for."""
+    """Fit the actor to the labels: actions, or logits of a distribution over candidates."""
     seen, wanted = torch.as_tensor(observations), torch.as_tensor(labels)
     optimiser = torch.optim.Adam(actor_parameters(model), lr=RATE)
     steps = max(1, epochs * len(seen) // BATCH)
@@ -131,28 +132,28 @@ def imitate(model: BaseAlgorithm, observations: Array, labels: Array, epochs: in
 
 
 def _loss(model: BaseAlgorithm, seen: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """How far the actor is from what it was told."""
+    """The loss of the actor on a batch of labels."""
     if isinstance(model.action_space, spaces.Discrete) and wanted.is_floating_point():
-        return _surprise(preferences(model, seen), wanted)
-    if isinstance(model, DQN):  # Hester et al., 2018: the teacher's choice is worth more than any other by a margin
+        return _cross_entropy(preferences(model, seen), wanted)
+    if isinstance(model, DQN):  # Hester et al., 2018: Q of the label exceeds the others by a margin
         return torch.nn.functional.multi_margin_loss(preferences(model, seen), wanted, margin=MARGIN)
     policy: Any = model.policy
     chosen = policy.get_distribution(seen)
     if isinstance(model.action_space, spaces.Box):
-        return _distance(chosen, wanted.float())
+        return _box_loss(chosen, wanted.float())
     return -chosen.log_prob(wanted).mean()
 
 
 def preferences(model: BaseAlgorithm, seen: torch.Tensor) -> torch.Tensor:
-    """Of each action, (env, action): the actor's, or the values of Q, of which only differences count."""
+    """Logits of the actor, or Q values, (env, action); only their differences matter."""
     policy: Any = model.policy
     return policy.q_net(seen) if isinstance(model, DQN) else policy.get_distribution(seen).distribution.logits
 
 
 def calibrate_temperature(model: BaseAlgorithm) -> None:
-    """Make the actor surer of the same choices; noise in what it was told had kept it undecided.
+    """Lower the actor's temperature without changing its greedy choices; noisy labels keep it too high.
 
-    In a box, where lessons say nothing of it, it becomes as sure as is worth anything.
+    In a box, imitation does not fit the standard deviation: it is set to ``NEAR``.
     """
     policy: Any = model.policy
     if isinstance(model.action_space, spaces.Box):
@@ -163,20 +164,21 @@ def calibrate_temperature(model: BaseAlgorithm) -> None:
     last = policy.mlp_extractor.policy_net.score if is_scorer else policy.action_net
     with torch.no_grad():
         for parameter in last.parameters():
-            parameter *= SHARPER
+            parameter *= INVERSE_TEMPERATURE
 
 
-def _surprise(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """Mean cross-entropy from the softmax of what was wanted, over the allowed candidates."""
+def _cross_entropy(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """Mean cross-entropy from the softmax of the labels, over the allowed candidates."""
     refused = wanted.isnan()
     wanted, logits = (values.masked_fill(refused, REFUSED) for values in (wanted, logits))
     return torch.nn.functional.cross_entropy(logits, wanted.softmax(dim=1))
 
 
-def _distance(chosen: DiagGaussianDistribution, wanted: torch.Tensor) -> torch.Tensor:
-    """How unlikely the wanted points of a box [-1, 1] are, were errors distributed as Huber's loss would have it.
+def _box_loss(chosen: DiagGaussianDistribution, wanted: torch.Tensor) -> torch.Tensor:
+    """Negative log-likelihood of the labels in a box [-1, 1], with Huber's loss as the error of each mode.
 
-    A teacher that switches between points is to be followed, not met halfway. Beyond the box's edge is at its edge.
+    With several modes the actor follows a teacher that switches between points, instead of averaging them. A point
+    beyond the edge counts as at the edge.
     """
     log_weights, points = parts(chosen)
     wanted = wanted[:, None].expand_as(points)
@@ -187,7 +189,7 @@ def _distance(chosen: DiagGaussianDistribution, wanted: torch.Tensor) -> torch.T
 
 
 def actor_parameters(model: BaseAlgorithm) -> list[torch.nn.Parameter]:
-    """What chooses; all else is the critic's. A network of Q that has no V of its own chooses as a whole."""
+    """The parameters that choose; all others are the critic's. Without a separate V, a Q network has no critic."""
     if isinstance(model, DQN):
         network: Any = model.q_net.q_net
         return list((network.scorer if has_critic(model) else network).parameters())
@@ -195,15 +197,15 @@ def actor_parameters(model: BaseAlgorithm) -> list[torch.nn.Parameter]:
 
 
 def has_critic(model: BaseAlgorithm) -> bool:
-    """Whether what states are worth is learned apart from what chooses: in PPO, and in a dueling network of Q."""
+    """Whether state values have parameters of their own: in PPO and in a dueling Q network."""
     return not isinstance(model, DQN) or isinstance(model.q_net.q_net, Dueling)
 
 
 class WarmUp(BaseCallback):
-    """Keeps the actor as it was taught until the critic, if there is one, knows what that is worth.
+    """Freezes the actor after imitation until the critic, if there is one, has learned its values.
 
     Args:
-        steps: environment steps for which only the critic learns.
+        steps: environment steps in which only the critic learns.
     """
 
     def __init__(self, steps: int) -> None:

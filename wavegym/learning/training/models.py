@@ -22,9 +22,9 @@ from wavegym.learning.policies.scorer import Layout, MaskableScorerPolicy, Score
 from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.training.run_spec import RunSpec
 
-ROOT = 0  # of the training worlds' seeds; test worlds differ from them whatever their root is
+ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-# Settings that are not Stable-Baselines3's own.
+# Settings that Stable-Baselines3 does not know.
 OURS = (
     *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
     *(
@@ -43,17 +43,17 @@ POLICIES = {PPO: ScorerPolicy, MaskablePPO: MaskableScorerPolicy, DQN: ScorerDQN
 
 
 def model_class(settings: Settings) -> type[BaseAlgorithm]:
-    """The algorithm that these settings are for."""
+    """The algorithm of these settings."""
     if not isinstance(settings, PPOSettings):
         return DQN
     return MaskablePPO if settings.masks else PPO
 
 
 def build_model(spec: RunSpec) -> BaseAlgorithm:
-    """The model, every generator seeded.
+    """The untrained model; every random generator is seeded.
 
     Raises:
-        InputError: a setting that the environment does not know, or actions that the algorithm cannot choose.
+        InputError: a setting unknown to the environment, or actions that the algorithm cannot choose.
     """
     settings, algorithm = spec.settings, model_class(spec.settings)
     env = _environments(spec, settings.num_envs)
@@ -75,7 +75,7 @@ def build_model(spec: RunSpec) -> BaseAlgorithm:
 
 
 def _network(settings: Settings, env: SB3VecEnv) -> tuple[Any, dict[str, Any]]:
-    """Stable-Baselines3's policy and what it is to be made with."""
+    """Stable-Baselines3's policy and its keyword arguments."""
     network = {"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]}
     if settings.policy == "scorer":
         system = env.get_attr("system", 0)[0]
@@ -91,7 +91,7 @@ def _modes(settings: Settings) -> int:
 
 
 def _environments(spec: RunSpec, count: int) -> SB3VecEnv:
-    """A batch of the run's environments; InputError where the algorithm or the policy cannot choose there."""
+    """A batch of the run's environments; InputError if the algorithm or the policy cannot choose their actions."""
     settings = spec.settings
     env = SB3VecEnv(spec.env, count, reward=settings.reward, forecasts=settings.forecasts, **settings.environment)
     if not isinstance(env.action_space, spaces.Discrete):
@@ -105,11 +105,11 @@ def _environments(spec: RunSpec, count: int) -> SB3VecEnv:
 
 
 def try_out(spec: RunSpec) -> None:
-    """One step of the run's environment, apart from the training's own environments and generators.
+    """Try one step of the run's environment, apart from the environments and generators of the training.
 
     Raises:
-        InputError: a setting that the environment does not know, a missing file of recorded targets and the like, or a
-            reward that its system cannot give.
+        InputError: a setting unknown to the environment, a missing file of recorded targets, or a reward that its
+            system cannot give.
     """
     settings = spec.settings
     env = _environments(spec, 1)
@@ -126,7 +126,7 @@ def try_out(spec: RunSpec) -> None:
 
 
 def model_bytes(model: BaseAlgorithm) -> bytes:
-    """What ``model.save`` writes: weights, optimiser, counters, last observations, settings."""
+    """The bytes of ``model.save``: weights, optimiser, counters, last observations, settings."""
     file = io.BytesIO()
     model.save(file)
     return file.getvalue()

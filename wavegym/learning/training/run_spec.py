@@ -1,4 +1,4 @@
-"""What a training run is to do, written into its folder before it begins, so that nothing else is resumed there."""
+"""The specification of a training run, written into its folder first: --resume continues no other run there."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3", "sb3-contrib")
 
 @dataclasses.dataclass(frozen=True)
 class RunSpec:
-    """What is to be trained; two runs of one plan end with the same weights.
+    """What to train; two runs of one specification end with the same weights.
 
     Attributes:
         env: the environment's full id.
         algo: "ppo" or "dqn".
-        seed: number of the run, 0 to 2^32 - 1.
+        seed: training seed, 0 to 2^32 - 1.
         settings: of the algorithm, ``steps`` among them.
     """
 
@@ -39,21 +39,21 @@ class RunSpec:
             raise InputError(f"seed is {self.seed}, expected an integer in [0, {2**32 - 1}]")
 
     def record(self) -> dict[str, Any]:
-        """The plan as JSON holds it, with the versions that the last bits depend on."""
+        """The specification as JSON, with the package versions that the last bits depend on."""
         python = ".".join(platform.python_version_tuple()[:2])
         versions = {"python": python, "wavegym": VERSION, **{name: _version(name) for name in PACKAGES}}
         return json.loads(json.dumps({**dataclasses.asdict(self), "versions": versions}))
 
 
 def check_unused(folder: Path) -> None:
-    """Raise an InputError if the folder holds a run: nothing is ever overwritten."""
+    """Raise an InputError if the folder holds a run: no run is ever overwritten."""
     for name in CONTENTS:
         if (folder / name).exists():
             raise InputError(f"{folder} already holds a run ({name}), expected a new folder or --resume")
 
 
 def check_same(spec: RunSpec, folder: Path) -> None:
-    """Raise an InputError that names the difference if the run in the folder is of another spec, or there is none."""
+    """Raise an InputError if the folder holds no run, or a run of another specification (the difference named)."""
     if not (folder / SPEC).exists():
         raise InputError(f"{folder} holds no run to resume, expected {SPEC} in it")
     unlike = difference(spec.record(), read_record(folder / SPEC))

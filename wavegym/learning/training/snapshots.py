@@ -1,7 +1,7 @@
-"""Everything a training run depends on, as bytes: taken up again, it goes on as if it had never stopped.
+"""The complete state of a training run as bytes: a resumed run continues as if it had never stopped.
 
-The only safe moment is the start of a rollout: gradient steps are done, the environments rest between two steps, and
-whatever Stable-Baselines3 keeps in local variables is about to be made anew.
+A snapshot is safe only at the start of a rollout: no gradient step or environment step is half done, and
+Stable-Baselines3 is about to set its local variables anew.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def snapshot(model: BaseAlgorithm, notes: Any) -> bytes:
         "env": model.get_env(),
         "replay_buffer": getattr(model, "replay_buffer", None),
         "notes": notes,
-        # The action space draws random actions. SB3 and the replay buffer draw from the global generators.
+        # The action space draws random actions; SB3 and the replay buffer draw from the global generators.
         "action_space": model.action_space,
         "python": random.getstate(),
         "numpy": np.random.get_state(),  # noqa: NPY002
@@ -40,7 +40,7 @@ def restore(spec: RunSpec, content: bytes) -> tuple[BaseAlgorithm, Any]:
     """The model with its environment, ready for ``learn(reset_num_timesteps=False)``, and the notes.
 
     Raises:
-        InputError: the content is no snapshot of a run of this spec, or one of another version of the code.
+        InputError: the content is no snapshot of a run of this specification, or another version of the code made it.
     """
     try:
         state = pickle.loads(content)
@@ -48,11 +48,11 @@ def restore(spec: RunSpec, content: bytes) -> tuple[BaseAlgorithm, Any]:
             io.BytesIO(state["model"]), env=state["env"], device="cpu", force_reset=False
         )
         model.action_space = state["action_space"]
-    except Exception as error:  # unpickling foreign bytes can raise anything
+    except Exception as error:  # unpickling can raise anything
         raise InputError(f"checkpoint is no snapshot of this training: {type(error).__name__}: {error}") from error
     if state["replay_buffer"] is not None:
         model.replay_buffer = state["replay_buffer"]  # type: ignore[attr-defined]
-    # Last, because making the model draws random weights and seeds the generators.
+    # Last: making the model draws random weights and seeds the generators.
     random.setstate(state["python"])
     np.random.set_state(state["numpy"])  # noqa: NPY002
     torch.set_rng_state(state["torch"])

@@ -1,4 +1,4 @@
-"""Training runs that can be killed at any time and taken up again, with the same weights at the end, bit for bit."""
+"""Training runs: killed at any time and resumed, a run ends with the same weights, bit for bit."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
     """Train into ``folder`` (its layout: ``wavegym.policies.runs``), from the start or from the last checkpoint there.
 
     Args:
-        spec: what to train.
-        folder: a new or empty folder; with ``resume`` that of a killed run of the same spec.
-        checkpoint_every: environment steps that a kill may cost, at most (or one rollout, if that is longer).
-        resume: take up a run; one that had finished is checked and left as it is.
+        spec: environment, algorithm, seed and settings.
+        folder: a new or empty folder; with ``resume`` the folder of a killed run of the same specification.
+        checkpoint_every: most environment steps that a kill may cost (or one rollout, if that is longer).
+        resume: continue a run; a finished run is checked and left as it is.
         progress: show a progress bar on standard error.
 
     Raises:
-        InputError: the folder holds a run already, or (resume) none, or one of another spec, or no whole checkpoint,
-            or a finished one whose policy is torn; an environment or reward that cannot be played.
-        OSError: a full disk and the like; the last checkpoint is still there.
+        InputError: the folder already holds a run; with ``resume``: it holds none, a run of another specification, no
+            intact checkpoint, or a finished run with a torn policy; an environment or reward that cannot be played.
+        OSError: a full disk, for example; the last checkpoint is kept.
     """
     check_int("checkpoint-every", checkpoint_every, 1)
-    torch.set_num_threads(1)  # a second one makes networks of this size slower, and the order of sums uncertain
+    torch.set_num_threads(1)  # a second thread slows networks of this size and makes the order of sums uncertain
     if not resume:
         check_unused(folder)
-        try_out(spec)  # a mistake that only a step brings to light must not leave a folder behind
+        try_out(spec)  # a mistake that only a step reveals must not leave a folder behind
         model = build_model(spec)
         write_whole(folder, {SPEC: _json(spec.record())})
         _learn(spec, folder, checkpoint_every, progress, model, LearningCurve(spec.settings.num_envs), None)
@@ -54,7 +54,7 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
         read_policy(folder, read_run(folder / RUN))
         return
     saved = load_checkpoint(folder / CHECKPOINTS)
-    if saved is None:  # killed before the first
+    if saved is None:  # killed before the first checkpoint
         model, curve, start = build_model(spec), LearningCurve(spec.settings.num_envs), None
     else:
         start, content = saved
@@ -73,7 +73,7 @@ def _learn(
     curve: LearningCurve,
     start: int | None,
 ) -> None:
-    """Learn from ``start`` (steps; None: the beginning) to the end, and leave the results in the folder."""
+    """Learn from step ``start`` (None: the beginning) to the end, and write the results into the folder."""
     settings, env = spec.settings, model.get_env()
     assert env is not None
     system = env.get_attr("system", 0)[0]

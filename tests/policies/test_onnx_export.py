@@ -1,0 +1,148 @@
+"""ONNX files choose what the networks in NumPy choose."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+
+from wavegym.core.errors import InputError
+from wavegym.policies.networks import LearnedPolicy, Network
+from wavegym.policies.onnx_export import export_onnx, to_onnx
+from wavegym.policies.pretrained import FOLDER
+from wavegym.policies.records import read_run
+from wavegym.policies.runs import RUN, read_network
+
+MARGIN = 1e-5
+ENVS, STEPS = 512, 8  # 4096 observations
+EACH_KIND = ["KershawEvansPosition/ppo", "RfEo/ppo", "SectorSetup/ppo"]  # mlp, mixture, scorer
+ALL = sorted(str(file.parent.relative_to(FOLDER)) for file in FOLDER.glob(f"*/*/{RUN}"))
+
+
+def observations(run: dict[str, Any]) -> np.ndarray:
+    """Of episodes with random actions, in the environment of a run."""
+    forecasts, environment = bool(run["settings"].get("forecasts", False)), run["settings"]["environment"]
+    envs = gym.make_vec(run["env"], num_envs=ENVS, forecasts=forecasts, **environment)
+    envs.action_space.seed(0)
+    shown = [envs.reset(seed=0)[0]]
+    shown += [envs.step(envs.action_space.sample())[0] for _ in range(STEPS - 1)]
+    return np.concatenate(shown)
+
+
+def session(content: bytes) -> Any:
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level, options.intra_op_num_threads = 3, 1  # it warns of the mask's default
+    return onnxruntime.InferenceSession(content, options)
+
+
+def clear(scores: np.ndarray) -> np.ndarray:
+    """Whether the best score is above the second best by more than the margin."""
+    best = np.sort(scores, axis=1)
+    return best[:, -1] - best[:, -2] > MARGIN
+
+
+def assert_same_choices(network: Network, shown: np.ndarray, mask: np.ndarray | None = None) -> None:
+    model = session(to_onnx(network))
+    fed = {"observation": shown} if mask is None else {"observation": shown, "mask": mask}
+    (action,) = model.run(["action"], fed)
+    expected, outputs = LearnedPolicy(network).act(None, shown, mask), network.outputs(shown)
+    assert action.dtype == (np.int64 if expected.dtype == np.int64 else np.float32)
+    if expected.dtype != np.int64:
+        certain = clear(outputs[:, : network.heads[0]]) if network.kind == "mixture" else np.full(len(shown), True)
+        assert certain.mean() > 0.99
+        np.testing.assert_allclose(action[certain], expected[certain], rtol=0, atol=MARGIN)
+        return
+    scores = outputs if mask is None else np.where(mask, outputs, -np.inf)
+    parts = np.split(scores, np.cumsum(network.heads)[:-1], axis=1)
+    certain = np.stack([clear(part) for part in parts], axis=1)
+    assert certain.mean() > 0.99
+    same = action.reshape(certain.shape) == expected.reshape(certain.shape)
+    assert same[certain].all()
+    np.testing.assert_allclose(model.run(["scores"], fed)[0], outputs, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", EACH_KIND)
+def test_a_policy_of_each_kind_chooses_alike(name: str) -> None:
+    run = read_run(FOLDER / name / RUN)
+    network, shown = read_network(FOLDER / name, run), observations(run)
+    assert shown.shape == (4096, network.inputs)
+    assert network.kind == ("mlp", "mixture", "scorer")[EACH_KIND.index(name)]
+    assert_same_choices(network, shown)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ALL)
+def test_every_packaged_policy_chooses_alike(name: str) -> None:
+    run = read_run(FOLDER / name / RUN)
+    assert_same_choices(read_network(FOLDER / name, run), observations(run))
+
+
+def random_network(kind: str, heads: tuple[int, ...], shapes: dict[str, tuple[int, ...]], **fixed: Any) -> Network:
+    rng = np.random.default_rng(0)
+    arrays = {name: rng.standard_normal(shape).astype(np.float32) for name, shape in shapes.items()}
+    return Network(kind, "tanh", heads, {**arrays, **fixed})
+
+
+SCORER = {"W0": (8, 5), "b0": (8,), "shared": (8, 8), "shared_bias": (8,), "offset": (3, 8), "score": (1, 8)}
+ROUND = {"round0": (8, 8), "round0_bias": (8,), "round0_others": (8, 16)}
+PAIRS, NO_PAIRS = np.array([[0, 1], [2, 3], [1, 4]]), np.zeros((3, 0), np.int64)
+SHAPES: dict[str, Network] = {
+    "a choice for each sensor": random_network("mlp", (3, 4), {"W0": (9, 5), "b0": (9,), "W1": (7, 9), "b1": (7,)}),
+    "a point of a box": random_network("mlp", (), {"W0": (9, 5), "b0": (9,), "W1": (2, 9), "b1": (2,)}),
+    "a scorer without figures": random_network("scorer", (3,), SCORER, pairs=NO_PAIRS),
+    "a scorer of forecasts alone": random_network("scorer", (3,), {**SCORER, "own": (8, 4)}, pairs=NO_PAIRS),
+    "a scorer of targets alone": random_network("scorer", (3,), {**SCORER, **ROUND, "own": (8, 2)}, pairs=PAIRS),
+    "a narrower round": random_network(
+        "scorer",
+        (3,),
+        {**SCORER, "round0": (4, 8), "round0_bias": (4,), "round0_others": (4, 16), "own": (8, 6), "score": (1, 4)},
+        pairs=PAIRS,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_shape_of_network_is_exported(name: str) -> None:
+    network = SHAPES[name]
+    shown = np.random.default_rng(1).standard_normal((500, network.inputs)).astype(np.float32)
+    assert_same_choices(network, shown)
+    assert_same_choices(network, shown[:1])
+
+
+def test_a_mask_rules_alternatives_out() -> None:
+    network = SHAPES["a choice for each sensor"]
+    rng = np.random.default_rng(2)
+    shown, mask = rng.standard_normal((500, 5)).astype(np.float32), rng.random((500, 7)) < 0.5
+    mask[:, [0, 1, 3, 4]] = True
+    assert_same_choices(network, shown, mask)
+
+
+def test_the_file_says_what_it_was_trained_on(tmp_path: Path) -> None:
+    file = tmp_path / "new" / "policy.onnx"
+    export_onnx(FOLDER / "SectorSetup" / "ppo", file)
+    about = {entry.key: entry.value for entry in onnx.load(file).metadata_props}
+    assert (about["env"], about["algo"], about["seed"]) == ("wavegym/SectorSetup-v0", "ppo", "0")
+    assert about["forecasts"] == "True"
+    assert about["observation"].split(", ") == read_run(FOLDER / "SectorSetup" / "ppo" / RUN)["observation"]
+
+
+def test_no_torch_is_needed(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['torch'] = None; from pathlib import Path;"
+        "from wavegym.policies.onnx_export import export_onnx;"
+        f"export_onnx(Path({str(FOLDER / 'RfEo' / 'ppo')!r}), Path({str(tmp_path / 'x.onnx')!r}))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    with pytest.raises(InputError, match=r"pip install 'wavegym\[onnx\]'"):
+        to_onnx(SHAPES["a point of a box"])

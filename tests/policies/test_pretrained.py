@@ -1,0 +1,69 @@
+"""The trained agents that come with the package."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import pytest
+
+import wavegym
+from agents.package import sources
+from wavegym.core.errors import InputError
+from wavegym.core.policy import Policy
+from wavegym.policies.pretrained import FILES, FOLDER, pretrained_folder
+from wavegym.policies.records import read_run
+from wavegym.policies.runs import RUN
+
+PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(FOLDER.glob(f"*/*/{RUN}")))]
+
+
+def test_they_are_seed_0_of_every_run_in_the_results() -> None:
+    copied = {file for folder in sources() for file in (folder / name for name in FILES)}
+    assert {file for file in FOLDER.glob("*/*/*") if file.suffix not in (".py", ".pyc")} == copied
+    assert len(copied) == 2 * len(PACKAGED) == 48
+    for packaged, run in sources().items():
+        assert read_run(packaged / RUN)["seed"] == 0
+        for name in FILES:
+            assert (packaged / name).read_bytes() == (run / name).read_bytes()
+
+
+@pytest.mark.parametrize(("env_id", "algo"), PACKAGED)
+def test_each_is_loaded_with_the_parameters_of_its_training(env_id: str, algo: str) -> None:
+    folder = pretrained_folder(env_id, algo)
+    assert folder is not None
+    policy = wavegym.load_agent(env_id, algo, **read_run(folder / RUN)["settings"]["environment"])
+    assert isinstance(policy, Policy)
+
+
+def test_an_agent_plays_a_vector_environment() -> None:
+    agent = wavegym.load_agent("SectorSetup-v0", "ppo")
+    envs = gym.make_vec("wavegym/SectorSetup-v0", num_envs=3, forecasts=True)
+    observations, _ = envs.reset(seed=0)
+    assert envs.action_space.contains(agent.act(None, observations, None))
+
+
+@pytest.mark.parametrize(
+    ("env_id", "algo", "parameters", "message"),
+    [
+        ("Urbann-v0", "ppo", {}, "did you mean 'wavegym/Urban-v0'?"),
+        ("UrbanSignal-v0", "ppo", {}, "comes without a trained agent, .*did you mean 'wavegym/Urban-v0'?"),
+        ("Urban-v0", "po", {}, "agent is 'po', expected one of 'ppo', 'dqn'; did you mean 'ppo'?"),
+        ("Urban-v0", "ppo", {"horizont": 3}, "did you mean 'horizon'?"),
+        (
+            "RfEo-v0",
+            "dqn",
+            {},
+            r"offers 6 \(box, .*nearest: the settings action=joint 'prf=\[500.0, 1000.0\]' 'points=",
+        ),
+        ("AgileClutter-v0", "dqn", {"action": "library"}, "nearest: the setting action=joint of its training"),
+    ],
+)
+def test_a_mistake_names_the_nearest_agent(env_id: str, algo: str, parameters: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        wavegym.load_agent(env_id, algo, **parameters)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("env_id", ["own/Urban-v0", "wavegym/Urban-v1", "wavegym/Nowhere-v0"])
+def test_an_environment_of_another_name_has_none(env_id: str) -> None:
+    assert pretrained_folder(env_id, "ppo") is None
+    assert pretrained_folder("wavegym/Urban-v0", "../Urban/ppo") is None

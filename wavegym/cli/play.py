@@ -1,0 +1,94 @@
+"""The subcommand ``play``: one episode with one policy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.command_line import Parser, settings
+from wavegym.core.errors import InputError, check_int
+
+FRAME_MS = 200  # how long a GIF shows each step
+
+
+def parser() -> Parser:
+    """The options."""
+    options = Parser(prog="wavegym play", description="Play one episode with a policy and print its cost.")
+    options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
+    options.add_argument("--policy", default="myopic", metavar="NAME", help="as for evaluate (default: %(default)s)")
+    options.add_argument("--seed", type=int, default=0, metavar="S", help="of the world (default: %(default)s)")
+    options.add_argument("--gif", type=Path, metavar="FILE", help="write a picture of every step")
+    help = "parameters of the environment other than its defaults"
+    options.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=help)
+    return options
+
+
+def play(arguments: Sequence[str]) -> None:
+    """Play and print."""
+    options = parser().read(arguments)
+    check_int("seed", options.seed, 0)
+    from wavegym.evaluation import make_task
+
+    task = make_task(options.env, settings(options.set))
+    policy = _policy(options.policy, task, options.seed)
+    costs, frames = _episode(task, policy, options.seed, draw=options.gif is not None)
+    if options.gif:
+        options.gif.parent.mkdir(parents=True, exist_ok=True)
+        _write(frames, options.gif)
+    mean = f"mean cost {np.mean(costs):.6g} over {len(costs)} steps"
+    print(f"{task.env_id} seed {options.seed}, {options.policy}: {mean}")
+    if options.gif:
+        print(f"written to {options.gif}")
+
+
+def _policy(name: str, task: Any, seed: int) -> Any:
+    """The policy called ``name``; of several training runs the first."""
+    from wavegym.cli.evaluate import policies
+    from wavegym.evaluation.comparison import tuning_worlds
+    from wavegym.evaluation.worlds import draw_worlds, world_seeds
+    from wavegym.schedulers.registry import make_policy
+
+    found = policies(name, task.env_id)
+    if len(found) > 1:
+        raise InputError(f"--policy is {name!r}, expected one name (nearest: {next(iter(found))!r})")
+    (load,) = found.values()
+    if load is None:
+        tuning = draw_worlds(task.system, world_seeds(seed, "tune", tuning_worlds(task.system)))
+        return make_policy(name, task.system, tuning)
+    loaded = load(task.system)
+    return loaded[0] if isinstance(loaded, Sequence) else loaded
+
+
+def _episode(task: Any, policy: Any, seed: int, draw: bool) -> tuple[list[float], list[Any]]:
+    """Costs after each step, and a frame at its beginning and after each step if ``draw``."""
+    from wavegym.envs import WaveformVectorEnv
+    from wavegym.evaluation.worlds import word
+    from wavegym.schedulers.rollout import allowed
+
+    env = WaveformVectorEnv(
+        task.system, 1, max_episode_steps=task.max_episode_steps, render_mode="rgb_array" if draw else None
+    )
+    observation, _ = env.reset(seed=[seed])
+    policy.begin(task.system, 1, np.random.default_rng([word("policy"), seed]))
+    if hasattr(policy, "reveal"):
+        policy.reveal(env.world)
+    costs: list[float] = []
+    frames = [env.render()[0]] if draw else []  # type: ignore[index]
+    ended = False
+    while not ended:
+        action = policy.act(env.belief, observation, allowed(task.system, env.belief))
+        observation, _, terminated, truncated, info = env.step(action)
+        costs.append(float(info["cost"][0]))
+        frames += [env.render()[0]] if draw else []  # type: ignore[index]
+        ended = bool(terminated[0] or truncated[0])
+    return costs, frames
+
+
+def _write(frames: list[Any], file: Path) -> None:
+    from PIL import Image
+
+    first, *rest = (Image.fromarray(frame) for frame in frames)
+    first.save(file, format="GIF", save_all=True, append_images=rest, duration=FRAME_MS, loop=0)

@@ -1,0 +1,183 @@
+"""From trained networks in plain NumPy to ONNX files, without torch. Needs the extra ``onnx``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.version import VERSION
+from wavegym.policies.networks import Network
+from wavegym.policies.records import read_run
+from wavegym.policies.runs import RUN, read_network
+
+OPSET, IR = 18, 10  # of ONNX: old enough for runtimes of 2024
+ACTIVATIONS = {"tanh": "Tanh", "relu": "Relu"}
+
+
+def export_onnx(folder: Path, file: Path) -> None:
+    """Write the policy of a run's folder as an ONNX file.
+
+    Raises:
+        InputError: no finished run, a torn policy file, or the extra ``onnx`` is not installed.
+        OSError: ``file`` cannot be written.
+    """
+    run = read_run(folder / RUN)
+    about = {key: str(run[key]) for key in ("env", "algo", "seed")}
+    about["observation"] = ", ".join(run["observation"])
+    about["forecasts"] = str(bool(run["settings"].get("forecasts", False)))
+    content = to_onnx(read_network(folder, run), about)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(content)
+
+
+def to_onnx(network: Network, about: dict[str, str] | None = None) -> bytes:
+    """The network as the bytes of an ONNX model.
+
+    The input ``observation`` is float32 (batch, elements), from an environment with the ``forecasts`` of the training.
+    The output ``action`` is int64 (batch,), or (batch, sensors), or for a box float32 (batch, parameters) in [-1, 1].
+    For finite sets there are also the output ``scores`` (batch, alternatives) and the optional input ``mask``, bool of
+    the same shape: the allowed alternatives (default: all). onnxruntime logs a warning about this default.
+
+    Args:
+        network: of any kind.
+        about: entries of the model's metadata.
+
+    Raises:
+        InputError: the extra ``onnx`` is not installed.
+    """
+    try:
+        import onnx
+    except ImportError as error:
+        raise InputError(f"export to ONNX needs the extra: {error}; pip install 'wavegym[onnx]'") from None
+    graph = _Graph(network)
+    helper = onnx.helper
+    floats, integers, booleans = onnx.TensorProto.FLOAT, onnx.TensorProto.INT64, onnx.TensorProto.BOOL
+    inputs = [helper.make_tensor_value_info("observation", floats, ["batch", network.inputs])]
+    outputs = [helper.make_tensor_value_info("action", integers, ["batch"])]
+    if graph.alternatives:
+        inputs.append(helper.make_tensor_value_info("mask", booleans, ["masks", graph.alternatives]))
+        outputs.append(helper.make_tensor_value_info("scores", floats, ["batch", graph.alternatives]))
+        if len(network.heads) > 1:
+            outputs[0] = helper.make_tensor_value_info("action", integers, ["batch", len(network.heads)])
+    else:
+        outputs[0] = helper.make_tensor_value_info("action", floats, ["batch", graph.parameters])
+    nodes = [helper.make_node(kind, list(given), [result], **settings) for kind, given, result, settings in graph.nodes]
+    constants = [onnx.numpy_helper.from_array(value, name) for name, value in graph.constants.items()]
+    model = helper.make_model(
+        helper.make_graph(nodes, "policy", inputs, outputs, constants),
+        opset_imports=[helper.make_opsetid("", OPSET)],
+        ir_version=IR,
+        producer_name="wavegym",
+        producer_version=VERSION,
+    )
+    helper.set_model_props(model, about or {})
+    onnx.checker.check_model(model, full_check=True)
+    return model.SerializeToString()
+
+
+class _Graph:
+    """The nodes and constants of a network, in the order of ``Network.outputs`` and ``LearnedPolicy.act``."""
+
+    def __init__(self, network: Network) -> None:
+        self.nodes: list[tuple[str, Sequence[str], str, dict[str, Any]]] = []
+        self.constants: dict[str, Array] = {}
+        self.network, self.activation = network, ACTIVATIONS[network.activation]
+        self.alternatives = 0 if network.kind == "mixture" else sum(network.heads)
+        self.parameters = 0
+        if network.kind == "scorer":
+            self._choice(self._scorer())
+        elif self.alternatives:
+            self._choice(self._mlp())
+        else:
+            self._point(self._mlp())
+
+    def _add(self, kind: str, *given: str, to: str = "", **settings: Any) -> str:
+        """A node; the name of its result."""
+        result = to or f"{kind.lower()}_{len(self.nodes)}"
+        self.nodes.append((kind, given, result, settings))
+        return result
+
+    def _constant(self, value: Any, name: str = "") -> str:
+        name = name or f"constant_{len(self.constants)}"
+        self.constants[name] = np.asarray(value)
+        return name
+
+    def _linear(self, hidden: str, weight: str, offset: str = "") -> str:
+        """``hidden @ weight.T + offset``, by names of the network's arrays."""
+        arrays = self.network.arrays
+        product = self._add("MatMul", hidden, self._constant(np.ascontiguousarray(arrays[weight].T), weight))
+        return self._add("Add", product, self._constant(arrays[offset], offset)) if offset else product
+
+    def _columns(self, of: str, columns: Any) -> str:
+        return self._add("Gather", of, self._constant(np.asarray(columns, np.int64)), axis=1)
+
+    def _mlp(self) -> str:
+        hidden, layers = "observation", self.network.number_of("W")
+        for n in range(layers):
+            hidden = self._linear(hidden, f"W{n}", f"b{n}")
+            if n < layers - 1:
+                hidden = self._add(self.activation, hidden)
+        return hidden
+
+    def _scorer(self) -> str:
+        arrays, elements = self.network.arrays, self.network.arrays["W0"].shape[1]
+        candidates = len(arrays["offset"])
+        context = self._columns("observation", np.arange(elements))
+        for n in range(self.network.number_of("W")):
+            context = self._add(self.activation, self._linear(context, f"W{n}", f"b{n}"))
+        axis = self._constant([1], "candidate_axis")
+        hidden = self._add("Unsqueeze", self._linear(context, "shared", "shared_bias"), axis)
+        hidden = self._add("Add", hidden, self._constant(arrays["offset"], "offset"))
+        if "own" in arrays:
+            figures = (self.network.inputs - elements) // candidates
+            predicted = self._columns("observation", np.arange(elements, self.network.inputs))
+            shape = self._constant(np.array([-1, candidates, figures], np.int64))
+            own = self._add("Reshape", predicted, shape) if figures else ""
+            if arrays["pairs"].shape[1]:
+                of_targets = self._columns("observation", arrays["pairs"])
+                own = self._add("Concat", own, of_targets, axis=2) if own else of_targets
+            hidden = self._add("Add", hidden, self._linear(own, "own"))
+        hidden = self._add(self.activation, hidden)
+        for n in range(self.network.number_of("round") // 3):
+            hidden = self._round(hidden, n, axis)
+        return self._add("Squeeze", self._linear(hidden, "score"), self._constant([2], "score_axis"))
+
+    def _round(self, hidden: str, n: int, axis: str) -> str:
+        """A round in which the candidates exchange information."""
+        pools = [self._add(kind, hidden, axis, keepdims=1) for kind in ("ReduceMean", "ReduceMax")]
+        others = self._linear(self._add("Concat", *pools, axis=2), f"round{n}_others")
+        own = self._linear(hidden, f"round{n}", f"round{n}_bias")
+        exchanged = self._add(self.activation, self._add("Add", own, others))
+        width, inputs = self.network.arrays[f"round{n}"].shape
+        return self._add("Add", hidden, exchanged) if width == inputs else exchanged
+
+    def _choice(self, scores: str) -> None:
+        """The allowed alternative of highest score, for each choice."""
+        self._add("Identity", scores, to="scores")
+        self._constant(np.ones((1, self.alternatives), np.bool_), "mask")
+        masked = self._add("Where", "mask", scores, self._constant(np.float32(-np.inf)))
+        edges = np.cumsum([0, *self.network.heads])
+        if len(self.network.heads) == 1:
+            self._add("ArgMax", masked, to="action", axis=1, keepdims=0)
+            return
+        parts = [self._columns(masked, np.arange(*edges[n : n + 2])) for n in range(len(self.network.heads))]
+        self._add("Concat", *(self._add("ArgMax", part, axis=1, keepdims=1) for part in parts), to="action", axis=1)
+
+    def _point(self, outputs: str) -> None:
+        """The point of a box; of a mixture the mean of the likeliest mode."""
+        last = self.network.arrays[f"b{self.network.number_of('W') - 1}"]
+        self.parameters = len(last)
+        if self.network.kind == "mixture":
+            (modes,) = self.network.heads
+            self.parameters = len(last) // modes - 1
+            mode = self._add("ArgMax", self._columns(outputs, np.arange(modes)), axis=1, keepdims=1)
+            shape = self._constant(np.array([-1, modes, self.parameters], np.int64))
+            means = self._add("Reshape", self._columns(outputs, np.arange(modes, len(last))), shape)
+            outputs = self._add("GatherND", means, mode, batch_dims=1)
+        bounds = (self._constant(np.float32(bound)) for bound in (-1.0, 1.0))
+        self._add("Clip", outputs, *bounds, to="action")

@@ -1,0 +1,48 @@
+"""Trained agents that come with the package: training seed 0 of PPO and DQN in each environment that has them.
+
+``ENVIRONMENT/ALGORITHM/`` holds policy.npz and run.json. ``python -m agents.package`` copies them from results/runs.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from wavegym.core.errors import InputError, check_choice, nearest
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.policies.records import read_run
+from wavegym.policies.runs import POLICY, RUN, load_policy
+
+FOLDER = Path(__file__).parent
+ALGORITHMS = ("ppo", "dqn")
+FILES = (POLICY, RUN)
+
+
+def pretrained_folder(env_id: str, algo: str) -> Path | None:
+    """The folder of the agent that comes with an environment, for ``load_policy``; None if there is none.
+
+    Args:
+        env_id: the full id.
+        algo: "ppo" or "dqn".
+    """
+    folder = FOLDER / env_id.rpartition("/")[2].rpartition("-v")[0] / algo
+    if algo not in ALGORITHMS or not (folder / RUN).is_file() or read_run(folder / RUN)["env"] != env_id:
+        return None
+    return folder
+
+
+def load_pretrained(env_id: str, algo: str, system: System) -> Policy:
+    """The agent that comes with an environment.
+
+    Raises:
+        InputError: no agent of this algorithm or for this environment (nearest named), or ``system`` has other
+            observations or actions than those of the training (its parameters named).
+    """
+    check_choice("agent", algo, ALGORITHMS)
+    folder = pretrained_folder(env_id, algo)
+    if folder is None:
+        known = sorted({read_run(path)["env"] for path in FOLDER.glob(f"*/*/{RUN}")})
+        wanted = f"expected one of {', '.join(map(repr, known))}{nearest(env_id, known)}"
+        raise InputError(f"environment is {env_id!r}, which comes without a trained agent, {wanted}")
+    (policy,) = load_policy(folder, env_id, system)
+    return policy
