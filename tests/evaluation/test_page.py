@@ -24,7 +24,7 @@ FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-ne
 
 @pytest.fixture(scope="module")
 def comparison() -> Comparison:
-    policies = {"a </script><b>": lambda system: Fixed(2), "chance": lambda system: [RandomChoice(), RandomChoice()]}
+    policies = {"a </script><b>": Fixed(2), "chance": [RandomChoice(), RandomChoice()]}
     return compare("wavegym/SectorSetup-v0", policies, worlds=7, jobs=1, progress=False)
 
 

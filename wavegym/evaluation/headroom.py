@@ -21,12 +21,12 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.evaluation import statistics
-from wavegym.evaluation.comparison import Comparison, compare, tuning_worlds
+from wavegym.evaluation.comparison import Comparison, compare
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.summary import us_per_decision, versions
 from wavegym.evaluation.task import make_task
-from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.evaluation.worlds import tuning_tapes, word
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded, records
@@ -62,7 +62,7 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
         InputError: an unknown id, a number out of range.
     """
     system = make_task(env_id, {}).system
-    tuning = draw_worlds(system, world_seeds(root, "tune", tuning_worlds(system)))
+    tuning = tuning_tapes(system, root)
     policies: dict[str, Any] = {}
     simple = recorded(system).get(SIMPLE)
     for name in LADDER:
@@ -79,7 +79,7 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
 def _made(name: str, system: System, tuning: Any) -> Any:
     policy = make_policy(name, system, tuning)
     policy.begin(system, 1, np.random.default_rng(0))
-    return lambda _: policy
+    return policy
 
 
 def figures(comparison: Comparison) -> dict[str, Any]:

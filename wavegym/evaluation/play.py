@@ -10,6 +10,7 @@ import numpy as np
 
 from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -45,7 +46,7 @@ class Played(NamedTuple):
         return np.stack(each, axis=1) if each else np.zeros((len(self.steps), 0, 0), np.int64)
 
 
-def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None = None) -> Played:
+def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None = None, name: str = "") -> Played:
     """Play ``policy`` to the end of the first episode of each seed.
 
     Episodes that end early begin anew in the shell until the last one has ended, and are not counted any more. The
@@ -56,6 +57,10 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
         policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``reveal(world)``.
         seeds: of the worlds.
         max_steps: stop here, episodes unfinished.
+        name: of the policy, in error messages.
+
+    Raises:
+        InputError: an action that the environment refuses.
     """
     env = WaveformVectorEnv(
         task.system, len(seeds), autoreset_mode="NextStep", max_episode_steps=task.max_episode_steps
@@ -69,7 +74,10 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
     while account.running.any() and len(account.costs) != max_steps:
         action = policy.act(env.belief, observation, allowed(task.system, env.belief))
         account.seconds[account.running] += (perf_counter() - start) / account.running.sum()
-        observation, _, terminated, truncated, info = env.step(action)
+        try:
+            observation, _, terminated, truncated, info = env.step(action)
+        except InputError as error:
+            raise InputError(f"policy {name or type(policy).__name__!r}: {error}") from error
         account.add(info, terminated | truncated)
         start = perf_counter()
     return account.close()

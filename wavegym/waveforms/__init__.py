@@ -59,7 +59,7 @@ All that a law contributes is four moments, so one call takes any mixture of law
 """
 
 from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut
-from wavegym.waveforms.chirp_laws import parse_law
+from wavegym.waveforms.chirp_laws import FrequencyLaw, parse_law
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT, FisherFactors
 from wavegym.waveforms.gaussian import (
     GaussianChirp,
@@ -85,6 +85,7 @@ __all__ = [
     "SPEED_OF_LIGHT",
     "ChirpLaw",
     "FisherFactors",
+    "FrequencyLaw",
     "GaussianChirp",
     "PulseTrain",
     "TrapezoidChirp",

@@ -11,21 +11,43 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Held
+from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.rollout import allowed
 
 ROWS = 16_384  # beliefs followed at a time: they stay in the cache
+
+
+class Observing(Heuristic):
+    """Any policy as a base: at every belief, simulated ones included, it is given the observation of that belief.
+
+    Args:
+        policy: chooses the actions, such as a learned policy.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        from wavegym.observations.observer import Observer  # above the heuristics, whose delays its forecasts show
+
+        self.policy.begin(system, num_envs, rng)
+        self._observer = Observer(system)
+
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        return self.policy.act(belief, self._observer(belief)[0], mask)
 
 
 class SampledFutures:
     """Follows plans, and after them a base policy, through ``predict``.
 
     Args:
-        base: what chooses where a plan has ended. Its ``settle`` is called at the belief that the futures start from
-            and its ``choose`` in them (``wavegym.schedulers.heuristics``); any other policy that reads nothing but the
-            belief is asked to ``act``. A base with ``leftover(public, settled)``, (env,), says by that what the
-            resources still there at the end of a truncated future are worth, as a cost.
-        depth: steps that a future has, or fewer where the episode ends.
+        base: chooses where a plan has ended. Of a heuristic (``wavegym.schedulers.heuristics``), ``settle`` is called
+            at the belief that the futures start from and ``choose`` in them. Any other policy is asked to ``act``, with
+            the observation of each belief. ``leftover(belief, settled)``, (env,), of a base that has it is added to the
+            cost at the end of a truncated future: minus the value of the resources left.
+        depth: steps of a future, fewer where the episode ends.
         count: sampled futures; 1 where nothing is left to chance.
 
     Raises:
@@ -33,7 +55,7 @@ class SampledFutures:
     """
 
     def __init__(self, base: Policy, depth: int, count: int) -> None:
-        self.base: Any = base if hasattr(base, "choose") else Held(base)
+        self.base: Any = base if hasattr(base, "choose") else Observing(base)
         self.depth, self.count = check_int("depth", depth, 1), check_int("futures", count, 1)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
