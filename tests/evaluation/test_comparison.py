@@ -7,9 +7,8 @@ from evaluation_systems import Uneven
 
 import wavegym
 from wavegym.core.errors import InputError
-from wavegym.evaluation import Factory, compare, make_task, summarise, world_seeds
+from wavegym.evaluation import Factory, compare, make_task, summarise, world_seeds, worlds
 from wavegym.evaluation import comparison as module
-from wavegym.evaluation import worlds
 from wavegym.evaluation.play import play
 from wavegym.schedulers import Fixed, RandomChoice
 

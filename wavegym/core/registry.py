@@ -29,9 +29,7 @@ class Registry(Generic[Part]):
         check: called with the name and the part of another package; raises an InputError for an unfit part.
     """
 
-    def __init__(
-        self, kind: str, own: Mapping[str, Part], check: Callable[[str, Any], None] = check_callable
-    ) -> None:
+    def __init__(self, kind: str, own: Mapping[str, Part], check: Callable[[str, Any], None] = check_callable) -> None:
         self.kind, self.group = kind, f"wavegym.{kind.replace(' ', '_')}s"
         self.own, self.added = own, dict[str, Part]()
         self._check = check

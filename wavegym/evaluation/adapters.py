@@ -1,18 +1,19 @@
 """Anybody's policy as a ``Policy``: functions, models with ``predict``, folders of training runs, saved models.
 
-    >>> import numpy as np
-    >>> from wavegym.evaluation import as_policy, compare
-    >>> def shortest(observation):  # (env, fields) float32 -> (env,) int
-    ...     return np.zeros(len(observation), np.int64)
-    >>> comparison = compare("KershawEvansPosition-v0", {"shortest": shortest}, worlds=5, jobs=1, horizon=4)
-    >>> comparison.cost("shortest").shape
-    (1, 5)
+>>> import numpy as np
+>>> from wavegym.evaluation import as_policy, compare
+>>> def shortest(observation):  # (env, fields) float32 -> (env,) int
+...     return np.zeros(len(observation), np.int64)
+>>> comparison = compare("KershawEvansPosition-v0", {"shortest": shortest}, worlds=5, jobs=1, horizon=4)
+>>> comparison.cost("shortest").shape
+(1, 5)
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -150,13 +151,15 @@ class _Adapted:
         Raises:
             InputError: the environment's observations, with forecasts or without, do not have ``fields`` elements.
         """
-        own = len(system.observation_fields)
-        self._needs_forecasts = self.fields is not None and self.fields != own
-        self._observer = Observer(system, forecasts=True) if self._needs_forecasts else Observer(system)
-        shown = len(self._observer.observation_fields)
-        if self.fields not in (None, shown):
-            wanted = f"{own}, or {shown} with forecasts"
-            raise InputError(f"policy {self.name!r} takes observations of {self.fields} elements, expected {wanted}")
+        self._observer, own = Observer(system), len(system.observation_fields)
+        self._needs_forecasts = self.fields not in (None, own)
+        if self._needs_forecasts:
+            wanted, given = str(own), f"policy {self.name!r} takes observations of {self.fields} elements"
+            with suppress(InputError):  # a system whose actions have no forecasts
+                self._observer = Observer(system, forecasts=True)
+                wanted = f"{own}, or {len(self._observer.observation_fields)} with forecasts"
+            if self.fields != len(self._observer.observation_fields):
+                raise InputError(f"{given}, expected {wanted}")
         self._space = action_reader(system).space
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
@@ -167,10 +170,10 @@ class _Adapted:
         """
         if observation is None or self._needs_forecasts:
             observation, _ = self._observer(belief)
-        chosen = self.choose(observation, belief, mask)
+        chosen = self.answer(observation, belief, mask)
         return self._checked(chosen, len(observation))
 
-    def choose(self, observation: Array, belief: Any, mask: Array | None) -> Any:
+    def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
         """Actions (env, ...) of observations (env, fields), unchecked."""
         raise NotImplementedError
 
@@ -200,7 +203,7 @@ class FunctionPolicy(_Adapted):
         super().__init__(name)
         self.function = function
 
-    def choose(self, observation: Array, belief: Any, mask: Array | None) -> Any:
+    def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
         """See ``_Adapted``."""
         return self.function(observation)
 
@@ -219,7 +222,7 @@ class PredictPolicy(_Adapted):
 
     def __init__(self, model: Any, name: str = "model") -> None:
         # Of a model only its network travels to other processes: its environment, or replay buffer, would not.
-        network = getattr(model, "policy", None)
+        network: Any = getattr(model, "policy", None)
         self.model: Any = network if hasattr(network, "predict") else model
         shape = getattr(getattr(model, "observation_space", None), "shape", None)
         super().__init__(name, None if shape is None else int(np.prod(shape)))
@@ -233,7 +236,7 @@ class PredictPolicy(_Adapted):
             raise InputError(f"policy {self.name!r} chooses from {trained}, expected {self._space}")
         self._state: Any = None
 
-    def choose(self, observation: Array, belief: Any, mask: Array | None) -> Any:
+    def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
         """See ``_Adapted``."""
         given = {
             "state": self._state,
@@ -241,10 +244,10 @@ class PredictPolicy(_Adapted):
             "deterministic": True,
             "action_masks": mask,
         }
-        answer = self.model.predict(observation, **{key: given[key] for key in given if key in self._taken})
-        if isinstance(answer, tuple):
-            answer, self._state = answer
-        return answer
+        actions = self.model.predict(observation, **{key: given[key] for key in given if key in self._taken})
+        if isinstance(actions, tuple):
+            actions, self._state = actions
+        return actions
 
 
 def _form(space: Any) -> tuple[Any, ...]:

@@ -29,9 +29,8 @@ def saved_agent(name: str, env_id: str) -> Path:
     Raises:
         InputError: there are none; the message says how to train one.
     """
-    folder: Path | None = SAVED / stem(env_id) / name
-    if not folder.is_dir():
-        folder = _packaged(env_id, name)
+    own = SAVED / stem(env_id) / name
+    folder = own if own.is_dir() else _packaged(env_id, name)
     if folder is None:
         environment = stem(env_id)
         wanted = f"the folder of a run (nearest: python train.py {environment}-v0 --algo {name} --out runs/{name})"
@@ -41,10 +40,11 @@ def saved_agent(name: str, env_id: str) -> Path:
 
 def _packaged(env_id: str, name: str) -> Path | None:
     try:
-        from wavegym.policies.pretrained import pretrained_folder
+        from wavegym.policies.pretrained import pretrained_folder  # type: ignore[import-not-found, unused-ignore]
     except ImportError:
         return None
-    return pretrained_folder(env_id, name)
+    folder: Path | None = pretrained_folder(env_id, name)
+    return folder
 
 
 def load_folder(folder: Path, env_id: str, system: System) -> list[Policy]:

@@ -64,7 +64,7 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             have, or one of its ``baselines``, which have parameters of their own and are played by
             ``wavegym.evaluation.compare``.
     """
-    check_not_renamed("policy", name)
+    check_not_renamed("policy", name.partition("@")[0])
     family, _, argument = name.partition(":")
     if family == "fixed":
         return _fixed(name, argument, system)
@@ -87,8 +87,9 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
 
 def is_scheduler(name: str) -> bool:
     """Whether ``name`` is a scheduler's (or was, before it was renamed) rather than, say, a folder's."""
-    family = name.partition(":")[0]
-    return name in SCHEDULERS or name in RENAMED or family in ("fixed", "myopic-margin", *NUMBERED) or _is_planner(name)
+    families = "fixed", "myopic-margin", *NUMBERED
+    is_known = name.partition(":")[0] in families or name.partition("@")[0] in RENAMED
+    return is_known or _is_planner(name) or name in SCHEDULERS
 
 
 def _is_planner(name: str) -> bool:
@@ -162,7 +163,6 @@ def _heuristic(name: str) -> Callable[[System, Any], Policy]:
 def _planner(name: str, system: System, worlds: Any, base: Policy | None) -> Policy:
     """A planner and its base; the planner's name is checked before anything is tuned."""
     planner, at, followed = name.partition("@")
-    check_not_renamed("policy", planner)
     build, record = planner_builder(planner), recorded(system)
     if base is None and at:
         base = make_policy(followed, system, worlds)

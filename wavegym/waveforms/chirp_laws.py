@@ -76,7 +76,6 @@ pulse duration lam.
 """
 
 
-
 def check_law(name: str, law: object) -> None:
     """Raise an InputError unless ``law`` is a FrequencyLaw whose usual shape rises from 0 to 1 and fits its phase."""
     if not isinstance(law, FrequencyLaw):

@@ -55,7 +55,8 @@ class SampledFutures:
     """
 
     def __init__(self, base: Policy, depth: int, count: int) -> None:
-        self.base: Any = base if hasattr(base, "choose") else Observing(base)
+        is_heuristic = hasattr(base, "settle") and hasattr(base, "choose")
+        self.base: Any = base if is_heuristic else Observing(base)
         self.depth, self.count = check_int("depth", depth, 1), check_int("futures", count, 1)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
