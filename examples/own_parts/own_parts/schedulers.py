@@ -1,35 +1,31 @@
-"""A scheduler that looks ahead at every other step only."""
+"""A scheduler that takes the first action whose predicted cost is nearly the least."""
 
 import numpy as np
 
-from wavegym.schedulers import Myopic
 
-
-class EveryOther:
-    """The one-step choice at even steps; at odd steps the last action again.
+class FirstGood:
+    """The first candidate whose predicted cost is within ``slack`` of the least one.
 
     Args:
-        inner: the scheduler of the even steps.
+        slack: share of the least cost; 0 for the one-step scheduler.
     """
 
-    def __init__(self, inner):
-        self.inner = inner
+    def __init__(self, slack=0.05):
+        self.slack = slack
 
     def begin(self, system, num_envs, rng):
         """Called once for a batch of fresh episodes."""
-        self.inner.begin(system, num_envs, rng)
-        self.last = None
+        self.system, self.candidates = system, system.candidates()
 
     def act(self, belief, observation, mask):
-        """Actions (env, ...). ``belief.step`` is (env,) int."""
-        fresh = self.inner.act(belief, observation, mask)
-        if self.last is None:
-            self.last = fresh
-        is_even = (belief.step % 2 == 0).reshape(-1, *(1,) * (fresh.ndim - 1))
-        self.last = np.where(is_even, fresh, self.last)
-        return self.last
+        """Actions (env, ...) of a belief, whose arrays are (env, ...)."""
+        costs = self.system.cost(self.system.predict(belief, self.candidates[None]))  # (env, candidate)
+        if mask is not None:
+            costs = np.where(mask, costs, np.inf)
+        is_good = costs <= (1.0 + self.slack) * costs.min(axis=1, keepdims=True)
+        return self.candidates[is_good.argmax(axis=1)]
 
 
-def every_other(system, tuning_worlds):
-    """The scheduler for a system. It has no constants, so it does not use the worlds for tuning."""
-    return EveryOther(Myopic())
+def first_good(system, tuning_worlds):
+    """The scheduler for a system. Its slack is not tuned, so the worlds for tuning are not used."""
+    return FirstGood()
