@@ -68,7 +68,7 @@ def parser() -> Parser:
 
 
 def parameters(options: Any, env_id: str) -> dict[str, Any]:
-    """The system's parameters that the options ask for. InputError for recorded targets where there can be none."""
+    """The system's parameters in the options. InputError for recorded targets in a system without them."""
     from wavegym.evaluation import make_task
 
     chosen = settings(options.set)

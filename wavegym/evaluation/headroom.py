@@ -1,8 +1,8 @@
-"""How much is there to gain: ``python -m wavegym.evaluation.headroom ID ... --out FOLDER`` plays environments' ladders.
+"""Headroom of planning: ``python -m wavegym.evaluation.headroom ID ... --out FOLDER`` plays ladders of policies.
 
-The ladder goes from random choice over everything that is tuned once and played blindly, the rules that look at the
-belief and the one-step scheduler, to planners that simulate futures. All meet the same test worlds; whatever was tuned
-was tuned on others. Costs are compared in pairs, against the best of the simple rules.
+The ladder goes from random choice over tuned constants and cycles, heuristics that read the belief and the one-step
+scheduler to planners that simulate futures. All meet the same test worlds; constants are tuned on other worlds. Costs
+are compared in pairs, against the best heuristic.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ LADDER = (
     "best-planner",
 )
 WORLDS = 200
-LONGEST = 100  # steps of which a plan is made at once
+LONGEST = 100  # greatest horizon for plan-once
 
 
 def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True) -> Comparison:
@@ -68,7 +68,7 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
     for name in LADDER:
         if (name == SIMPLE and simple in policies) or (name == "plan-once" and system.horizon > LONGEST):
             continue
-        with suppress(InputError, NotImplementedError):  # a rule that this system cannot have
+        with suppress(InputError, NotImplementedError):  # a policy that this system cannot have
             policies[name] = _made(name, system, tuning)
     comparison = compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress)
     if SIMPLE in comparison.played:
@@ -83,7 +83,7 @@ def _made(name: str, system: System, tuning: Any) -> Any:
 
 
 def figures(comparison: Comparison) -> dict[str, Any]:
-    """What the page needs of a comparison, as JSON has it."""
+    """The figures of a comparison for the page, as plain types."""
     system = comparison.task.system
     rows = {}
     for name in comparison.played:

@@ -1,4 +1,4 @@
-"""Futures of a belief under plans and a base policy, with sampled outcomes that all plans share."""
+"""Sampled futures of a belief under plans and a base policy; all plans meet the same outcomes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.rollout import allowed
 
-ROWS = 16_384  # beliefs followed at a time: they stay in the cache
+ROWS = 16_384  # beliefs simulated at a time: they fit the processor's cache
 
 
 class Observing(Heuristic):
@@ -36,7 +36,7 @@ class Observing(Heuristic):
 
     def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
         """See ``Heuristic``."""
-        return self.policy.act(belief, self._observer(belief)[0], mask)
+        return np.array(self.policy.act(belief, self._observer(belief)[0], mask))  # a planner may write to it
 
 
 class SampledFutures:
@@ -48,7 +48,7 @@ class SampledFutures:
             the observation of each belief. ``leftover(belief, settled)``, (env,), of a base that has it is added to the
             cost at the end of a truncated future: minus the value of the resources left.
         depth: steps of a future, fewer where the episode ends.
-        count: sampled futures; 1 where nothing is left to chance.
+        count: number of futures; a single one where no outcome is random.
 
     Raises:
         InputError: no step, no future.
@@ -67,7 +67,7 @@ class SampledFutures:
         self._has_leftover = hasattr(self.base, "leftover")
 
     def draw(self, envs: int, count: int | None = None) -> Array | None:
-        """Outcomes of every step, (depth, env, future, *chances) uniform; None where nothing is left to chance."""
+        """Uniform draws (depth, env, future, *outcome_shape) of all outcomes; None where no outcome is random."""
         if self.is_certain:
             return None
         return self._rng.random((self.depth, envs, count or self.count, *self.system.outcome_shape))
@@ -79,8 +79,8 @@ class SampledFutures:
             belief: beliefs, axis 0 = environment.
             plans: first actions, (env, plan, steps, ...); None: the base policy alone, as one plan. Indices below 0, or
                 masked where the system is strict, leave the choice to the base.
-            settled: what the base has settled at these beliefs.
-            draws: as of ``draw``; None: the expected recursion, one future.
+            settled: result of the base's ``settle`` at these beliefs.
+            draws: of ``draw``; None: the expected recursion, one future.
 
         Returns:
             (env, plan, future).
@@ -100,9 +100,9 @@ class SampledFutures:
         return np.concatenate(parts)
 
     def nominal(self, belief: Any, plan: Array | None, settled: Array | None) -> Array:
-        """Actions (env, depth, ...) of the plan (env, steps, ...) and then the base, in the expected recursion.
+        """Actions (env, depth, ...) in the expected recursion: of the plan (env, steps, ...), then of the base.
 
-        Where an episode is over, the last action is repeated.
+        After the end of an episode its last action is repeated.
         """
         here, actions = belief, []
         for t in range(self.depth):
@@ -154,7 +154,7 @@ class SampledFutures:
 
 
 def possible(wanted: Array, otherwise: Array, mask: Array | None) -> Array:
-    """``wanted`` where that is an index and allowed."""
+    """``wanted`` where it is an allowed index, else ``otherwise``."""
     if wanted.ndim > 1:
         return wanted
     can = wanted >= 0
@@ -164,12 +164,12 @@ def possible(wanted: Array, otherwise: Array, mask: Array | None) -> Array:
 
 
 def significant(costs: Array, base: Array, errors: float) -> Array:
-    """Which plan to take, (env,): -1 for the base, unless a plan's paired gain is beyond doubt.
+    """The plan to take, (env,): -1 for the base, unless a plan's paired gain is significant.
 
-    That plan is taken whose gain, less ``errors`` standard errors, is greatest and above 0.
+    The plan with the greatest gain less ``errors`` standard errors is taken, if that difference is above 0.
 
     Args:
-        costs: of each plan in each future, (env, plan, future), infinite for what is not allowed.
+        costs: of each plan in each future, (env, plan, future); infinite for a plan that is not allowed.
         base: of the base in the same futures, (env, 1, future).
         errors: standard errors of the mean paired gain.
     """
