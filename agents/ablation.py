@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import tabulated
-from wavegym.policies.runs import load_policy
 from wavegym.schedulers.tuned_constants import SIMPLE
 
 FOLDER = ROOT / "results" / "ablation"
@@ -37,7 +35,7 @@ def play(name: str, experiment: Experiment, jobs: int) -> None:
     train_missing(name, experiment, jobs)
     policies: dict[str, Any] = {SIMPLE: None}
     for learner in experiment.learners:
-        policies[learner] = partial(load_policy, run_folder(name, learner), experiment.env)
+        policies[learner] = run_folder(name, learner)
     comparison = compare(experiment.env, policies, worlds=WORLDS, jobs=jobs, **experiment.parameters())
     write_whole(FOLDER, {f"{name}.csv": episodes(comparison).encode()})
 

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from agents.leaderboard import PAGE, ROOT, Account, environment_of
-from wavegym.cli.evaluate import LEARNERS, SAVED
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
 from wavegym.evaluation import blocks, compare, full_id, make_task
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
@@ -54,9 +54,9 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
             agents[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
     found: dict[str, Any] = {}
     for shift, parameters in shifts.items():
-        accounts = _accounts(env_id, SIMPLE, lambda _: heuristic, parameters, jobs)
+        accounts = _accounts(env_id, SIMPLE, heuristic, parameters, jobs)
         for algo, (own, runs) in agents.items():
-            accounts[algo] = _accounts(env_id, algo, lambda _, runs=runs: runs, {**own, **parameters}, jobs)[algo]
+            accounts[algo] = _accounts(env_id, algo, runs, {**own, **parameters}, jobs)[algo]
         found[shift] = _against_simple(accounts)
     return found
 

@@ -11,7 +11,6 @@ import shutil
 import sys
 import tomllib
 from dataclasses import field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -121,14 +120,12 @@ def run_folder(experiment: str, learner: str) -> Path:
 
 def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
     """Train and compare one experiment; returns its table."""
-    from wavegym.policies.runs import load_policy
-
     experiment = experiments[name]
     train_missing(name, experiment, jobs)
     policies: dict[str, Any] = dict.fromkeys(experiment.policies)
     for source in filter(None, (name, experiment.trained_in)):
         for learner in experiments[source].learners:
-            policies[learner] = partial(load_policy, run_folder(source, learner), experiment.env)
+            policies[learner] = run_folder(source, learner)
     comparison = compare(experiment.env, policies, worlds=experiment.worlds, jobs=jobs, **experiment.parameters())
     table = write_report(comparison, FOLDER / name)
     shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")

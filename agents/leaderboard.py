@@ -12,14 +12,12 @@ import csv
 import json
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from agents.timing import ALONE, decisions_us
-from wavegym.cli.evaluate import LEARNERS, SAVED, stem
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
@@ -27,6 +25,7 @@ from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
+from wavegym.evaluation.saved import LEARNERS, SAVED, stem
 from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.evaluation.worlds import word
 from wavegym.policies.records import read_run
@@ -62,7 +61,7 @@ def play(env_id: str, jobs: int) -> None:
     files = {}
     for algo, folder in saved(env_id).items():
         settings = environment_of(folder)
-        comparison = compare(env_id, {algo: partial(load_policy, folder, env_id)}, worlds=WORLDS, jobs=jobs, **settings)
+        comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, **settings)
         files[f"{stem(env_id)}-{algo}.csv"] = episodes(comparison).encode()
     write_whole(LEADERBOARD, files)
 

@@ -23,7 +23,17 @@ from wavegym.core.version import VERSION
 from wavegym.registration import list_envs, register, register_suite
 
 __version__ = VERSION
-__all__ = ["InputError", "InputWarning", "describe", "list_envs", "load_agent", "register"]
+__all__ = [
+    "InputError",
+    "InputWarning",
+    "describe",
+    "list_envs",
+    "load_agent",
+    "register",
+    "register_chirp_law",
+    "register_reward",
+    "register_scheduler",
+]
 
 register_suite()
 
@@ -56,3 +66,50 @@ def load_agent(id: str, /, algo: str, **parameters: Any) -> Policy:
 
     task = make_task(id, parameters)
     return load_pretrained(task.env_id, algo, task.system)
+
+
+def register_scheduler(name: str, make: Any) -> None:
+    """Register a scheduler: ``--policies name`` and ``compare(id, {"name": None})`` then find it.
+
+    Args:
+        name: letters, digits, '-', '_' and '.'.
+        make: ``make(system, tuning_worlds)`` returns a Policy. The worlds are tapes, axis 0 = world, on which constants
+            may be tuned; none of them is a test world.
+
+    Raises:
+        InputError: the name is taken or has other characters, or ``make`` is not callable.
+    """
+    from wavegym.schedulers.registry import SCHEDULERS
+
+    SCHEDULERS.register(name, make)
+
+
+def register_reward(name: str, make: Any) -> None:
+    """Register a reward: ``gym.make(id, reward=name)`` and ``--set reward=name`` in training then find it.
+
+    Args:
+        name: letters, digits, '-', '_' and '.'.
+        make: ``make()`` returns a ``wavegym.envs.rewards.Reward``; a class of rewards without arguments is one.
+
+    Raises:
+        InputError: the name is taken or has other characters, or ``make`` is not callable.
+    """
+    from wavegym.envs.rewards import REWARDS
+
+    REWARDS.register(name, make)
+
+
+def register_chirp_law(name: str, law: Any) -> None:
+    """Register a frequency law of chirps: the parameter ``laws=(name,)`` of systems with chirps then finds it.
+
+    Args:
+        name: letters, digits, '-', '_' and '.'.
+        law: a ``wavegym.waveforms.FrequencyLaw``.
+
+    Raises:
+        InputError: the name is taken or has other characters, or the law does not rise from 0 to 1, or its phase is
+            not the integral of its frequency.
+    """
+    from wavegym.waveforms.chirp_laws import CHIRP_LAWS
+
+    CHIRP_LAWS.register(name, law)

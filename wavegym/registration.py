@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import gymnasium as gym
+
+from wavegym.core.errors import InputError
 
 SYSTEMS = {
     "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans.system:KershawEvans",
@@ -22,17 +25,25 @@ SYSTEMS = {
     "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
 }
 
+SHELL = ("reward", "forecasts", "render_mode", "autoreset_mode")  # settings of an environment, not of its system
+PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+
 
 def register(id: str, system: Any, *, max_episode_steps: int | None = None, **parameters: Any) -> None:
-    """Register an environment of your own: ``gym.make(id)`` and ``gym.make_vec(id, num_envs=...)`` then find it.
+    """Register an environment: ``gym.make(id)`` and ``gym.make_vec(id, num_envs=...)`` then find it.
 
     Args:
         id: as Gymnasium's, ``"namespace/Name-v0"``.
-        system: a System class, or ``"package.module:Class"`` (keeps your package's import light, and the
-            specification serialisable).
+        system: a System class or object, or ``"package.module:Class"``, which is imported by ``gym.make`` only and
+            keeps the specification serialisable.
         max_episode_steps: truncate here unless ``make`` or ``make_vec`` is told otherwise.
         **parameters: parameters of the system, or settings of the environment, other than the defaults.
+
+    Raises:
+        InputError: ``system`` is none of these, or an unknown parameter (nearest named) or one out of range. The
+            parameters of a ``"package.module:Class"`` are checked by ``gym.make``.
     """
+    _check_system(system, {name: value for name, value in parameters.items() if name not in SHELL})
     gym.register(
         id,
         entry_point="wavegym.envs.single:WaveformEnv",
@@ -40,6 +51,25 @@ def register(id: str, system: Any, *, max_episode_steps: int | None = None, **pa
         max_episode_steps=max_episode_steps,
         kwargs={"system": system, **parameters},
     )
+
+
+def _check_system(system: Any, parameters: dict[str, Any]) -> None:
+    """Raise an InputError for what ``gym.make`` could not build."""
+    if isinstance(system, str):
+        if not PATH.fullmatch(system):
+            raise InputError(f"system is {system!r}, expected 'package.module:Class'")
+        return
+    # NumPy and pydantic, which ``import wavegym`` does without.
+    from wavegym.core.parameters import make_checked
+    from wavegym.core.system import System
+
+    if isinstance(system, System):
+        if parameters:
+            raise InputError(f"parameters {sorted(parameters)} were given beside a finished system, expected its class")
+    elif isinstance(system, type) and issubclass(system, System):
+        make_checked(system, parameters, beside=SHELL)
+    else:
+        raise InputError(f"system is {system!r}, expected a System, its class, or 'package.module:Class'")
 
 
 def register_suite() -> None:

@@ -11,9 +11,9 @@ from runs_for_tests import ID
 
 from agents import leaderboard as leaderboard
 from agents import timing
-from wavegym.cli import evaluate as command
 from wavegym.core.errors import InputError
-from wavegym.evaluation import compare, make_task
+from wavegym.evaluation import compare, make_task, saved
+from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.worlds import world_seeds
@@ -33,7 +33,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     """Small runs in the places of the saved ones, and a ladder of four worlds."""
     for algo in ("ppo", "dqn"):
         shutil.copytree(unbroken[algo], tmp_path / "runs" / "KershawEvansPosition" / algo / "seed1")
-    for module in (leaderboard, command):
+    for module in (leaderboard, saved):
         monkeypatch.setattr(module, "SAVED", tmp_path / "runs")
     for name, folder in {"HEADROOM": "headroom", "LEADERBOARD": "leaderboard"}.items():
         (tmp_path / folder).mkdir()
@@ -116,20 +116,18 @@ def test_a_missing_ladder_is_named(folders: Path) -> None:
 
 @pytest.mark.parametrize("env_id", SYSTEMS)
 def test_every_saved_agent_can_be_played(env_id: str) -> None:
-    folders = [command.SAVED / command.stem(env_id) / algo for algo in command.LEARNERS]
+    folders = [saved.SAVED / saved.stem(env_id) / algo for algo in saved.LEARNERS]
     for folder in filter(Path.is_dir, folders):
         task = make_task(env_id, leaderboard.environment_of(folder))
-        for policy in command.load_trained(folder, env_id, task.system):
+        for policy in as_policies(folder, task, folder.name):
             assert np.isfinite(play(task, policy, world_seeds(0, "tune", 1)).episode_cost()).all()
 
 
 def test_an_agent_that_is_not_there_is_named_with_the_way_to_have_it() -> None:
     with pytest.raises(InputError, match=r"none is saved for wavegym/None-v0, .*wavegym train None-v0 --algo ppo"):
-        command.saved("ppo", "wavegym/None-v0")
+        saved.saved_agent("ppo", "wavegym/None-v0")
 
 
 def test_saved_agents_are_played_by_name(folders: Path) -> None:
-    named = command.policies("ppo, dqn,myopic", ID)
-    assert list(named) == ["ppo", "dqn", "myopic"]
-    (policy,) = named["ppo"](make_task(ID, {"horizon": 7}).system)
+    (policy,) = as_policies("ppo", make_task(ID, {"horizon": 7}), "ppo")
     assert policy.network.kind == "mlp"

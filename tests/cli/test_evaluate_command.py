@@ -48,6 +48,14 @@ def test_a_comparison_is_written_and_its_table_printed(tmp_path, capsys, env_id)
     [
         (["KershawEvansPosition-v1"], "did you mean 'wavegym/KershawEvansPosition-v0'"),
         (["KershawEvans-v0", "--policies", "myopik"], "did you mean 'myopic'"),
+        (["KershawEvans-v0", "--policies", "priced"], "policy is 'priced', which is called 'lagrangian-price' now"),
+        (
+            ["KershawEvans-v0", "--policies", "rollout:2@paced"],
+            "policy is 'paced', which is called 'constant-pace' now",
+        ),
+        (["KershawEvans-v0", "--policies", "m.zip"], "loading it runs code of the file, expected --trust"),
+        (["KershawEvans-v0", "--import", "no_such_one"], "package is 'no_such_one', expected an importable one"),
+        (["KershawEvans-v0", "--set", "trust=True"], "expected --trust"),
         (["KershawEvans-v0", "--policies", "fixed:two"], "nearest: 'fixed:2'"),
         (["KershawEvans-v0", "--policies", ","], "expected at least one name"),
         (["KershawEvans-v0", "--policies", "no/such/run"], "no/such/run"),
@@ -125,3 +133,31 @@ def test_folders_are_trained_runs(tmp_path, monkeypatch, trained):
 def test_two_runs_of_one_name_are_refused(tmp_path, capsys, trained):
     assert run(tmp_path, "KershawEvans-v0", "--policies", "a/ppo-1,b/ppo-1") == 2
     assert "two policies are called 'ppo-1'" in capsys.readouterr().err
+
+
+def test_a_planner_follows_a_folder(tmp_path, trained):
+    (tmp_path / "ppo-3-4").mkdir()
+    name = f"rollout:2@{tmp_path / 'ppo-3-4'}"
+    assert run(tmp_path / "out", "KershawEvansPosition-v0", "--policies", f"{name},fixed:3") == 0
+    assert list(policies(tmp_path / "out")) == ["myopic", name, "fixed:3"]
+    assert {call[0].name for call in trained} == {"ppo-3-4"}
+
+
+def test_code_needs_trust(tmp_path, monkeypatch, capsys):
+    (tmp_path / "their_code.py").write_text("from wavegym.schedulers import Fixed\nmake = lambda system: Fixed(3)\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    given = ["KershawEvansPosition-v0", "--policies", "their_code:make,fixed:3"]
+    assert run(tmp_path / "out", *given) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: policy is 'their_code:make'; loading it runs code of the module their_code")
+    assert "their_code" not in sys.modules
+    assert run(tmp_path / "out", *given, "--trust") == 0
+    played = policies(tmp_path / "out")
+    assert played["their_code:make"]["cost"] == played["fixed:3"]["cost"]
+    sys.modules.pop("their_code")
+
+
+def test_an_archive_is_called_by_its_stem(tmp_path, capsys):
+    given = ["KershawEvansPosition-v0", "--policies", "runs/mine.zip,mine.zip"]
+    assert run(tmp_path, *given, "--trust") == 2
+    assert "two policies are called 'mine'" in capsys.readouterr().err

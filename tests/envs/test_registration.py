@@ -6,6 +6,7 @@ import pytest
 
 import wavegym
 from wavegym.core.errors import InputError
+from wavegym.systems.kershaw_evans.system import KershawEvans
 
 ID = "tests/CutOff-v0"
 
@@ -42,3 +43,32 @@ def test_a_registered_time_limit_holds_until_it_is_overridden(override, want):
 def test_a_time_limit_of_no_steps_is_refused():
     with pytest.raises(InputError, match="max_episode_steps is 0, expected an integer >= 1"):
         gym.make_vec("wavegym/KershawEvansPosition-v0", max_episode_steps=0)
+
+
+@pytest.mark.parametrize(
+    ("system", "parameters", "words"),
+    [
+        ("no_class_here", {}, "system is 'no_class_here', expected 'package.module:Class'"),
+        ("package.module.Class", {}, "expected 'package.module:Class'"),
+        (3, {}, "system is 3, expected a System, its class, or 'package.module:Class'"),
+        (dict, {}, "system is <class 'dict'>, expected a System"),
+        (KershawEvans, {"horizn": 5}, "setting 'horizn' is unknown to KershawEvans; did you mean 'horizon'"),
+        (KershawEvans, {"rewrd": "trace"}, "setting 'rewrd' is unknown to KershawEvans; did you mean 'reward'"),
+        (KershawEvans, {"horizon": 0}, "horizon is 0, expected an integer >= 1"),
+        (KershawEvans(), {"horizon": 5}, r"parameters \['horizon'\] were given beside a finished system"),
+    ],
+)
+def test_what_cannot_be_made_is_not_registered(system, parameters, words):
+    with pytest.raises(InputError, match=words) as caught:
+        wavegym.register("tests/Wrong-v0", system, **parameters)
+    assert "\n" not in str(caught.value)
+    assert "tests/Wrong-v0" not in gym.registry
+
+
+def test_a_string_is_not_imported_when_it_is_registered():
+    wavegym.register("tests/Later-v0", "no_such_package.module:Class", reward="log-trace", anything=3)
+    try:
+        with pytest.raises(InputError, match=r"'no_such_package\.module:Class', which cannot be loaded"):
+            gym.make("tests/Later-v0")
+    finally:
+        del gym.registry["tests/Later-v0"]

@@ -7,7 +7,7 @@ from evaluation_systems import Uneven
 
 import wavegym
 from wavegym.core.errors import InputError
-from wavegym.evaluation import compare, make_task, summarise, world_seeds
+from wavegym.evaluation import Factory, compare, make_task, summarise, world_seeds, worlds
 from wavegym.evaluation import comparison as module
 from wavegym.evaluation.play import play
 from wavegym.schedulers import Fixed, RandomChoice
@@ -29,7 +29,7 @@ def same(one, other):
 
 @pytest.mark.parametrize("env_id", ["tests/Uneven-v0", POSITION])
 def test_the_number_of_jobs_changes_no_number(env_id):
-    policies = {"random": None, "lookahead:2": None, "pair": lambda system: [Fixed(0), RandomChoice()]}
+    policies = {"random": None, "lookahead:2": None, "pair": [Fixed(0), RandomChoice()]}
     one, two = (compare(env_id, policies, worlds=120, jobs=jobs, progress=False, **SMALL) for jobs in (1, 2))
     same(numbers(one), numbers(two))
     without_clock = [summarise(c) for c in (one, two)]
@@ -56,17 +56,17 @@ def test_every_world_is_the_one_its_seed_draws_however_the_work_is_cut():
 
 def test_nothing_is_tuned_on_the_worlds_of_the_test(monkeypatch):
     drawn = []
-    draw = module.draw_worlds
-    monkeypatch.setattr(module, "draw_worlds", lambda system, seeds: drawn.extend(seeds) or draw(system, seeds))
+    draw = worlds.draw_worlds
+    monkeypatch.setattr(worlds, "draw_worlds", lambda system, seeds: drawn.extend(seeds) or draw(system, seeds))
     comparison = compare("tests/Uneven-v0", {"best-fixed": None}, worlds=30, jobs=1)
-    assert len(drawn) == module.tuning_worlds(comparison.task.system)
+    assert len(drawn) == worlds.tuning_worlds(comparison.task.system)
     assert not set(drawn) & set(comparison.seeds)
     np.testing.assert_array_equal(comparison.cost("best-fixed"), comparison.cost("myopic"))  # both transmit gain 1
 
 
 def test_long_episodes_are_tuned_on_fewer_worlds():
     counts = [
-        module.tuning_worlds(make_task(POSITION, {"horizon": steps}).system) for steps in (50, 100, 200, 1000, 9999)
+        worlds.tuning_worlds(make_task(POSITION, {"horizon": steps}).system) for steps in (50, 100, 200, 1000, 9999)
     ]
     assert counts == [200, 200, 100, 20, 20]
 
@@ -111,7 +111,7 @@ class Counting(Fixed):
     [
         ({"env_id": "KershawEvansPositon-v0"}, "did you mean 'wavegym/KershawEvansPosition-v0'"),
         (
-            {"policies": {"first": lambda system: Counting(0), "myopc": None}},
+            {"policies": {"first": Counting(0), "myopc": None}},
             "policy is 'myopc'.*did you mean 'myopic'",
         ),
         ({"policies": {"fixed:400": None}}, r"fixed:400 is no constant action.*nearest: 55"),
@@ -147,7 +147,7 @@ def test_kernels_are_compiled_before_other_processes_start(monkeypatch):
     Counting.begun.clear()
     monkeypatch.setattr(module, "_Visible", work)
     with pytest.raises(Stop):
-        compare(POSITION, {"own": lambda system: Counting(0)}, worlds=2, jobs=2, **SMALL)
+        compare(POSITION, {"own": Counting(0)}, worlds=2, jobs=2, **SMALL)
     assert Counting.begun == [1]  # the baseline's name comes first, then this one's single step on one world
 
 
@@ -156,10 +156,10 @@ def test_a_system_without_candidates_is_told_apart_from_a_bug():
         raise NotImplementedError
 
     with pytest.raises(InputError, match="policy 'greedy' cannot play tests/Uneven-v0"):
-        compare("tests/Uneven-v0", {"greedy": needs_more}, worlds=2, jobs=1)
+        compare("tests/Uneven-v0", {"greedy": Factory(needs_more)}, worlds=2, jobs=1)
 
 
 def test_a_foreign_package_is_imported_for_its_id():
-    with pytest.raises(InputError, match="expected an importable package before ':'"):
+    with pytest.raises(InputError, match="package is 'no_such_package', expected an importable one"):
         make_task("no_such_package:Some/Env-v0", {})
     assert make_task("wavegym.envs:wavegym/KershawEvans-v0", {}).env_id == "wavegym/KershawEvans-v0"

@@ -28,9 +28,9 @@ def delay_environment():
 
 def test_planners_play_the_same_whatever_the_number_of_jobs():
     policies = {
-        "rollout": lambda system: RolloutPlanner(AwareGreedy(), 4, futures=8),
-        "receding-horizon": lambda system: RecedingHorizon(AwareGreedy(), 4, rounds=1, first=2, futures=8),
-        "mcts": lambda system: MonteCarloTree(AwareGreedy(), 4, 3, futures=8),
+        "rollout": RolloutPlanner(AwareGreedy(), 4, futures=8),
+        "receding-horizon": RecedingHorizon(AwareGreedy(), 4, rounds=1, first=2, futures=8),
+        "mcts": MonteCarloTree(AwareGreedy(), 4, 3, futures=8),
     }
     one, two = (compare(DELAY, policies, worlds=60, jobs=jobs, progress=False) for jobs in (1, 2))
     for name in policies:
@@ -97,7 +97,7 @@ def test_the_ladder_holds_what_the_system_admits(monkeypatch, tmp_path, capsys):
 def headroom_made(name, system):
     """Without tuning, which is tested elsewhere."""
     if name == "rollout:2":
-        return lambda system: RolloutPlanner(AwareGreedy(), 2, futures=4)
+        return RolloutPlanner(AwareGreedy(), 2, futures=4)
     if name == "myopic-information":
         raise InputError("no information here")
     return None

@@ -16,6 +16,7 @@ from wavegym.evaluation import compare, write_report
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.page import page
 from wavegym.evaluation.summary import summarise
+from wavegym.evaluation.table import HEADERS
 from wavegym.schedulers import Fixed, RandomChoice
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -24,7 +25,7 @@ FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-ne
 
 @pytest.fixture(scope="module")
 def comparison() -> Comparison:
-    policies = {"a </script><b>": lambda system: Fixed(2), "chance": lambda system: [RandomChoice(), RandomChoice()]}
+    policies = {"a </script><b>": Fixed(2), "chance": [RandomChoice(), RandomChoice()]}
     return compare("wavegym/SectorSetup-v0", policies, worlds=7, jobs=1, progress=False)
 
 
@@ -90,6 +91,8 @@ def test_a_browser_draws_it(env_id: str, tmp_path: Path) -> None:
     assert text.count('class="cell"') == 2 * sensors * steps
     assert ('id="choices-card"' in text) == bool(sensors)
     assert "NaN" not in text
+    assert "<th>mean vs myopic %</th>" in text
+    assert "<th>geometric vs myopic %</th>" in text
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
@@ -98,3 +101,12 @@ def test_names_are_text_not_markup(comparison: Comparison, tmp_path: Path) -> No
     text = drawn(tmp_path / "report.html", tmp_path / "profile")
     assert 'data-drawn="yes"' in text
     assert "a &lt;/script&gt;&lt;b&gt;</td>" in text
+
+
+def test_columns_are_called_as_in_the_table_and_the_table_scrolls(comparison: Comparison) -> None:
+    text = page(comparison, summarise(comparison)).decode()
+    for heading in ("mean vs myopic %", "geometric vs myopic %"):
+        assert heading in HEADERS
+        assert f"`{heading.replace('myopic', '${data.baseline}')}`" in text
+    assert '<div class="wide"><table id="table">' in text
+    assert ".wide { overflow-x: auto; }" in text

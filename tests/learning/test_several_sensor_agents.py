@@ -47,7 +47,7 @@ def test_an_agent_of_each_form_is_trained_loaded_and_compared(algo: str, form: s
     observation, _ = env.reset(seed=0)
     policy.begin(system, 5, np.random.default_rng(0))
     env.step(policy.act(env.belief, observation, None))
-    comparison = compare(ID, {"agent": lambda system: load_policy(folder, ID, system)}, worlds=4, jobs=1, action=form)
+    comparison = compare(ID, {"agent": folder}, worlds=4, jobs=1, action=form)
     assert np.isfinite(comparison.cost("agent")).all()
 
 

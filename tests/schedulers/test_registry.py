@@ -7,13 +7,16 @@ import oracles
 import pytest
 from rf_eo_scenes import scene
 
+import wavegym
 from wavegym.core.errors import InputError
 from wavegym.core.system import State, System
 from wavegym.envs import WaveformVectorEnv
+from wavegym.envs.rewards import make_reward
 from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Continuous, Cycle, Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
+from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.myopic import OBJECTIVES
-from wavegym.schedulers.registry import FORMS, is_scheduler, make_policy
+from wavegym.schedulers.registry import FORMS, RENAMED, SCHEDULERS, is_scheduler, make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition, World
 
 SYSTEM = KershawEvans(horizon=3)
@@ -181,3 +184,46 @@ def test_folders_are_no_schedulers():
 def test_a_name_that_only_the_box_has_is_told_so():
     with pytest.raises(InputError, match=r"'fixed:proposed', which is a point of the box, expected .*action='box'"):
         make_policy("fixed:proposed", scene(action="library"), None)
+
+
+@pytest.mark.parametrize(("old", "new"), RENAMED.items())
+def test_a_name_of_yesterday_is_answered_with_todays(old, new):
+    for name in (old, f"{old}@myopic", f"rollout:2@{old}"):
+        if name == f"{old}@myopic" and old != "replan":
+            continue
+        with pytest.raises(InputError, match=f"^policy is '{old}', which is called '{new}' now$"):
+            make_policy(name, SYSTEM, WORLDS)
+    assert is_scheduler(old)
+    assert is_scheduler(new)
+    if new in HEURISTICS:
+        with pytest.raises(InputError, match=f"^reference policy is '{old}', which is called '{new}' now$"):
+            make_reward(f"relative:{old}")
+
+
+def test_a_scheduler_of_another_package_is_made_by_its_name(monkeypatch):
+    monkeypatch.setattr(SCHEDULERS, "added", {})
+    wavegym.register_scheduler("third", lambda system, worlds: Fixed(3))
+    wavegym.register_scheduler("worlds", lambda system, worlds: worlds)
+    assert is_scheduler("third")
+    assert make_policy("third", SYSTEM, WORLDS).constant == 3
+    assert make_policy("rollout:2@third", SYSTEM, WORLDS).futures.base.policy.constant == 3
+    with pytest.raises(InputError, match=r"policy is 'thirt', expected one of .*did you mean 'third'"):
+        make_policy("thirt", SYSTEM, WORLDS)
+    with pytest.raises(InputError, match=r"scheduler 'worlds' made .*, expected a Policy with begin and act"):
+        make_policy("worlds", SYSTEM, None)
+    with pytest.raises(InputError, match="scheduler 'myopic' is registered already"):
+        wavegym.register_scheduler("myopic", lambda system, worlds: Fixed(3))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("rollout:2@", "policy is '', expected one of"),
+        ("rollout:2@myopc", "policy is 'myopc', .*did you mean 'myopic'"),
+        ("rollout@myopic", "policy is 'rollout', expected rollout: and an integer"),
+        ("myopic@random", "policy is 'myopic@random', expected one of"),
+    ],
+)
+def test_a_planner_on_a_base_that_is_none_is_refused(name, words):
+    with pytest.raises(InputError, match=words):
+        make_policy(name, SYSTEM, WORLDS)

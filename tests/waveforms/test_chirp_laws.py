@@ -128,7 +128,10 @@ def test_laws_are_written_as_kind_and_shape(text, law, name):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: parse_law("hfn"), "kind is 'hfn', expected one of 'lfm', 'pfm', 'hfm', 'efm'; did you mean 'hfm'?"),
+        (
+            lambda: parse_law("hfn"),
+            "law is 'hfn', expected one of 'lfm', 'pfm', 'hfm', 'efm'; did you mean 'hfm'?",
+        ),
         (lambda: parse_law(3), "law is 3, expected a string such as 'hfm' or 'pfm:2.5'"),
         (lambda: parse_law("pfm:x"), "shape in 'pfm:x' is 'x', expected a number, as in 'pfm:3'"),
         (lambda: parse_law("lfm:"), "shape in 'lfm:' is '', expected a number, as in 'lfm'"),

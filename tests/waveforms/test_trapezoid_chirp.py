@@ -243,7 +243,7 @@ def test_a_library_varies_the_direction_fastest_and_the_kind_slowest():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: chirp_of("xfm"), "kind is 'xfm', expected one of 'lfm', 'pfm', 'hfm', 'efm'; did you mean"),
+        (lambda: chirp_of("xfm"), "chirp law is 'xfm', expected one of 'lfm', 'pfm', 'hfm', 'efm'; did you mean"),
         (
             lambda: chirp_of("lfm", direction="dwn"),
             "direction is 'dwn', expected one of 'up', 'down'; did you mean 'down'?",
@@ -259,7 +259,7 @@ def test_a_library_varies_the_direction_fastest_and_the_kind_slowest():
         (lambda: chirp_of("lfm").measurement_covariance(CARRIER, 0.0), "snr is 0.0, expected a finite number > 0"),
         (lambda: chirp_of("lfm").measurement_covariance(-1.0, 1.0), "carrier_hz is -1.0 Hz"),
         (lambda: chirp_of("lfm").measurement_covariance(15e6, 1.0), "15000000.0 Hz, expected less than the carrier"),
-        (lambda: trapezoid_chirp_library(["lfn"], [1e-4], [1e6]), "kind is 'lfn'"),
+        (lambda: trapezoid_chirp_library(["lfn"], [1e-4], [1e6]), "chirp law is 'lfn'"),
         (lambda: trapezoid_chirp_library(["pfm", "pfm:3"], [1e-4], [1e6]), "holds 'PFM3 up 100 us 1 MHz' 2 times"),
         (lambda: trapezoid_chirp_library(["lfm"], [1e-4], [0.0]), "holds 'unmodulated trapezoid 100 us' 2 times"),
         (lambda: trapezoid_chirp_library([], [1e-4], [1e6]), "library is empty"),

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError
+from wavegym.core.registry import import_package
 
 POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,
 myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:closed-form,
 myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action=box), myopic-information,
-myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; rules whose constants are
-tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, hold-until-detected, lagrangian-price, adaptive-lagrangian-price, constant-pace,
-best-simple (the best of them); planners that simulate futures: rollout:H, tree:H, beam:W, mcts:N, receding-horizon, plan-once,
-best-planner; a whole loop that the system names, such as open-loop of Urban; ppo and dqn, the trained agents that come
-with the environment; or the folder of a trained run (or of several runs, one for each seed)"""
-SAVED = Path(__file__).parents[2] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.experiment makes them
-LEARNERS = ("ppo", "dqn")
+myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; heuristics whose constants
+are tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, hold-until-detected, lagrangian-price,
+adaptive-lagrangian-price, constant-pace, best-simple (the best of them); planners that simulate futures: rollout:H,
+tree:H, beam:W, mcts:N, receding-horizon, plan-once, best-planner; a planner that improves on another policy:
+rollout:H@POLICY; a baseline that the system names, such as open-loop of Urban; a scheduler registered by a package; ppo
+and dqn, the trained agents that come with the environment; the folder of a trained run (or of several runs, one for
+each seed); with --trust, a model saved by Stable-Baselines3 (FILE.zip) or package.module:factory"""
 
 RECORDED = "KershawEvansPosition-v0"
 
@@ -31,6 +30,7 @@ COMPARISON = {
     "worlds": "--worlds N",
     "root": "--seed S",
     "jobs": "--jobs J",
+    "trust": "--trust",
     "progress": "none: the bar shows on a terminal only",
 }
 
@@ -53,6 +53,17 @@ def parser() -> Parser:
         nargs="+",
         metavar="X",
         help="position of the radar: LAT LON [ALT], or X Y [Z] in metres",
+    )
+    options.add_argument(
+        "--trust", action="store_true", help="run the code in the .zip files and modules among the policies"
+    )
+    options.add_argument(
+        "--import",
+        action="append",
+        default=[],
+        dest="packages",
+        metavar="PACKAGE",
+        help="import a package that registers environments, schedulers or chirp laws; may be repeated",
     )
     options.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the environment")
     return options
@@ -77,57 +88,27 @@ def parameters(options: Any, env_id: str) -> dict[str, Any]:
     return chosen
 
 
-def policies(names: str, env_id: str) -> dict[str, Any]:
-    """Where each policy comes from: None for a scheduler, a loader for a folder.
+def policies(names: str) -> dict[str, Any]:
+    """The policies for ``compare``: None for what is known by its name, a Path for a folder or a file.
 
     Raises:
-        InputError: two policies of one name, none at all, or a saved agent that this environment does not have.
+        InputError: two policies of one name, or none at all.
     """
+    from wavegym.evaluation.saved import is_archive, is_folder
     from wavegym.schedulers.registry import is_scheduler
 
     found: dict[str, Any] = {}
     for name in filter(None, (part.strip() for part in names.split(","))):
-        folder = saved(name, env_id) if name in LEARNERS else Path(name)
-        trained = name in LEARNERS or os.sep in name or (folder.is_dir() and not is_scheduler(name))
-        key = folder.resolve().name if trained else name
+        key, source = name, None
+        if not is_scheduler(name) and (is_archive(name) or is_folder(name)):
+            source = Path(name)
+            key = source.stem if is_archive(name) else source.resolve().name
         if key in found:
             raise InputError(f"two policies are called {key!r}, expected different names (rename a folder)")
-        found[key] = partial(load_trained, folder, env_id) if trained else None
+        found[key] = source
     if not found:
         raise InputError(f"--policies is {names!r}, expected at least one name, such as myopic")
     return found
-
-
-def stem(env_id: str) -> str:
-    """The environment's name without namespace and version."""
-    return env_id.rpartition("/")[2].rpartition("-v")[0]
-
-
-def saved(name: str, env_id: str) -> Path:
-    """The folder of the agents called ``name`` that come with an environment.
-
-    Raises:
-        InputError: there are none, the nearest way to have some named.
-    """
-    environment = stem(env_id)
-    folder = SAVED / environment / name
-    if not folder.is_dir():
-        from wavegym.policies.pretrained import pretrained_folder
-
-        if packaged := pretrained_folder(env_id, name):
-            return packaged
-        wanted = f"the folder of a run (nearest: wavegym train {environment}-v0 --algo {name} --out runs/{name})"
-        raise InputError(f"policy is {name!r}, of which none is saved for {env_id}, expected {wanted}")
-    return folder
-
-
-def load_trained(folder: Path, env_id: str, system: Any) -> Any:
-    """The trained runs in a folder, one policy each."""
-    try:
-        from wavegym.policies.runs import load_policy
-    except ImportError as error:
-        raise InputError(f"policy {str(folder)!r} needs the agents: {error}; pip install 'wavegym[agents]'") from error
-    return load_policy(folder, env_id, system)
 
 
 def evaluate(arguments: Sequence[str] | None) -> None:
@@ -136,14 +117,17 @@ def evaluate(arguments: Sequence[str] | None) -> None:
     # These imports take half a second; a misspelt option is reported before them.
     from wavegym.evaluation import compare, full_id, write_report
 
+    for package in options.packages:
+        import_package(package)
     env_id = full_id(options.env)
     options.out.mkdir(parents=True, exist_ok=True)
     comparison = compare(
         env_id,
-        policies(options.policies, env_id),
+        policies(options.policies),
         worlds=options.worlds,
         root=options.seed,
         jobs=options.jobs,
+        trust=options.trust,
         **parameters(options, env_id),
     )
     print(write_report(comparison, options.out))

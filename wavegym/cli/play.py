@@ -47,19 +47,14 @@ def play(arguments: Sequence[str]) -> None:
 def _policy(name: str, task: Any, seed: int) -> Any:
     """The policy called ``name``; of several training runs the first."""
     from wavegym.cli.evaluate import policies
-    from wavegym.evaluation.comparison import tuning_worlds
-    from wavegym.evaluation.worlds import draw_worlds, world_seeds
-    from wavegym.schedulers.registry import make_policy
+    from wavegym.evaluation.adapters import as_policies
+    from wavegym.evaluation.worlds import tuning_tapes
 
-    found = policies(name, task.env_id)
+    found = policies(name)
     if len(found) > 1:
         raise InputError(f"--policy is {name!r}, expected one name (nearest: {next(iter(found))!r})")
-    (load,) = found.values()
-    if load is None:
-        tuning = draw_worlds(task.system, world_seeds(seed, "tune", tuning_worlds(task.system)))
-        return make_policy(name, task.system, tuning)
-    loaded = load(task.system)
-    return loaded[0] if isinstance(loaded, Sequence) else loaded
+    ((key, source),) = found.items()
+    return as_policies(source or key, task, key, tapes=tuning_tapes(task.system, seed))[0]
 
 
 def _episode(task: Any, policy: Any, seed: int, draw: bool) -> tuple[list[float], list[Any]]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.registry import import_package
 
 
 def parser() -> Parser:
@@ -43,6 +44,8 @@ def parser() -> Parser:
     tune = "search settings until there are N trials, instead of one training; DIR/best.toml holds the best"
     options.add_argument("--tune", type=int, metavar="N", help=tune)
     options.add_argument("--resume", action="store_true", help="continue the run in DIR from its last checkpoint")
+    packages = "import a package that registers environments, schedulers, rewards or chirp laws; may be repeated"
+    options.add_argument("--import", action="append", default=[], dest="packages", metavar="PACKAGE", help=packages)
     options.add_argument("--quiet", action="store_true", help="no progress bar")
     return options
 
@@ -51,6 +54,8 @@ def train(arguments: Sequence[str] | None) -> None:
     """Read the options and the settings, then train."""
     options = parser().read(arguments)
     check_choice("algorithm", options.algo, ["ppo", "dqn"])
+    for package in options.packages:
+        import_package(package)
     # These imports take seconds; a misspelt option is reported before them.
     from wavegym.evaluation import full_id
     from wavegym.learning.settings import load_settings

@@ -1,11 +1,13 @@
-"""Rewards, injected into the environment: the cost by default, training rewards by name or by object.
+"""Rewards of environments, by name or as an object: minus the cost by default, others for training.
 
-The reported cost is always trace(Lambda P) (``info["cost"]``); what an agent is trained on may differ. A reward keeps
-no state of its own: what it remembers of a world is made by ``begin``, kept by the environment and handed back.
+The reported cost is always trace(Lambda P) (``info["cost"]``), whatever the reward. A reward keeps no state of its own:
+``begin`` makes its memory of a world, and the environment keeps that memory and hands it back at every step.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -13,9 +15,11 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.policy import Policy
+from wavegym.core.registry import Registry
 from wavegym.core.system import State, System
 from wavegym.schedulers import Myopic, rollout
 from wavegym.schedulers.heuristics.registry import HEURISTICS
+from wavegym.schedulers.registry import check_not_renamed
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded, rule
 
 
@@ -27,17 +31,17 @@ class Transition(NamedTuple):
     action: Array  # (env, ...)
     following: State
     cost: Array  # (env,) of the following state
-    memory: Any  # what ``begin`` made of the worlds
+    memory: Any  # what ``begin`` returned for these worlds
 
 
 class Reward(Protocol):
     """Scores transitions."""
 
     def begin(self, system: System, world: Any) -> Any:
-        """What to remember of these worlds: a NamedTuple of arrays with axis 0 = environment, or None."""
+        """The memory of these worlds: a NamedTuple of arrays with axis 0 = environment, or None."""
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
-        """Rewards (env,) float64, and terms to show in info, each (env,)."""
+        """Rewards (env,) float64, and terms for info by name, each (env,)."""
 
 
 class Cost:
@@ -52,7 +56,7 @@ class Cost:
 
 
 class LogCost(Cost):
-    """-ln trace(Lambda P): spans decades evenly."""
+    """-ln trace(Lambda P): for costs that span decades."""
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
@@ -60,9 +64,9 @@ class LogCost(Cost):
 
 
 class TrueError(Cost):
-    """Minus the squared true position error in m^2: what the cost estimates; looks at what is hidden.
+    """Minus the squared true position error in m^2, summed over targets (an absent target's error is 0).
 
-    Of several targets it is the sum (an absent one's error is 0).
+    The cost is an estimate of this error; the reward reads the truth.
     """
 
     def begin(self, system: System, world: Any) -> None:
@@ -83,22 +87,22 @@ class TrueError(Cost):
 class ReferenceCosts(NamedTuple):
     """The reference policy's own trajectory on each world."""
 
-    cost: Array  # (env, H), held at the last one after an early end
+    cost: Array  # (env, H); the last cost is repeated after an early end
     mean: Array  # (env,) over the steps played
 
 
 class Relative:
-    """How much better than a reference policy on the same world and draws, step by step.
+    """Gain over a reference policy on the same world and draws, step by step.
 
-    The reference is the policy's own trajectory, not the one-step regret from the same state: that would make the
-    myopic choice optimal by construction. Where the reference's episode ends before one's own, its last cost stands.
+    The reference plays its own trajectory. A one-step regret from the agent's state would make the myopic choice
+    optimal by construction. After the end of the reference's episode its last cost stands.
 
     Args:
-        reference: the policy to compare with, or the name of a rule whose constants are recorded for the system, such
-            as "best-simple"; the one-step scheduler by default.
-        form: "share" 1 - cost/reference, "log" ln(reference/cost), "difference" (reference - cost)/mean reference,
-            whose sum ranks policies exactly as the cost does, or "scaled" 1 - cost/mean reference, which does too and
-            does not vary with what happened to the reference, of which a critic knows nothing.
+        reference: the policy to compare with, or the name of a heuristic whose constants are recorded for the system,
+            such as "best-simple"; the one-step scheduler by default.
+        form: "share" 1 - cost/reference, "log" ln(reference/cost), "difference" (reference - cost)/mean reference, or
+            "scaled" 1 - cost/mean reference. The sums of the last two rank policies exactly as the cost does; "scaled"
+            does not vary with the reference's single steps, which a critic cannot observe.
     """
 
     def __init__(
@@ -108,13 +112,14 @@ class Relative:
     ) -> None:
         self.reference = reference or Myopic()
         if isinstance(reference, str):
+            check_not_renamed("reference policy", reference)
             check_choice("reference policy", reference, [SIMPLE, *HEURISTICS])
         self.form = check_choice("form", form, ["share", "log", "difference", "scaled"])
 
     def begin(self, system: System, world: Any) -> ReferenceCosts:
-        """Run the reference on these worlds. Raises an InputError where it is a rule that the system has no record of.
+        """Play the reference on these worlds. Raises an InputError for a heuristic without recorded constants.
 
-        Nothing is tuned here: a reward that depends on how long somebody tuned is no reward to compare agents by.
+        Nothing is tuned here: agents trained on differently tuned rewards could not be compared.
         """
         reference = self.reference
         if isinstance(reference, str):
@@ -142,23 +147,37 @@ class Relative:
         return reward, {"reference_cost": reference}
 
 
-REWARDS = {"trace": Cost, "log-trace": LogCost, "error": TrueError}
 RELATIVE = {
     "relative": "difference",
     "relative-log": "log",
     "relative-share": "share",
     "relative-scaled": "scaled",
 }
+OWN: dict[str, Callable[[], Reward]] = {
+    "trace": Cost,
+    "log-trace": LogCost,
+    "error": TrueError,
+    **{name: partial(Relative, form=form) for name, form in RELATIVE.items()},  # type: ignore[arg-type]
+}
+REWARDS: Registry[Callable[[], Reward]] = Registry("reward", OWN)
 
 
 def make_reward(reward: str | Reward) -> Reward:
-    """A reward by name, or the object itself; "relative" and its kin may name a rule: "relative-log:best-simple"."""
+    """A reward by name, or ``reward`` itself; relative rewards may name a heuristic: "relative-log:best-simple".
+
+    Raises:
+        InputError: an unknown name (nearest named), or an object without ``begin`` and ``__call__``.
+    """
     if isinstance(reward, str):
-        family, _, rule_name = reward.partition(":")
-        if family in RELATIVE:
-            return Relative(rule_name or None, RELATIVE[family])  # type: ignore[arg-type]
-        return REWARDS[check_choice("reward", reward, [*REWARDS, *RELATIVE])]()
-    if not callable(reward) or not hasattr(reward, "begin"):
-        names = ", ".join([*REWARDS, *RELATIVE])
-        raise InputError(f"reward is {reward!r}, expected one of {names} or an object with begin and __call__")
+        family, _, reference = reward.partition(":")
+        if reference and family in RELATIVE:
+            return Relative(reference, RELATIVE[family])  # type: ignore[arg-type]
+        made = REWARDS.get(reward)()
+        return _checked(made, f"reward {reward!r} is registered as a maker of {made!r}, expected one of an object")
+    return _checked(reward, f"reward is {reward!r}, expected one of {', '.join(REWARDS.names())} or an object")
+
+
+def _checked(reward: Any, complaint: str) -> Reward:
+    if not callable(reward) or not hasattr(reward, "begin") or isinstance(reward, type):
+        raise InputError(f"{complaint} with begin and __call__")
     return reward

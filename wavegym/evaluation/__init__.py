@@ -7,11 +7,13 @@
     ['myopic', 'random', 'lookahead:2']
 
 ``write_report(comparison, folder)`` writes the summary, the episodes, a table and a picture. A policy of your own is
-compared as ``{"mine": lambda system: MyPolicy()}``; a list of policies stands for the training runs of one learner.
+compared as ``{"mine": policy}``: a Policy, a function of the observation, or a model with ``predict`` (see
+``as_policy``). A list of policies stands for the training runs of one learner.
 """
 
 from __future__ import annotations
 
+from wavegym.evaluation.adapters import Factory, as_policy
 from wavegym.evaluation.comparison import Comparison, compare
 from wavegym.evaluation.report import write_report
 from wavegym.evaluation.summary import summarise
@@ -20,7 +22,9 @@ from wavegym.evaluation.worlds import draw_worlds, training_seeds, world_seeds
 
 __all__ = [
     "Comparison",
+    "Factory",
     "Task",
+    "as_policy",
     "compare",
     "draw_worlds",
     "full_id",

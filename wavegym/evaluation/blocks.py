@@ -1,4 +1,4 @@
-"""Pages of which a part, between two marker lines, is made from results."""
+"""Pages with a part, between two marker lines, that is generated from results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def renewed(page: str, start: str, end: str, text: str) -> str:
     Args:
         page: the whole page.
         start, end: the marker lines, which stay.
-        text: what stands between them from now on.
+        text: the new text between the markers.
 
     Raises:
         InputError: the page has no such markers.

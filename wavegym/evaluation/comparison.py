@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,27 +13,24 @@ from tqdm import tqdm
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
-from wavegym.core.system import System
+from wavegym.evaluation.adapters import Given, as_policies
 from wavegym.evaluation.play import Played, merged, play
 from wavegym.evaluation.task import Task, make_task
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.registry import make_policy
-
-Factory = Callable[[System], Policy | Sequence[Policy]]  # several are the training runs of one learner
+from wavegym.evaluation.worlds import tuning_tapes, world_seeds
+from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
 BASELINE = "myopic"
 FLOOR = "random"
 CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network's last bits depend on its batch
-TUNING_STEPS, LEAST_WORLDS, MOST_WORLDS = 20_000, 20, 200  # of tuning: long episodes say more each
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What several policies did on the same worlds.
+    """Several policies' accounts of the same worlds.
 
     Attributes:
         task: environment and settings.
-        root: the seed of it all.
+        root: the seed from which all other seeds follow.
         seeds: of the worlds, for ``env.reset(seed=[...])``.
         played: for each policy the accounts of its members.
     """
@@ -50,12 +47,13 @@ class Comparison:
 
 def compare(
     env_id: str,
-    policies: Mapping[str, Factory | None],
+    policies: Mapping[str, Given | None],
     *,
     worlds: int = 200,
     root: int = 0,
     jobs: int = -1,
     progress: bool = True,
+    trust: bool = False,
     **settings: Any,
 ) -> Comparison:
     """Play every policy on the same test worlds.
@@ -65,32 +63,35 @@ def compare(
 
     Args:
         env_id: a registered id.
-        policies: by name; None stands for the scheduler, or the system's loop, of that name. The baseline ``myopic``
-            is added if absent.
+        policies: by name, each whatever ``as_policy`` takes, or a sequence of it: the training runs of one learner.
+            None stands for the scheduler, the saved agent, or the system's baseline, of that name. The baseline
+            ``myopic`` is added if absent.
         worlds: how many.
         root: the seed from which worlds, tuning worlds and the policies' own randomness follow.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
+        trust: whether code in saved models and in ``"package.module:factory"`` may run.
         **settings: parameters of the system other than the registered ones.
 
     Raises:
-        InputError: an unknown id, setting or scheduler (nearest named), a number out of range, or
-            parameters with which a policy's costs are not finite.
+        InputError: an unknown id, setting or scheduler (nearest named), a number out of range, a policy whose actions
+            do not fit (named), or parameters with which a policy's costs are not finite.
     """
     check_int("worlds", worlds, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
     seeds = world_seeds(root, "test", worlds)
     task = make_task(env_id, settings)
-    members = _members(task, policies if BASELINE in policies else {BASELINE: None, **policies}, root)
+    members = _members(task, policies if BASELINE in policies else {BASELINE: None, **policies}, root, trust)
+    laws = dict(CHIRP_LAWS.added)
     work = [
-        (own, policy, seeds[start : start + CHUNK])
-        for own, those in members.values()
+        (own, name, policy, seeds[start : start + CHUNK], laws)
+        for name, (own, those) in members.items()
         for policy in those
         for start in range(0, worlds, CHUNK)
     ]
     with tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True) as bar:
-        parts = iter(_Visible(bar, jobs)(delayed(_play_warm)(own, policy, chunk) for own, policy, chunk in work))
+        parts = iter(_Visible(bar, jobs)(delayed(_play_warm)(*each) for each in work))
     chunks = range(0, worlds, CHUNK)
     played = {name: [merged([next(parts) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
     comparison = Comparison(task, root, seeds, played)
@@ -110,41 +111,45 @@ def _check_finite(comparison: Comparison) -> None:
             )
 
 
-def tuning_worlds(system: System) -> int:
-    """How many worlds policies are tuned on: TUNING_STEPS steps' worth of whole episodes, within bounds."""
-    return min(max(TUNING_STEPS // system.horizon, LEAST_WORLDS), MOST_WORLDS)
+Members = dict[str, tuple[Task, Sequence[Policy]]]
 
 
-def _members(task: Task, policies: Mapping[str, Factory | None], root: int) -> dict[str, tuple[Task, Sequence[Policy]]]:
-    """Every policy's members and what they play, each tried for one step: mistakes show before the work begins, and
-    kernels get compiled here, not by several processes at once.
+def _members(task: Task, policies: Mapping[str, Given | None], root: int, trust: bool) -> Members:
+    """Every policy's members and the task that they play.
+
+    Each plays one step here, so that mistakes show before the work begins, and kernels are compiled by one process.
     """
-    loops = task.system.baselines()
-    tuning = draw_worlds(task.system, world_seeds(root, "tune", tuning_worlds(task.system)))
-    members: dict[str, tuple[Task, Sequence[Policy]]] = {}
-    for name, factory in policies.items():
+    loops, tapes = task.system.baselines(), tuning_tapes(task.system, root)
+    members: Members = {}
+    for name, given in policies.items():
+        source: Any = name if given is None else given
+        changed: dict[str, Any] = {}
+        if isinstance(source, str) and source in loops:
+            source, changed = loops[source]
         try:
-            scheduler, changed = (name, {}) if factory else loops.get(name, (name, {}))
             own = make_task(task.env_id, {**task.settings, **changed}) if changed else task
-            made = factory(own.system) if factory else make_policy(scheduler, own.system, tuning)
-            members[name] = own, made if isinstance(made, Sequence) else [made]
+            members[name] = own, as_policies(source, own, name, trust=trust, tapes=tapes)
             for policy in members[name][1]:
-                _warm_up(own, policy)
+                _warm_up(own, name, policy)
         except NotImplementedError as error:
             missing = f"{type(task.system).__name__} does not offer what it needs"
             raise InputError(f"policy {name!r} cannot play {task.env_id}: {missing}") from error
     return members
 
 
-def _warm_up(task: Task, policy: Policy) -> None:
+def _warm_up(task: Task, name: str, policy: Policy) -> None:
     """One step on one world that is not of the test: loads or compiles every kernel."""
-    play(task, policy, world_seeds(0, "tune", 1), max_steps=1)
+    play(task, policy, world_seeds(0, "tune", 1), max_steps=1, name=name)
 
 
-def _play_warm(task: Task, policy: Policy, seeds: Sequence[int]) -> Played:
-    """Play, with the loading of compiled code left out of the decision times."""
-    _warm_up(task, policy)
-    return play(task, policy, seeds)
+def _play_warm(task: Task, name: str, policy: Policy, seeds: Sequence[int], laws: dict[str, Any]) -> Played:
+    """Play, with the loading of compiled code left out of the decision times.
+
+    ``laws``: the chirp laws that the calling process has registered, which another process may lack.
+    """
+    CHIRP_LAWS.added.update(laws)
+    _warm_up(task, name, policy)
+    return play(task, policy, seeds, name=name)
 
 
 class _Visible(Parallel):

@@ -15,7 +15,7 @@ def write_whole(folder: Path, contents: Mapping[str, bytes]) -> None:
 
     Every file is first written in full and flushed to the disk beside its destination; only when all are there do they
     take their names, in the order given. A kill or a power cut between two of these renames leaves the first files new
-    and the others as they were, each of them whole: the one that vouches for the others belongs last. A kill before
+    and the others as they were, each of them whole, so the file that describes the others belongs last. An earlier kill
     leaves hidden ``.part`` files.
 
     Raises:
@@ -49,7 +49,7 @@ def _write(part: Path, content: bytes) -> None:
 
 @contextmanager
 def _blamed_on(path: Path) -> Iterator[None]:
-    """An OSError names the destination, not the hidden file beside it."""
+    """Make an OSError name the destination, not the hidden file beside it."""
     try:
         yield
     except OSError as error:

@@ -1,8 +1,8 @@
-"""How much is there to gain: ``python -m wavegym.evaluation.headroom ID ... --out FOLDER`` plays environments' ladders.
+"""Headroom of planning: ``python -m wavegym.evaluation.headroom ID ... --out FOLDER`` plays ladders of policies.
 
-The ladder goes from random choice over everything that is tuned once and played blindly, the rules that look at the
-belief and the one-step scheduler, to planners that simulate futures. All meet the same test worlds; whatever was tuned
-was tuned on others. Costs are compared in pairs, against the best of the simple rules.
+The ladder goes from random choice over tuned constants and cycles, heuristics that read the belief and the one-step
+scheduler to planners that simulate futures. All meet the same test worlds; constants are tuned on other worlds. Costs
+are compared in pairs, against the best heuristic.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.evaluation import statistics
-from wavegym.evaluation.comparison import Comparison, compare, tuning_worlds
+from wavegym.evaluation.comparison import Comparison, compare
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.summary import us_per_decision, versions
 from wavegym.evaluation.task import make_task
-from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.evaluation.worlds import tuning_tapes, word
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded, records
@@ -48,7 +48,7 @@ LADDER = (
     "best-planner",
 )
 WORLDS = 200
-LONGEST = 100  # steps of which a plan is made at once
+LONGEST = 100  # greatest horizon for plan-once
 
 
 def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True) -> Comparison:
@@ -62,13 +62,13 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
         InputError: an unknown id, a number out of range.
     """
     system = make_task(env_id, {}).system
-    tuning = draw_worlds(system, world_seeds(root, "tune", tuning_worlds(system)))
+    tuning = tuning_tapes(system, root)
     policies: dict[str, Any] = {}
     simple = recorded(system).get(SIMPLE)
     for name in LADDER:
         if (name == SIMPLE and simple in policies) or (name == "plan-once" and system.horizon > LONGEST):
             continue
-        with suppress(InputError, NotImplementedError):  # a rule that this system cannot have
+        with suppress(InputError, NotImplementedError):  # a policy that this system cannot have
             policies[name] = _made(name, system, tuning)
     comparison = compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress)
     if SIMPLE in comparison.played:
@@ -79,11 +79,11 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
 def _made(name: str, system: System, tuning: Any) -> Any:
     policy = make_policy(name, system, tuning)
     policy.begin(system, 1, np.random.default_rng(0))
-    return lambda _: policy
+    return policy
 
 
 def figures(comparison: Comparison) -> dict[str, Any]:
-    """What the page needs of a comparison, as JSON has it."""
+    """The figures of a comparison for the page, as plain types."""
     system = comparison.task.system
     rows = {}
     for name in comparison.played:

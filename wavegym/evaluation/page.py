@@ -1,4 +1,4 @@
-"""A comparison as one HTML page to look at: self-contained, drawn in the browser from the data that it carries."""
+"""A comparison as one self-contained HTML page, drawn in the browser from the data in the page."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ TEMPLATE = "page.html"
 DATA, TITLE = "__DATA__", "__TITLE__"
 DIGITS = 4  # significant, of every number on the page
 QUARTILES = (25.0, 50.0, 75.0)
-MOST = 12  # options that are told apart in colour; the rest are one
+MOST = 12  # options with a colour of their own; the others share one
 
 
 def page(comparison: Comparison, summary: dict[str, Any]) -> bytes:
     """The page as HTML: cost over time, choices over time, paired differences, and one episode to step through.
 
     Args:
-        comparison: what was played.
-        summary: what ``summarise`` made of it.
+        comparison: the result of ``compare``.
+        summary: the result of ``summarise``.
     """
     settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
     title = f"{comparison.task.env_id}{settings}"
@@ -39,7 +39,7 @@ def page(comparison: Comparison, summary: dict[str, Any]) -> bytes:
 
 
 def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[str, Any]:
-    """All that the page draws."""
+    """The data of the page, as plain types."""
     played = {name: merged(members) for name, members in comparison.played.items()}
     options, names = _options(comparison, played)
     world = _typical(comparison)
@@ -65,7 +65,7 @@ def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[s
 
 
 def _options(comparison: Comparison, played: dict[str, Played]) -> tuple[Array, list[str]]:
-    """Which row of the legend each waveform has, (waveform,), and the legend: the commonest first, the rest as one."""
+    """The legend's row of each waveform, (waveform,), and the legend: the commonest first, the others as one row."""
     actions = comparison.task.system.actions
     if isinstance(actions, ParameterBox):
         return np.zeros(0, np.int64), []
@@ -85,7 +85,7 @@ def _over_time(account: Played) -> dict[str, Any]:
 
 
 def _percent(comparison: Comparison, name: str) -> Array:
-    """By how many per cent each world's cost differs from the baseline's, (world,); the mean over training runs."""
+    """Each world's cost over the baseline's, as a difference in per cent, (world,); the mean over training runs."""
     return percent_off(comparison.cost(name).mean(axis=0), comparison.cost(BASELINE).mean(axis=0))
 
 
@@ -100,18 +100,18 @@ def _shares(account: Played, options: Array) -> list[list[list[float | None]]]:
 
 
 def _episode(account: Played, world: int, options: Array) -> dict[str, Any]:
-    """One world's cost after each step, and the row of the legend that each sensor transmitted, (sensor, step)."""
+    """One world's cost after each step, and the legend's row of each transmission, (sensor, step)."""
     steps = account.steps[world]
     rows = options[account.choice[world, :steps]].T.tolist() if len(options) else []
     return {"cost": _short(account.cost[world, :steps]), "rows": rows}
 
 
 def _typical(comparison: Comparison) -> int:
-    """The world whose cost is the median one of the baseline."""
+    """The world with the baseline's median cost."""
     cost = comparison.cost(BASELINE).mean(axis=0)
     return int(np.argsort(cost, kind="stable")[len(cost) // 2])
 
 
 def _short(values: Array) -> list[float | None]:
-    """Numbers with DIGITS significant digits; None for what is not finite."""
+    """Numbers with DIGITS significant digits; None for a value that is not finite."""
     return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in np.asarray(values).tolist()]

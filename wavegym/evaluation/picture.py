@@ -1,4 +1,4 @@
-"""The picture of a comparison: cost against time, and the paired difference to the baseline."""
+"""The picture of a comparison: cost over time, and the paired difference to the baseline."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Colours = dict[str, Any]
 
-SPREAD = (5, 25, 50, 75, 95)  # percentiles of the worlds: line, box, median
+SPREAD = (5, 25, 50, 75, 95)  # percentiles over worlds: line, box, median
 DECADE = 10.0  # costs that span more are drawn on a logarithmic axis
 NEAR, FAR = 25.0, 200.0  # percent: where differences go beyond FAR, the axis is linear only up to NEAR
 
@@ -86,7 +86,7 @@ def _curve(comparison: Comparison, name: str) -> Array:
 
 
 def percent_off(costs: Array, reference: Array) -> Array:
-    """Difference to the reference in per cent; NaN, which is not drawn, where there is no finite one."""
+    """Difference to the reference in per cent; NaN, which is not drawn, where it is not finite."""
     with np.errstate(divide="ignore", invalid="ignore"):
         percent = 100 * (costs / reference - 1)
     return np.where(np.isfinite(percent), percent, np.nan)
@@ -129,7 +129,7 @@ def _draw_differences(
 
 
 def _stretch(set_scale: Callable[..., None], set_limits: Callable[..., Any], axis: Axis, interval: Array) -> None:
-    """Make room for small differences beside large ones: linear up to NEAR per cent, logarithmic beyond."""
+    """Show small differences beside large ones: an axis linear up to NEAR per cent, logarithmic beyond."""
     low, high = interval
     if high <= FAR:
         return

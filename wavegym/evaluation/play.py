@@ -1,4 +1,4 @@
-"""Play a policy on given worlds through the Gymnasium shell, and keep account."""
+"""Play a policy on given worlds through the Gymnasium shell, and record costs and metrics."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -20,7 +21,7 @@ from wavegym.schedulers.rollout import allowed
 
 
 class Played(NamedTuple):
-    """What happened to one policy, axis 0 = world. NaN where the system has no such metric."""
+    """The record of one policy, axis 0 = world. NaN where the system has no such metric."""
 
     cost: Array  # (world, H) after each step; NaN past an episode's end
     steps: Array  # (world,) int, length of the episode
@@ -28,8 +29,8 @@ class Played(NamedTuple):
     target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
     nees: Array  # (world,) mean over steps and the targets present
     lost: Array  # (world,) tracks lost when the episode ended
-    choice: Array  # (world, H, sensor) int, what was transmitted; -1 past an episode's end; no sensor for a box
-    options: Array  # (world,) int, how many waveforms each sensor has; 0 for a box
+    choice: Array  # (world, H, sensor) int, the waveform transmitted; -1 past an episode's end; no sensor for a box
+    options: Array  # (world,) int, waveforms to choose from at each sensor; 0 for a box
     seconds: Array  # (world,) spent on decisions
 
     def episode_cost(self) -> Array:
@@ -45,17 +46,21 @@ class Played(NamedTuple):
         return np.stack(each, axis=1) if each else np.zeros((len(self.steps), 0, 0), np.int64)
 
 
-def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None = None) -> Played:
+def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None = None, name: str = "") -> Played:
     """Play ``policy`` to the end of the first episode of each seed.
 
-    Episodes that end early begin anew in the shell until the last one has ended, and are not counted any more. The
-    policy's own randomness follows from the seeds, so the result is the same wherever it is computed.
+    After an early end the shell begins another episode in that world, which does not count. The policy's own randomness
+    follows from the seeds, so the result does not depend on the process.
 
     Args:
         task: system and settings.
         policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``reveal(world)``.
         seeds: of the worlds.
-        max_steps: stop here, episodes unfinished.
+        max_steps: stop after so many steps, even if episodes are unfinished.
+        name: of the policy, in error messages.
+
+    Raises:
+        InputError: an action that the environment refuses.
     """
     env = WaveformVectorEnv(
         task.system, len(seeds), autoreset_mode="NextStep", max_episode_steps=task.max_episode_steps
@@ -69,7 +74,10 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
     while account.running.any() and len(account.costs) != max_steps:
         action = policy.act(env.belief, observation, allowed(task.system, env.belief))
         account.seconds[account.running] += (perf_counter() - start) / account.running.sum()
-        observation, _, terminated, truncated, info = env.step(action)
+        try:
+            observation, _, terminated, truncated, info = env.step(action)
+        except InputError as error:
+            raise InputError(f"policy {name or type(policy).__name__!r}: {error}") from error
         account.add(info, terminated | truncated)
         start = perf_counter()
     return account.close()
@@ -120,11 +128,11 @@ class _Sum:
         self.total, self.count = self.total + np.where(counted, values, 0.0), self.count + counted
 
     def mean(self) -> Array:
-        """Over steps and targets, (world,); NaN where there was nothing."""
+        """Over steps and targets, (world,); NaN without a value."""
         return _ratio(self.total.sum(axis=1), self.count.sum(axis=1))
 
     def of_each(self) -> Array:
-        """Over the steps of each target, (world, target); NaN where there was nothing."""
+        """Over the steps of each target, (world, target); NaN without a value."""
         return _ratio(self.total, self.count)
 
 

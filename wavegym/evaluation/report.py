@@ -28,8 +28,8 @@ def write_report(comparison: Comparison, folder: Path | str) -> str:
     """Write the five files, all or none, and return the table.
 
     Args:
-        comparison: what was played.
-        folder: made if it is not there.
+        comparison: the result of ``compare``.
+        folder: made if it does not exist.
 
     Raises:
         OSError: the folder cannot be written or the disk is full; earlier files are then as they were.
@@ -54,7 +54,7 @@ def episodes(comparison: Comparison) -> str:
 
     ``env.reset(seed=[seed])`` replays the world. ``cost`` is the mean per step; ``favourite`` the waveform transmitted
     most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``, ``rmse_2``, ... and several
-    sensors have ``favourite_1``, ``favourite_share_1``, ... A field is empty where there is nothing to tell.
+    sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is empty.
     """
     actions = comparison.task.system.actions
     labels = () if isinstance(actions, ParameterBox) else waveform_labels(actions)
@@ -69,7 +69,7 @@ def episodes(comparison: Comparison) -> str:
 
 
 def _columns(played: Played) -> list[str]:
-    """The header for as many targets and sensors as were played."""
+    """The header, for the number of targets and sensors."""
     targets, sensors = played.target_rmse.shape[1], played.chosen.shape[1]
     each = [f"rmse_{i + 1}" for i in range(targets)] if targets > 1 else []
     favourites = [f"{name}_{i + 1}" for i in range(sensors) for name in FAVOURITE] if sensors > 1 else FAVOURITE

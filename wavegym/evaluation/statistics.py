@@ -1,7 +1,7 @@
 """Estimates with bootstrap intervals, from the costs of (training seed, world) pairs.
 
-Every policy met the same worlds, and a learned policy may consist of several training runs, its *members*: results are
-a matrix (member, world), of one row for a scheduler. Worlds differ far more than policies do, so policies are compared
+Every policy met the same worlds, and a learned policy may have several training runs, its *members*: results are a
+matrix (member, world), with one row for a scheduler. Worlds differ far more than policies do, so policies are compared
 in pairs: a resample of worlds is the same for all. Where there are several members they are resampled too (the two axes
 independently; Owen 2007, "The pigeonhole bootstrap"): the claim is about the learner, not about these networks. Taking
 the members for fixed would leave out the spread between training runs; taking (member, world) episodes for independent
@@ -107,7 +107,7 @@ def _resampled(values: Array, members: Array, worlds: Array) -> Array:
 
 
 def _estimate(statistic: Statistic, shape: tuple[int, ...], rng: np.random.Generator) -> Estimate:
-    """The statistic of everything, and its interval."""
+    """The statistic of all members and worlds, and its interval."""
     members, worlds = (np.arange(count) for count in shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = _finite(statistic(members, worlds))

@@ -1,4 +1,4 @@
-"""A comparison in numbers: what ``summary.json`` holds."""
+"""The summary of a comparison, as in ``summary.json``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch"
 
 
 def summarise(comparison: Comparison) -> dict[str, Any]:
-    """The summary, made of plain types; None (``null``) for whatever the system does not measure or has no estimate.
+    """The summary in plain types; None (``null``) for a metric that the system lacks or an estimate that is undefined.
 
     Keys:
         env, settings (parameters other than the registered ones), worlds, seed, versions, and policies: for each name
@@ -30,8 +30,8 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
         1 = myopic); ``rmse`` {mean, median, ci} of the position in m, and of several targets ``targets``, the mean of
         each; ``nees``, the mean; ``lost``, tracks lost per episode; with several sensors ``choices``, for each of them
         the share of every waveform that it transmitted, by label, the commonest first; ``us_per_decision``,
-        microseconds for one decision in batches of worlds, the only figure taken from a clock and so the only one that
-        another run will not repeat. Intervals are [low, high] at 95 %.
+        microseconds for one decision in batches of worlds, the only figure taken from a clock, so another run does not
+        repeat it. Intervals are [low, high] at 95 %.
     """
     costs = {name: comparison.cost(name) for name in comparison.played}
     return {

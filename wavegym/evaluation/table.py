@@ -8,9 +8,9 @@ HEADERS = (
     "policy",
     "mean cost",
     "95 %",
-    "vs myopic %",
+    "mean vs myopic %",
     "95 %",
-    "geometric %",
+    "geometric vs myopic %",
     "95 %",
     "score",
     "RMSE m",
@@ -21,7 +21,7 @@ HEADERS = (
 
 
 def markdown(summary: dict[str, Any]) -> str:
-    """One row per policy, the cheapest first; columns that are empty for all are left out."""
+    """One row for each policy, the cheapest first. A column without any entry is left out."""
     ordered = sorted(summary["policies"].items(), key=lambda item: _or_last(item[1]["cost"]["mean"]))
     columns = [list(column) for column in zip(HEADERS, *(_row(name, p) for name, p in ordered), strict=True)]
     shown = [column for column in columns if any(column[1:])]
@@ -32,7 +32,7 @@ def markdown(summary: dict[str, Any]) -> str:
 
 
 def aligned(columns: list[list[str]]) -> str:
-    """A table of columns, each under its heading: the first to the left, the others to the right."""
+    """A table of columns, each under its heading; the first is aligned to the left, the others to the right."""
     widths = [max(map(len, column)) for column in columns]
     lines = [_line(row, widths) for row in zip(*columns, strict=True)]
     rule = "|".join(["", ":" + "-" * (widths[0] + 1), *("-" * (w + 1) + ":" for w in widths[1:]), ""])
@@ -40,7 +40,7 @@ def aligned(columns: list[list[str]]) -> str:
 
 
 def tabulated(head: list[str], rows: list[list[str]]) -> str:
-    """The same of a heading and rows."""
+    """``aligned`` of a heading and rows."""
     return aligned([list(column) for column in zip(head, *rows, strict=True)])
 
 
@@ -68,7 +68,7 @@ def _line(cells: tuple[str, ...], widths: list[int]) -> str:
 
 
 def number(value: float | None) -> str:
-    """Four digits, and no exponent where four or five places will do."""
+    """Four digits, without an exponent below a million."""
     if value is None:
         return ""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:#.4g}"
@@ -84,7 +84,7 @@ def signed(percent: float | None) -> str:
 
 
 def interval(ci: list[float] | None, shown: Any) -> str:
-    """Both ends, each as ``shown`` writes it; nothing of no interval."""
+    """Both ends, each as ``shown`` writes it; empty without an interval."""
     return "" if ci is None else f"{shown(ci[0])} to {shown(ci[1])}"
 
 

@@ -1,31 +1,25 @@
-"""What is compared on: an environment's system with its settings, apart from any shell."""
+"""The task of a comparison: an environment's system with its settings, without a Gymnasium shell."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
 
-from wavegym.core.errors import InputError, check_choice
+from wavegym.core.errors import check_choice
+from wavegym.core.registry import import_package
 from wavegym.core.system import System
 from wavegym.envs.build import build_system
-from wavegym.registration import list_envs
+from wavegym.registration import SHELL, list_envs
 
-SHELL = (
-    "reward",
-    "forecasts",
-    "render_mode",
-    "autoreset_mode",
-)  # settings of a shell: a comparison reports the cost itself
 NAMESPACE = "wavegym/"
 
 
 @dataclass(frozen=True)
 class Task:
-    """One environment as evaluation needs it; travels to other processes, where ids may not be registered.
+    """One environment as evaluation needs it. It is sent to other processes, where the id may not be registered.
 
     Attributes:
         env_id: the full id.
@@ -48,21 +42,18 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
     """
     env_id = full_id(env_id)
     spec = gym.spec(env_id)
-    registered = {key: value for key, value in spec.kwargs.items() if key not in SHELL}
+    registered = {key: value for key, value in spec.kwargs.items() if key not in SHELL}  # the cost itself is reported
     system, limit = registered.pop("system"), registered.pop("max_episode_steps", spec.max_episode_steps)
     return Task(env_id, build_system(system, {**registered, **settings}), limit, dict(settings))
 
 
 def full_id(env_id: str) -> str:
-    """The registered id that ``env_id`` means: with or without ``wavegym/``; ``package:id`` imports a package first.
+    """The registered id of ``env_id``, with or without ``wavegym/``; ``package:id`` imports the package first.
 
     Raises:
         InputError: there is none; the nearest is named.
     """
     package, colon, rest = env_id.rpartition(":")
     if colon:
-        try:
-            importlib.import_module(package)
-        except ImportError as error:
-            raise InputError(f"environment is {env_id!r}, expected an importable package before ':': {error}") from None
+        import_package(package)
     return check_choice("environment", rest if "/" in rest else NAMESPACE + rest, list_envs())

@@ -29,22 +29,22 @@ WORLDS, PLANNED = 100, 32
 
 
 def tuned_record(system: System, worlds: Any, planners: Sequence[str], before: dict[str, Any]) -> dict[str, Any]:
-    """The record of one system: rules tuned and compared on tuning worlds, and planners that are based on the best.
+    """The record of one system: heuristics tuned and compared on tuning worlds, and planners based on the best one.
 
     Args:
         system: the closed loop.
         worlds: tapes for tuning, axis 0 = world.
-        planners: names of those to choose the best one from; none: the one recorded stays.
-        before: the present record, which holds the planners' settings.
+        planners: names of the planners to choose the best one from; without names the recorded one stays.
+        before: the present record, with the planners' settings.
 
     Returns:
-        The best rule, the best planner, planners' settings, each rule's constants, and under ``costs`` the geometric
-        mean of the mean cost per step, of rules over all worlds; under ``planner_costs``, relative to the best rule's
-        on the same worlds, of planners over the first PLANNED.
+        The best heuristic, the best planner, planners' settings and each heuristic's constants. ``costs``: geometric
+        means over all worlds of the heuristics' mean costs per step. ``planner_costs``: the same of planners over the
+        first PLANNED worlds, relative to the best heuristic's.
     """
     _, constants, found_costs = best_simple(system, worlds)
     costs = {name: _rounded(log) for name, log in found_costs.items()}
-    best = min(costs, key=lambda name: costs[name])  # of those alike to the digits recorded, the first
+    best = min(costs, key=lambda name: costs[name])  # of equal costs, to the digits recorded, the first
     kept: dict[str, Any] = {name: before[name] for name in (PLANNER, BASE, *PLANNERS, *PLANS) if name in before}
     few = trees.first(worlds, PLANNED)
     base = kept.get(BASE, best)
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def as_table(file: Path) -> dict[str, dict[str, Any]]:
-    """What a file of records holds."""
+    """The records in a file."""
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 

@@ -1,7 +1,7 @@
-"""Which worlds are for training, which for tuning and which for the test: three families of seeds that never meet.
+"""Seeds of the worlds for training, for tuning and for the test: three families without a common world.
 
-A seed ``s`` stands for the first episode of ``env.reset(seed=s)``. With plain 0, 1, 2, ... the first training run would
-train on the very worlds of the test.
+A seed ``s`` stands for the first episode of ``env.reset(seed=s)``. With plain seeds 0, 1, 2, ... the first training run
+would train on the worlds of the test.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from wavegym.core.system import System
 
 SPLITS = ("train", "tune", "test")
 WORDS = 4  # of 32 bits in a seed: two of 128 bits never meet by chance
+TUNING_STEPS, LEAST_WORLDS, MOST_WORLDS = 20_000, 20, 200  # of tuning: long episodes say more each
 
 
 def word(text: str) -> int:
@@ -58,6 +59,16 @@ def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
 def draw_worlds(system: System, seeds: Sequence[int]) -> Any:
     """The tapes that ``env.reset(seed=list(seeds))`` would draw, axis 0 = world."""
     return trees.stack([system.draw_world(seeding.np_random(seed)[0]) for seed in seeds])
+
+
+def tuning_worlds(system: System) -> int:
+    """How many worlds policies are tuned on: as many episodes as hold TUNING_STEPS steps, within bounds."""
+    return min(max(TUNING_STEPS // system.horizon, LEAST_WORLDS), MOST_WORLDS)
+
+
+def tuning_tapes(system: System, root: int) -> Any:
+    """The tapes that policies are tuned on in a comparison with the seed ``root``, axis 0 = world."""
+    return draw_worlds(system, world_seeds(root, "tune", tuning_worlds(system)))
 
 
 def _seed(sequence: np.random.SeedSequence) -> int:

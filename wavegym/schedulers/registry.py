@@ -12,6 +12,7 @@ import numpy as np
 
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
+from wavegym.core.registry import Registry
 from wavegym.core.system import System
 from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.constrained import Continuous, MyopicInformation
@@ -31,34 +32,39 @@ from wavegym.schedulers.tuned_constants import BASE, PLANNER, SIMPLE, planner_na
 from wavegym.schedulers.tuning import best_constant, best_fixed
 
 
-def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
+def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | None = None) -> Policy:
     """The scheduler called ``name``.
 
     Args:
         name: ``random``, ``round-robin``, ``fixed:K`` (the constant K), ``fixed:NAME`` (one of the system's named
-            constants), ``best-fixed`` (the best of the constants, found on ``tuning_worlds``), ``tuned-constant`` (the
-            same, polished where actions are a box), ``tuned-cycle`` (the best schedule of one, two or three slots that
-            a search on ``tuning_worlds`` finds), ``myopic``, ``myopic:exhaustive`` (without the system's own search),
-            ``myopic:determinant``, ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for
+            constants), ``best-fixed`` (the best of the constants on ``tuning_worlds``), ``tuned-constant`` (the same,
+            improved by a local search where actions are a box), ``tuned-cycle`` (the best schedule of one, two or three
+            slots that a search on ``tuning_worlds`` finds), ``myopic``, ``myopic:exhaustive`` (without the system's own
+            search), ``myopic:determinant``, ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for
             action="box", with Gaussian or generalised chirps), ``myopic:slsqp`` or ``myopic:polish`` (for
             action="box": a search by gradients from 8 drawn points, or from the grid's choice), ``myopic-information``
-            (the most information of which every target has the system's threshold; also with ``:slsqp`` or
-            ``:polish``), ``myopic-margin:M`` (prediction wants M standard deviations inside the field of view),
-            ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum`` (clairvoyant).
-            Rules, with the constants recorded for the suite's systems (``schedulers.tuned_constants``) and otherwise
-            tuned on ``tuning_worlds``: ``gain:L``, ``greedy``, ``aware-greedy``, ``cost-of-delay``,
-            ``hold-until-detected``, ``lagrangian-price``, ``adaptive-lagrangian-price``, ``constant-pace``, ``cycle``
-            and ``best-simple``, the best of them and of ``myopic``. Planners, with the base policy (``best-simple``
-            unless another is) and the settings recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``,
-            ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the one recorded as the best.
+            (the most information at which every target has the system's threshold; also with ``:slsqp`` or
+            ``:polish``), ``myopic-margin:M`` (the predicted position stays M standard deviations inside the field of
+            view), ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum``
+            (clairvoyant). Heuristics, with the constants recorded for the suite's systems
+            (``schedulers.tuned_constants``) and otherwise tuned on ``tuning_worlds``: ``gain:L``, ``greedy``,
+            ``aware-greedy``, ``cost-of-delay``, ``hold-until-detected``, ``lagrangian-price``,
+            ``adaptive-lagrangian-price``, ``constant-pace``, ``cycle`` and ``best-simple``, the best of them and of
+            ``myopic``. Planners, with the settings recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``,
+            ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the best one recorded. A planner improves on the
+            base policy recorded (``best-simple`` unless another is), or on the scheduler after an ``@``:
+            ``rollout:20@myopic``. Any scheduler registered with ``wavegym.register_scheduler``.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
+        base: base policy of a planner, in place of the recorded one or the one after an ``@``.
 
     Raises:
-        InputError: an unknown name (nearest named), a number after the colon that is no integer in range, an M that is
-            no number >= 0, a NAME that the system lacks, a scheduler that this system cannot have, or one of its
-            ``baselines``, which have parameters of their own and are played by ``wavegym.evaluation.compare``.
+        InputError: an unknown name (nearest named) or one that was renamed, a number after the colon that is no integer
+            in range, an M that is no number >= 0, a NAME that the system lacks, a scheduler that this system cannot
+            have, or one of its ``baselines``, which have parameters of their own and are played by
+            ``wavegym.evaluation.compare``.
     """
+    check_not_renamed("policy", name.partition("@")[0])
     family, _, argument = name.partition(":")
     if family == "fixed":
         return _fixed(name, argument, system)
@@ -66,22 +72,39 @@ def make_policy(name: str, system: System, tuning_worlds: Any) -> Policy:
         return _ready(Myopic(margin=_decimal(name, family, argument)), system)
     if family in NUMBERED:
         return NUMBERED[family](_integer(name, family, argument))
-    if family in PLANNERS or name in PLANS:
-        return _planner(name, system, tuning_worlds)
+    if _is_planner(name):
+        return _planner(name, system, tuning_worlds, base)
     loops = system.baselines()
-    if check_choice("policy", name, (*FORMS, *loops)) in loops:
+    known = dict.fromkeys((*FORMS, *SCHEDULERS.names(), *loops))
+    if name not in SCHEDULERS and check_choice("policy", name, known) in loops:
         scheduler, changed = loops[name]
         raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
-    return PLAIN[name](system, tuning_worlds)
+    policy = SCHEDULERS.get(name)(system, tuning_worlds)
+    if not isinstance(policy, Policy):
+        raise InputError(f"scheduler {name!r} made {policy!r}, expected a Policy with begin and act")
+    return policy
 
 
 def is_scheduler(name: str) -> bool:
-    """Whether ``name`` is a scheduler's rather than, say, a folder's."""
-    return name in PLAIN or name.partition(":")[0] in ("fixed", "myopic-margin", *NUMBERED, *PLANNERS, *PLANS)
+    """Whether ``name`` is a scheduler's (or was, before it was renamed) rather than, say, a folder's."""
+    families = "fixed", "myopic-margin", *NUMBERED
+    is_known = name.partition(":")[0] in families or name.partition("@")[0] in RENAMED
+    return is_known or _is_planner(name) or name in SCHEDULERS
+
+
+def _is_planner(name: str) -> bool:
+    planner = name.partition("@")[0]
+    return planner.partition(":")[0] in (*PLANNERS, *PLANS)
+
+
+def check_not_renamed(what: str, name: str) -> None:
+    """Raise an InputError that gives the present name of a scheduler that was renamed."""
+    if name in RENAMED:
+        raise InputError(f"{what} is {name!r}, which is called {RENAMED[name]!r} now")
 
 
 def _fixed(name: str, argument: str, system: System) -> Policy:
-    """Told apart here and looked up at once: a mistake shows before anything is tuned."""
+    """Looked up at once: a mistake shows before anything is tuned."""
     is_name = bool(system.named_constants()) and not INTEGER.fullmatch(argument)
     if not is_name and argument in _named_in_box(system):
         raise InputError(f"policy is {name!r}, which is a point of the box, expected an index or action='box'")
@@ -116,7 +139,7 @@ def _decimal(name: str, family: str, argument: str) -> float:
 
 
 def _ready(policy: Policy, system: System) -> Policy:
-    """Begun once, so that a system it is not for shows before anything is played."""
+    """The policy, begun once: an unfit system shows before anything is played."""
     policy.begin(system, 1, np.random.default_rng(0))
     return policy
 
@@ -133,18 +156,23 @@ def _gate(system: System, worlds: Any) -> Policy:
     return Myopic("gate")
 
 
-def _rule(name: str) -> Callable[[System, Any], Policy]:
+def _heuristic(name: str) -> Callable[[System, Any], Policy]:
     return lambda system, worlds: _ready(rule(name, system, worlds), system)
 
 
-def _planner(name: str, system: System, worlds: Any) -> Policy:
-    """A planner that simulates futures of its base: the name is looked at before anything is tuned."""
-    build, record = planner_builder(name), recorded(system)
-    return build(rule(record.get(BASE, SIMPLE), system, worlds), **record.get(name.partition(":")[0], {}))
+def _planner(name: str, system: System, worlds: Any, base: Policy | None) -> Policy:
+    """A planner and its base; the planner's name is checked before anything is tuned."""
+    planner, at, followed = name.partition("@")
+    build, record = planner_builder(planner), recorded(system)
+    if base is None and at:
+        base = make_policy(followed, system, worlds)
+    elif base is None:
+        base = rule(record.get(BASE, SIMPLE), system, worlds)
+    return build(base, **record.get(planner.partition(":")[0], {}))
 
 
 def planner_builder(name: str) -> Callable[..., Policy]:
-    """What makes the planner ``name`` of a base policy and settings.
+    """The function that makes the planner ``name`` from a base policy and settings.
 
     Raises:
         InputError: no such planner, or a number after the colon that is no integer >= 1.
@@ -167,7 +195,7 @@ PLANNERS: dict[str, Callable[..., Policy]] = {  # of a base, and the number afte
     "mcts": MonteCarloTree,
 }
 PLANS: dict[str, Callable[..., Policy]] = {"receding-horizon": RecedingHorizon, "plan-once": PlanOnce}
-PLAIN: dict[str, Callable[[System, Any], Policy]] = {
+PLAIN: dict[str, Callable[[System, Any], Policy]] = {  # of a system, and of worlds for tuning
     "random": lambda system, worlds: RandomChoice(),
     "round-robin": lambda system, worlds: RoundRobin(),
     "best-fixed": lambda system, worlds: Fixed(best_fixed(system, worlds)),
@@ -185,9 +213,10 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {
     "myopic-information:slsqp": lambda system, worlds: _ready(Continuous("information", STARTS), system),
     "myopic-information:polish": lambda system, worlds: _ready(Continuous("information"), system),
     "optimum": lambda system, worlds: Optimum(),
-    **{name: _rule(name) for name in (*HEURISTICS, SIMPLE) if name not in ("myopic", "gain")},
+    **{name: _heuristic(name) for name in (*HEURISTICS, SIMPLE) if name not in ("myopic", "gain")},
     PLANNER: lambda system, worlds: make_policy(planner_name(system), system, worlds),
 }
+SCHEDULERS: Registry[Callable[[System, Any], Policy]] = Registry("scheduler", PLAIN)
 FORMS = (
     *PLAIN,
     *PLANS,
@@ -201,3 +230,10 @@ FORMS = (
     "beam:W",
     "mcts:N",
 )
+RENAMED = {  # yesterday's name: today's
+    "until-seen": "hold-until-detected",
+    "priced": "lagrangian-price",
+    "adaptive-price": "adaptive-lagrangian-price",
+    "paced": "constant-pace",
+    "replan": "receding-horizon",
+}

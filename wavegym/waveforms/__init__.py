@@ -59,7 +59,7 @@ subclass of ``Waveform`` with a label, a support, an envelope and a phase; all o
 """
 
 from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut
-from wavegym.waveforms.chirp_laws import parse_law
+from wavegym.waveforms.chirp_laws import FrequencyLaw, parse_law
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT, FisherFactors
 from wavegym.waveforms.gaussian import (
     GaussianChirp,
@@ -85,6 +85,7 @@ __all__ = [
     "SPEED_OF_LIGHT",
     "ChirpLaw",
     "FisherFactors",
+    "FrequencyLaw",
     "GaussianChirp",
     "PulseTrain",
     "TrapezoidChirp",

@@ -1,4 +1,4 @@
-"""Frequency laws of generalised FM chirps: how the instantaneous frequency runs through the sweep."""
+"""Frequency laws of generalised FM chirps: the instantaneous frequency over the pulse."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, check_choice
+from wavegym.core.errors import InputError
+from wavegym.core.registry import Registry
 
 
 @dataclass(frozen=True)
 class FrequencyLaw:
-    """A law of u in [0, 1], the share of the pulse gone by, up to its shape.
+    """A frequency law: functions of u in [0, 1], the elapsed share of the pulse, and of one shape parameter.
 
     Attributes:
-        frequency: share of the sweep reached at u, rising from 0 to 1.
-        phase: integral of ``frequency`` from 0 to u.
-        shape: what the shape is called; ``""`` for a law without.
-        default: the usual shape.
-        low, high: shapes taken.
-        outside: why no others are.
+        frequency: share of the sweep reached at (u, shape); rises from 0 at u = 0 to 1 at u = 1.
+        phase: integral of ``frequency`` from 0 to u, at (u, shape).
+        shape: name of the shape parameter; ``""`` for a law without one.
+        default: the shape unless another is given.
+        low, high: least and greatest shape.
+        outside: why shapes beyond these are refused.
     """
 
     frequency: Callable[[FloatArray, float], FloatArray]
@@ -74,16 +75,33 @@ and Cochran, Waveform-agile sensing for tracking multiple targets in clutter, Ta
 pulse duration lam.
 """
 
-KINDS = tuple(FREQUENCY_LAWS)
+
+def check_law(name: str, law: object) -> None:
+    """Raise an InputError unless ``law`` is a FrequencyLaw whose usual shape rises from 0 to 1 and fits its phase."""
+    if not isinstance(law, FrequencyLaw):
+        raise InputError(f"chirp law {name!r} is {law!r}, expected a FrequencyLaw")
+    u = np.linspace(0.0, 1.0, 4001)
+    frequency, phase = law.frequency(u, law.default), law.phase(u, law.default)
+    if np.shape(frequency) != u.shape or np.shape(phase) != u.shape:
+        raise InputError(f"chirp law {name!r} gives {np.shape(frequency)} for {u.shape} times, expected the same shape")
+    if not (np.diff(frequency) >= 0.0).all() or not np.allclose(frequency[[0, -1]], [0.0, 1.0], rtol=0.0, atol=1e-9):
+        raise InputError(f"frequency of chirp law {name!r} goes from {frequency[0]:g} to {frequency[-1]:g}, expected "
+                         "a rise from 0 to 1")  # fmt: skip
+    integral = np.append(0.0, np.cumsum(0.5 * (frequency[1:] + frequency[:-1]) * np.diff(u)))
+    if not np.allclose(phase - phase[0], integral, rtol=0.0, atol=1e-3):
+        raise InputError(f"phase of chirp law {name!r} is no integral of its frequency, expected one to 1e-3")
+
+
+CHIRP_LAWS: Registry[FrequencyLaw] = Registry("chirp law", FREQUENCY_LAWS, check_law)
 
 
 def resolve_shape(kind: str, shape: float | None) -> float:
-    """Check kind and shape; the shape as a float, the kind's default for None (0 for "lfm", which has none).
+    """The shape as a float, checked against its law; None stands for the law's default (0 for a law without a shape).
 
     Raises:
-        InputError: if the kind is unknown, an "lfm" is given a shape, or the chirp would fold or be no longer smooth.
+        InputError: if the law is unknown, takes no shape, or does not take this one.
     """
-    law = FREQUENCY_LAWS[check_choice("kind", kind, KINDS)]
+    law = CHIRP_LAWS.get(kind)
     if shape is None:
         return law.default
     if not law.shape:
@@ -101,18 +119,17 @@ def parse_law(text: str) -> tuple[str, float | None]:
     """Kind and shape of ``"hfm"`` or ``"pfm:2.5"``; the shape is None where none is written.
 
     Raises:
-        InputError: if the kind is unknown, or the shape no number or not one that the kind takes.
+        InputError: if the law is unknown, or its shape is no number or out of range.
     """
     if not isinstance(text, str):
         raise InputError(f"law is {text!r}, expected a string such as 'hfm' or 'pfm:2.5'")
     kind, colon, written = text.strip().partition(":")
-    check_choice("kind", kind, KINDS)
+    law = CHIRP_LAWS.get(kind)
     if not colon:
         return kind, None
     try:
         shape = float(written)
     except ValueError:
-        usual = FREQUENCY_LAWS[kind].default
-        example = f"{kind}:{usual:g}" if usual else kind
+        example = f"{kind}:{law.default:g}" if law.default else kind
         raise InputError(f"shape in {text!r} is {written!r}, expected a number, as in {example!r}") from None
     return kind, resolve_shape(kind, shape)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_choice, check_positive
 from wavegym.core.units import quantity
-from wavegym.waveforms.chirp_laws import FREQUENCY_LAWS, resolve_shape
+from wavegym.waveforms.chirp_laws import CHIRP_LAWS, resolve_shape
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.gaussian import DIRECTIONS
 from wavegym.waveforms.legendre import resolve
@@ -54,8 +54,8 @@ class ChirpLaw:
 
     @property
     def name(self) -> str:
-        """``"LFM"``, ``"PFM3"``, ``"HFM"`` or, with another shape than the default, ``"HFM0.3"``."""
-        shown = self.kind == "pfm" or self.shape != FREQUENCY_LAWS[self.kind].default
+        """``"LFM"``, ``"PFM3"``, ``"HFM"`` or, where the shape is not the usual one, ``"HFM0.3"``."""
+        shown = self.kind == "pfm" or self.shape != CHIRP_LAWS.get(self.kind).default
         return self.kind.upper() + (f"{self.shape:g}" if shown else "")
 
 
@@ -63,7 +63,7 @@ def chirp_law(kind: str, shape: float | None = None, rise_fraction: float = _RIS
     """Frequency law with its moments by Gauss-Legendre quadrature to rounding error; results are cached.
 
     Args:
-        kind: ``"lfm"``, ``"pfm"``, ``"hfm"`` or ``"efm"`` (see ``FREQUENCY_LAWS``).
+        kind: ``"lfm"``, ``"pfm"``, ``"hfm"`` or ``"efm"`` or a registered law.
         shape: kappa in [2, 64] for ``"pfm"`` (default 3), g in [0.01, 100] for ``"hfm"`` and ``"efm"`` (default 0.5).
         rise_fraction: tf/lam in (0, 0.5].
 
@@ -83,7 +83,7 @@ def chirp_law(kind: str, shape: float | None = None, rise_fraction: float = _RIS
 def _law(kind: str, shape: float, rise: float) -> ChirpLaw:
     edges = np.array([0.0, rise, 1.0 - rise, 1.0] if rise < 0.5 else [0.0, 0.5, 1.0])
     kinks = np.sqrt(np.sqrt(edges))
-    frequency = FREQUENCY_LAWS[kind].frequency
+    frequency = CHIRP_LAWS.get(kind).frequency
 
     def bend(x: FloatArray) -> FloatArray:  # difference from a linear law: exactly 0 for LFM
         u = _fourth_power(x)
@@ -240,7 +240,7 @@ class TrapezoidChirp(Waveform):
     def phase(self, t: ArrayLike) -> FloatArray:
         """Phase, rad, constant outside the pulse; t in s, any shape."""
         u = np.clip(np.asarray(t, dtype=np.float64) / self.duration + 0.5, 0.0, 1.0)
-        turns = FREQUENCY_LAWS[self.kind].phase(u, self.law.shape) - 0.5 * u
+        turns = CHIRP_LAWS.get(self.kind).phase(u, self.law.shape) - 0.5 * u
         return _TWO_PI * self.signed_sweep * self.duration * turns
 
     def fisher_factors(self) -> FisherFactors:

@@ -1,4 +1,4 @@
-"""What all planners share: a base policy, futures, and the rule for leaving the one because of the other."""
+"""The base class of planners: a base policy, sampled futures, and the test for a significant gain."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from wavegym.schedulers.planners.sampled_futures import SampledFutures, signific
 
 FUTURES = 32
 ERRORS = 1.0
-QUICK = 8  # futures, of which a quarter tells which plans to give up
-SHORTLIST = 40  # candidates of many that are worth following: those of least one-step cost
+QUICK = 8  # futures from which on a quarter of them selects the plans to keep
+SHORTLIST = 40  # candidates that are simulated: those of least one-step cost
 
 
 class Planner:
     """Plays its base policy, except where a plan's mean paired gain over it is ``errors`` standard errors above 0.
 
-    The gains are those of sampled futures; the same outcomes are drawn for the base and for all plans.
+    The gain is estimated in sampled futures; base and plans meet the same outcomes.
 
     Args:
-        base: the policy to improve on, which also follows every plan to the end of its futures.
+        base: the policy to improve on. It also chooses after the end of a plan. It is asked at simulated beliefs, in
+            batches of any size, so it must keep no memory between calls.
         depth: steps of a future.
-        futures: how many are sampled.
+        futures: number of sampled futures.
         errors: standard errors that a gain must exceed.
-        shortlist: of more candidates than this only those of least one-step cost are looked at.
+        shortlist: number of candidates that are simulated: those of least one-step cost.
 
     Raises:
         InputError: a number out of range.
@@ -73,13 +74,13 @@ class Planner:
             belief: the beliefs.
             own: the base policy's actions.
             mask: allowed actions, or None.
-            settled: what the base has settled.
-            rows: which environments of the batch these are.
+            settled: result of the base's ``settle``.
+            rows: indices of these environments in the batch.
         """
         raise NotImplementedError
 
     def options(self, belief: Any, mask: Array | None) -> tuple[Array, Array]:
-        """First actions worth following, (env, option, ...), and which of them are allowed, (env, option)."""
+        """First actions to simulate, (env, option, ...), and whether each is allowed, (env, option)."""
         envs, count = len(belief.step), len(self.candidates)
         if count <= self.shortlist:
             listed = np.broadcast_to(self.candidates, (envs, *self.candidates.shape))
@@ -96,10 +97,10 @@ class Planner:
         """First actions of the plans that beat the base significantly, or the base's own, (env, ...).
 
         Args:
-            public, own, settled: see ``improved``.
+            belief, own, settled: see ``improved``.
             plans: (env, plan, steps, ...).
-            permitted: which plans may be taken, (env, plan).
-            few: if not 0, all plans but the ``few`` best in the first quarter of the futures are given up there.
+            permitted: whether each plan is allowed, (env, plan).
+            few: if not 0, only the ``few`` best plans of the first quarter of the futures are simulated in all of them.
         """
         draws = self.futures.draw(len(belief.step))
         futures = 1 if draws is None else draws.shape[2]
@@ -117,7 +118,7 @@ class Planner:
     def _beside_base(
         self, belief: Any, plans: Array, settled: Array | None, draws: Array | None
     ) -> tuple[Array, Array]:
-        """Costs of the base, (env, 1, future), and of the plans, (env, plan, future), in the same futures."""
+        """Costs of the base, (env, 1, future), and of the plans, (env, plan, future), with the same outcomes."""
         if plans.ndim > 3:
             return self.futures.costs(belief, None, settled, draws), self.futures.costs(belief, plans, settled, draws)
         nothing = np.full((len(plans), 1, plans.shape[2]), -1)

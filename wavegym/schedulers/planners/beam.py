@@ -1,4 +1,4 @@
-"""Beam search: the best few beginnings of a plan are grown step by step, kept apart by how they begin."""
+"""Beam search: the best few beginnings of a plan are grown step by step, with a limit on equal first actions."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from wavegym.schedulers.planners.base import Planner
 
 
 class BeamSearch(Planner):
-    """Beginnings of ``levels`` actions, of which ``width`` are kept at a time, each judged with the base following it.
+    """Beginnings of up to ``levels`` actions; the best ``width``, each followed by the base, are kept at every level.
 
-    Half of those kept may begin with the same action, so that one good beginning does not crowd out all others.
+    At most half of them begin with the same action, so that one first action does not crowd out all others.
 
     Args:
         base, depth, futures, errors: see ``Planner``.
-        width: beginnings kept.
-        levels: actions of a full-grown one.
-        sampled: futures in which they are judged while they grow; 0 for the expected recursion.
+        width: number of beginnings kept.
+        levels: actions of a complete beginning.
+        sampled: futures in which beginnings are compared while they grow; 0 for the expected recursion.
     """
 
     def __init__(

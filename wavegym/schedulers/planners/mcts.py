@@ -16,14 +16,14 @@ from wavegym.schedulers.myopic import impossible
 from wavegym.schedulers.planners.base import Planner
 from wavegym.schedulers.rollout import allowed
 
-EXPLORATION = 2.0  # spreads of the returns seen at the root: less settles on one choice before others were followed up
+EXPLORATION = 2.0  # standard deviations of the root's returns: less commits to one choice before others are tried
 LINE = 4  # choices of the principal variation
-TRIED = 8  # visits that make a choice part of it
+TRIED = 8  # visits of a node from which on its choice belongs to the principal variation
 
 
 @dataclass
 class _Node:
-    """A history of choices and outcomes."""
+    """A history of choices and outcomes: a node of the tree."""
 
     permitted: Array  # (option,) bool
     visits: Array = field(init=False)
@@ -34,7 +34,7 @@ class _Node:
         self.visits, self.total = np.zeros(len(self.permitted), np.int64), np.zeros(len(self.permitted))
 
     def option(self, own: int, spread: float) -> int:
-        """The base's own first, every other one, then the one of the least optimistic cost."""
+        """The base's own choice first, then each untried one, then the one with the least lower confidence bound."""
         if not self.visits[own]:
             return own
         untried = self.permitted & (self.visits == 0)
@@ -61,16 +61,16 @@ def _line(root: _Node, options: Array) -> Array:
 
 
 class MonteCarloTree(Planner):
-    """``simulations`` futures, each of which goes down the tree by upper confidence bounds and adds one node to it.
+    """Monte-Carlo tree search: each of ``simulations`` futures descends by confidence bounds and adds one node.
 
-    A node is a history of choices and of what was detected; below the tree the base policy goes on. The choices visited
-    most, down the tree as far as it was tried, are then compared with the base in fresh futures that both share: the
-    first of them by itself, and all of them as a plan. For actions that are indices.
+    A node is a history of choices and detections; below the tree the base policy chooses. The most visited choices
+    along the tree are then compared with the base in fresh futures that both share: the first choice alone, and all of
+    them as a plan. Actions must be indices.
 
     Args:
         base, depth, futures, errors: see ``Planner``.
-        simulations: of a decision.
-        exploration: of the confidence bound, in spreads of the returns.
+        simulations: futures simulated for one decision.
+        exploration: width of the confidence bound, in standard deviations of the returns.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class MonteCarloTree(Planner):
         return self.chosen(belief, own, np.stack([first, lines], axis=1), np.repeat(may, 2, axis=1), settled)
 
     def _simulate(self, belief: Any, options: Array, settled: Array | None, roots: list[_Node], spread: Array) -> Array:
-        """One future of every environment, (env,) summed costs; adds what it found to the trees."""
+        """Summed costs (env,) of one future of every environment; adds their nodes and returns to the trees."""
         system, base, draws = self.system, self.futures.base, self.futures.draw(len(roots), 1)
         here, total = belief, np.zeros(len(roots))
         nodes: list[_Node | None] = list(roots)
@@ -133,7 +133,7 @@ class MonteCarloTree(Planner):
         return node.option(int(same[0]) if same.size else int(node.permitted.argmax()), float(spread))
 
     def _descend(self, here: Any, options: Array, nodes: list[_Node | None], picked: dict[int, int]) -> None:
-        """From each node to the child of what was chosen and seen; a new child ends the way down."""
+        """Go from each node to the child of its choice and outcome; a new child ends the descent."""
         mask = allowed(self.system, here) if picked else None
         seen = [here.covariance] if hasattr(here, "covariance") else [leaf for leaf in here if leaf is not None]
         for e, option in picked.items():

@@ -1,4 +1,4 @@
-"""Plans whose actions are paid from one account: what a change at one step takes, a change at another gives back."""
+"""Plans whose actions are paid from one account: pairs of changes, of which one pays for the other."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from wavegym.core.arrays import Array
 from wavegym.schedulers.heuristics.price_policies import ample
 from wavegym.schedulers.planners.sampled_futures import SampledFutures
 
-FAR, NEAR = 200, 300  # pairs of changes that are tried: of any two steps, of two steps that are close
+FAR, NEAR = 200, 300  # pairs of changes that are simulated: of any two steps, of two close steps
 CLOSE = 3  # steps
-MERGED = 100  # of the pairs that save something, those that may be made together
+MERGED = 100  # greatest number of pairs that are made together
 ROUND = 1e-9  # of the account
 
 
@@ -28,20 +28,20 @@ def exchanged(
     draws: Array | None,
     rounds: int,
 ) -> Array:
-    """Plans (env, depth) that exchanging energy between steps has improved, one environment after the other.
+    """Plans (env, depth) improved by exchanging energy between steps, one environment after the other.
 
-    In every round the cost of each change of one step is taken with a purse that never empties. The pairs of changes
-    that together stay within the account and promise most are then judged as they are, and all that save something at
-    steps apart from each other are made at once. Ends where nothing is saved.
+    Every round simulates each change of one step with an account that never empties. The most promising pairs of
+    changes that stay within the account are then simulated with the real account. All pairs that save cost and are
+    apart from each other are made at once. The search ends when no pair saves cost.
 
     Args:
-        futures: what judges a plan.
+        futures: simulate the plans.
         belief: beliefs, axis 0 = environment.
         plan: actions to begin with, (env, depth).
-        options: actions that may take a step's place, (env, option).
-        settled: what the base has settled.
-        draws: as of ``Futures.draw``; None: the expected recursion.
-        rounds: at most.
+        options: actions to choose from, (env, option).
+        settled: result of the base's ``settle``.
+        draws: of ``SampledFutures.draw``; None: the expected recursion.
+        rounds: greatest number of rounds.
     """
     found = plan.copy()
     for env in range(len(plan)):
@@ -81,9 +81,9 @@ def _exchanged_one(
 
 
 class _Singles:
-    """Changes of one step of a plan (depth,): at which step, to what, and what is paid and saved by each.
+    """Changes of one step of a plan (depth,): the step, the new action, the energy paid and the cost added.
 
-    The first is no change at all, before any step. Of those at one step that pay the same the best is kept.
+    The first entry is no change. Of changes at one step with the same energy only the best is kept.
     """
 
     def __init__(self, plan: Array, options: Array, steps: int, spending: Array) -> None:
@@ -94,7 +94,7 @@ class _Singles:
         self.paid = np.append(0.0, (spending[to] - spending[plan[at]])[is_new])
 
     def judge(self, costs: Callable[[Array], Array]) -> None:
-        """Find what each change adds to the cost, and forget those that others beat."""
+        """Find the cost that each change adds, and drop the changes that another one dominates."""
         values = costs(self.made(np.arange(len(self.at))[:, None]))
         self.added = values - values[0]
         order = np.lexsort((self.added, self.paid, self.at))
@@ -103,7 +103,7 @@ class _Singles:
         self.at, self.to, self.paid, self.added = (a[best] for a in (self.at, self.to, self.paid, self.added))
 
     def made(self, changes: Array) -> Array:
-        """The plan after changes (plan, change), the later ones in a row on top: (plan, depth)."""
+        """The plan after changes (plan, change): (plan, depth). Later changes of a row overwrite earlier ones."""
         plans = np.repeat(self.plan[None], len(changes), axis=0)
         for column in changes.T:
             plans[np.arange(len(plans)), self.at[column]] = self.to[column]
@@ -111,7 +111,7 @@ class _Singles:
 
 
 def _traded(single: _Singles, judge: Callable[[Array], Array], energy: float) -> Array | None:
-    """The plan after the pairs of changes that save most, or None if none saves anything."""
+    """The plan after the pairs of changes that save most, or None if no pair saves cost."""
     slack = energy - single.spent + ROUND
     pairs = _promising(single, slack)
     values = judge(np.concatenate([single.plan[None], single.made(pairs)]))
@@ -131,7 +131,7 @@ def _traded(single: _Singles, judge: Callable[[Array], Array], energy: float) ->
     growing = np.zeros((len(taken) // 2, len(taken)), np.int64)  # the first pair, the first two, ...; 0: no change
     for row in range(len(growing)):
         growing[row, : 2 * row + 2] = taken[: 2 * row + 2]
-    # A change before all others stands for none: it must not undo one of the last step, so it comes first.
+    # "No change" writes the last step's old action, so it comes first: a change of that step must overwrite it.
     plans = single.made(np.sort(growing, axis=1))
     costs = judge(plans)
     best = int(costs.argmin())
@@ -139,7 +139,7 @@ def _traded(single: _Singles, judge: Callable[[Array], Array], energy: float) ->
 
 
 def _promising(single: _Singles, slack: float) -> Array:
-    """Pairs of changes (pair, 2), the earlier step first, that fit and should save most, each at its own."""
+    """Pairs of changes (pair, 2), the earlier step first, that fit the account; those of least summed added cost."""
     first, second = single.at[:, None], single.at
     fits = (first < second) & (single.paid[:, None] + single.paid <= slack)
     promised = np.where(fits, single.added[:, None] + single.added, np.inf)

@@ -1,4 +1,4 @@
-"""Plans improved by local search: made anew at every step, or once."""
+"""Plans improved by local search, at every step or once."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ MOVES = 32  # neighbours of a plan that are tried in one round
 
 
 def neighbours(plan: Array, options: Array, steps: Array, moves: int, rng: np.random.Generator) -> Array:
-    """Plans that differ a little from ``plan``, by one move or two.
+    """Plans that differ from ``plan`` by one or two moves.
 
-    A move changes a run of steps to one action, exchanges two steps, or shifts what lies between two steps by one.
+    A move sets a run of steps to one action, exchanges two steps, or shifts the actions between two steps by one.
 
     Args:
         plan: (env, depth, ...).
-        options: actions that may take a step's place, (env, option, ...).
-        steps: of the plan that matter, (env,).
-        moves: how many.
-        rng: where the moves come from.
+        options: actions to choose from, (env, option, ...).
+        steps: number of steps that the plan is made for, (env,).
+        moves: number of neighbours.
+        rng: the source of the moves.
 
     Returns:
         (env, moves, depth, ...).
@@ -48,7 +48,9 @@ def _moved(plans: Array, options: Array, steps: Array, rng: np.random.Generator)
     first, second = a[..., None], b[..., None]
     low, high = np.minimum(first, second), np.maximum(first, second)
     swapped = np.where(at == first, second, np.where(at == second, first, at))
-    later = np.where((at > low) & (at <= high), at - 1, at)  # what is at low lasts a step longer, high is dropped
+    later = np.where(
+        (at > low) & (at <= high), at - 1, at
+    )  # the action at low lasts a step longer, that at high is dropped
     sooner = np.where((at >= low) & (at < high), at + 1, at)
     order = np.where(kind == 1, swapped, np.where(kind == 2, np.where(first < second, later, sooner), at))
     rows = np.arange(len(plans))[:, None]
@@ -62,10 +64,10 @@ def searched(
     futures: SampledFutures, belief: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None,
     rounds: int, rng: np.random.Generator,
 ) -> Array:  # fmt: skip
-    """A plan that local search has improved, (env, depth, ...).
+    """The plan (env, depth, ...) after a local search.
 
-    In every round the best of ``MOVES`` neighbours is taken if it costs less. Where actions are paid from an account
-    ``exchanged`` goes before: changes at random would rarely both fit and save.
+    In every round the best of ``MOVES`` neighbours is taken if it costs less. Where actions are paid from an account,
+    ``exchanged`` comes first: random changes rarely both fit the account and save cost.
     """
     if hasattr(futures.system, "spending"):
         plan = exchanged(futures, belief, plan, options, settled, draws, rounds)
@@ -83,18 +85,18 @@ def searched(
 
 
 class RecedingHorizon(Planner):
-    """Receding-horizon replanning: a whole plan is kept, shifted and improved by local search at every step.
+    """Receding-horizon planning: a whole plan is kept, shifted and improved by local search at every step.
 
-    Open-loop feedback control: the plan is made for the expected recursion, or for ``sampled`` futures, as if nothing
-    were learnt on the way, and made anew when something was.
+    Open-loop feedback control: the plan ignores future measurements and is improved after each one. It is made for the
+    expected recursion, or for ``sampled`` futures.
 
     Args:
         base, depth, futures, errors: see ``Planner``.
         rounds: of the local search at every step.
-        first: of that for the first plan of an episode.
+        first: rounds for the first plan of an episode.
         sampled: futures that a plan is made for; 0 for the expected recursion.
-        asks: whether the plan has to beat the base in sampled futures. There the base goes on looking and the plan does
-            not, though it will be made anew: where few actions can be afforded, good plans would be given up.
+        asks: whether the plan has to beat the base in sampled futures. These favour the base, which reacts to outcomes
+            while the plan does not; with few affordable actions good plans are then rejected.
     """
 
     def __init__(
@@ -115,7 +117,7 @@ class RecedingHorizon(Planner):
         """See ``Policy``."""
         super().begin(system, num_envs, rng)
         self._plan: Array | None = None
-        self._made = np.full(num_envs, -2)  # the step that each plan begins at
+        self._made = np.full(num_envs, -2)  # the step at which each plan begins
 
     def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
@@ -147,10 +149,10 @@ class RecedingHorizon(Planner):
 
 
 class PlanOnce:
-    """A plan of the whole episode, made at its first step for the expected recursion and then played as it is.
+    """A plan of the whole episode, made at its first step for the expected recursion, then played unchanged.
 
     Args:
-        base: whose own sequence the local search starts from; it also chooses where a plan meets a mask.
+        base: the local search starts from its sequence of actions; it also chooses where an action is masked.
         rounds: of the local search.
     """
 
@@ -182,7 +184,7 @@ class PlanOnce:
         return possible(wanted, base.choose(belief, mask, base.settle(belief)), mask)
 
     def _planned(self, belief: Any, mask: Array | None) -> Array:
-        """Plans (env, horizon, ...) indexed by step; a plan that begins later repeats its first action before."""
+        """Plans (env, horizon, ...) indexed by step; before its first step a plan holds its first action."""
         planner, futures = self._planner, self._planner.futures
         settled = futures.base.settle(belief)
         plan = futures.nominal(belief, None, settled)

@@ -1,4 +1,4 @@
-"""Rollout: every first action is tried, and the base policy follows it."""
+"""Rollout and tree search: every action, or sequence of actions, followed by the base policy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
 from wavegym.schedulers.planners.base import Planner
 
-FINALISTS = 4  # first actions that are followed through all futures
+FINALISTS = 4  # plans that are simulated in all futures
 
 
 class RolloutPlanner(Planner):
@@ -20,11 +20,11 @@ class RolloutPlanner(Planner):
 
     Args:
         base, depth, futures, errors: see ``Planner``.
-        holds: numbers of steps for which each first action is held before the base takes over; the base by itself might
-            give up at once what takes several steps. For more than one step actions have to be indices.
+        holds: numbers of steps for which each first action is held before the base takes over: the base might at once
+            abandon an action that takes several steps to pay. More than one step needs actions that are indices.
 
     Raises:
-        InputError: a number out of range, nothing held.
+        InputError: a number out of range, or empty ``holds``.
     """
 
     def __init__(self, base: Policy, depth: int = 20, holds: Sequence[int] = (1,), **settings: Any) -> None:
@@ -40,10 +40,10 @@ class RolloutPlanner(Planner):
         return self.chosen(belief, own, self._plans(options), allowed, settled, FINALISTS)
 
     def advantages(self, belief: Any, mask: Array | None) -> Array:
-        """What each option saves of the mean cost of all options' futures, as a share of it, (env, option).
+        """The saving of each option over the mean cost of all options, as a share of that mean, (env, option).
 
-        All options meet the same futures; of several holds the best counts. NaN where an option is not allowed. It is a
-        noisy estimate whose error has next to no mean, so that a few futures are enough to learn from.
+        All options meet the same futures; the best of several holds counts. NaN where an option is not allowed. The
+        estimate is noisy with next to no bias, so a few futures are enough to learn from.
         """
         options, permitted = self.options(belief, mask)
         draws = self.futures.draw(len(options))
@@ -62,11 +62,11 @@ class RolloutPlanner(Planner):
 
 
 class TreeSearch(Planner):
-    """Every sequence of ``levels`` actions is tried, and the base policy follows it.
+    """Tries every sequence of ``levels`` actions, followed by the base policy.
 
     Args:
         base, depth, futures, errors: see ``Planner``.
-        levels: actions of a sequence; at most MOST sequences are tried, of the candidates of least one-step cost.
+        levels: length of a sequence. At most MOST sequences are tried, of the candidates of least one-step cost.
     """
 
     MOST = 4096

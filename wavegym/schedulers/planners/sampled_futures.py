@@ -1,4 +1,4 @@
-"""Futures of a belief under plans and a base policy, with sampled outcomes that all plans share."""
+"""Sampled futures of a belief under plans and a base policy; all plans meet the same outcomes."""
 
 from __future__ import annotations
 
@@ -11,29 +11,52 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Held
+from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.rollout import allowed
 
-ROWS = 16_384  # beliefs followed at a time: they stay in the cache
+ROWS = 16_384  # beliefs simulated at a time: they fit the processor's cache
+
+
+class Observing(Heuristic):
+    """Any policy as a base: at every belief, simulated ones included, it is given the observation of that belief.
+
+    Args:
+        policy: chooses the actions, such as a learned policy.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        from wavegym.observations.observer import Observer  # above the heuristics, whose delays its forecasts show
+
+        self.policy.begin(system, num_envs, rng)
+        self._observer = Observer(system)
+
+    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+        """See ``Heuristic``."""
+        return np.array(self.policy.act(belief, self._observer(belief)[0], mask))  # a planner may write to it
 
 
 class SampledFutures:
     """Follows plans, and after them a base policy, through ``predict``.
 
     Args:
-        base: what chooses where a plan has ended. Its ``settle`` is called at the belief that the futures start from
-            and its ``choose`` in them (``wavegym.schedulers.heuristics``); any other policy that reads nothing but the
-            belief is asked to ``act``. A base with ``leftover(public, settled)``, (env,), says by that what the
-            resources still there at the end of a truncated future are worth, as a cost.
-        depth: steps that a future has, or fewer where the episode ends.
-        count: sampled futures; 1 where nothing is left to chance.
+        base: chooses where a plan has ended. Of a heuristic (``wavegym.schedulers.heuristics``), ``settle`` is called
+            at the belief that the futures start from and ``choose`` in them. Any other policy is asked to ``act``, with
+            the observation of each belief. ``leftover(belief, settled)``, (env,), of a base that has it is added to the
+            cost at the end of a truncated future: minus the value of the resources left.
+        depth: steps of a future, fewer where the episode ends.
+        count: number of futures; a single one where no outcome is random.
 
     Raises:
         InputError: no step, no future.
     """
 
     def __init__(self, base: Policy, depth: int, count: int) -> None:
-        self.base: Any = base if hasattr(base, "choose") else Held(base)
+        is_heuristic = hasattr(base, "settle") and hasattr(base, "choose")
+        self.base: Any = base if is_heuristic else Observing(base)
         self.depth, self.count = check_int("depth", depth, 1), check_int("futures", count, 1)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
@@ -44,7 +67,7 @@ class SampledFutures:
         self._has_leftover = hasattr(self.base, "leftover")
 
     def draw(self, envs: int, count: int | None = None) -> Array | None:
-        """Outcomes of every step, (depth, env, future, *chances) uniform; None where nothing is left to chance."""
+        """Uniform draws (depth, env, future, *outcome_shape) of all outcomes; None where no outcome is random."""
         if self.is_certain:
             return None
         return self._rng.random((self.depth, envs, count or self.count, *self.system.outcome_shape))
@@ -56,8 +79,8 @@ class SampledFutures:
             belief: beliefs, axis 0 = environment.
             plans: first actions, (env, plan, steps, ...); None: the base policy alone, as one plan. Indices below 0, or
                 masked where the system is strict, leave the choice to the base.
-            settled: what the base has settled at these beliefs.
-            draws: as of ``draw``; None: the expected recursion, one future.
+            settled: result of the base's ``settle`` at these beliefs.
+            draws: of ``draw``; None: the expected recursion, one future.
 
         Returns:
             (env, plan, future).
@@ -77,9 +100,9 @@ class SampledFutures:
         return np.concatenate(parts)
 
     def nominal(self, belief: Any, plan: Array | None, settled: Array | None) -> Array:
-        """Actions (env, depth, ...) of the plan (env, steps, ...) and then the base, in the expected recursion.
+        """Actions (env, depth, ...) in the expected recursion: of the plan (env, steps, ...), then of the base.
 
-        Where an episode is over, the last action is repeated.
+        After the end of an episode its last action is repeated.
         """
         here, actions = belief, []
         for t in range(self.depth):
@@ -131,7 +154,7 @@ class SampledFutures:
 
 
 def possible(wanted: Array, otherwise: Array, mask: Array | None) -> Array:
-    """``wanted`` where that is an index and allowed."""
+    """``wanted`` where it is an allowed index, else ``otherwise``."""
     if wanted.ndim > 1:
         return wanted
     can = wanted >= 0
@@ -141,12 +164,12 @@ def possible(wanted: Array, otherwise: Array, mask: Array | None) -> Array:
 
 
 def significant(costs: Array, base: Array, errors: float) -> Array:
-    """Which plan to take, (env,): -1 for the base, unless a plan's paired gain is beyond doubt.
+    """The plan to take, (env,): -1 for the base, unless a plan's paired gain is significant.
 
-    That plan is taken whose gain, less ``errors`` standard errors, is greatest and above 0.
+    The plan with the greatest gain less ``errors`` standard errors is taken, if that difference is above 0.
 
     Args:
-        costs: of each plan in each future, (env, plan, future), infinite for what is not allowed.
+        costs: of each plan in each future, (env, plan, future); infinite for a plan that is not allowed.
         base: of the base in the same futures, (env, 1, future).
         errors: standard errors of the mean paired gain.
     """

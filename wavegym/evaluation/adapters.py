@@ -1,0 +1,258 @@
+"""Anybody's policy as a ``Policy``: functions, models with ``predict``, folders of training runs, saved models.
+
+>>> import numpy as np
+>>> from wavegym.evaluation import as_policy, compare
+>>> def shortest(observation):  # (env, fields) float32 -> (env,) int
+...     return np.zeros(len(observation), np.int64)
+>>> comparison = compare("KershawEvansPosition-v0", {"shortest": shortest}, worlds=5, jobs=1, horizon=4)
+>>> comparison.cost("shortest").shape
+(1, 5)
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.envs.actions import action_reader
+from wavegym.evaluation import saved
+from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.worlds import tuning_tapes
+from wavegym.observations.observer import Observer
+from wavegym.schedulers.registry import is_scheduler, make_policy
+
+TAKEN = "a Policy, a function of the observation, an object with predict, a folder, a name or a Factory"
+
+
+@dataclass(frozen=True)
+class Factory:
+    """Marks a function that makes a policy for a system; without the mark a function is a policy.
+
+    Args:
+        make: ``make(system)`` returns what ``as_policy`` takes, or a sequence of it: the training runs of one learner.
+    """
+
+    make: Callable[[System], Any]
+
+
+def as_policy(
+    given: Any, env: Task | str | None = None, *, name: str = "", trust: bool = False, **settings: Any
+) -> Policy:
+    """A Policy of whatever chooses actions.
+
+    Args:
+        given: a Policy; a function (observation) -> actions, of observations (env, fields) float32 and actions
+            (env, ...); an object with ``predict``, such as a model of Stable-Baselines3, which is asked for its
+            deterministic actions and given masks if it takes ``action_masks``; a Factory; the name of a scheduler or of
+            a saved agent; the folder of a training run; with ``trust``, a ``.zip`` file of Stable-Baselines3 or
+            ``"package.module:factory"``.
+        env: id or Task of the environment to be played; needed for a Factory, a name, a folder and a file.
+        name: of the policy, in error messages.
+        trust: whether code in files and modules may run.
+        **settings: parameters of the environment other than the registered ones.
+
+    Raises:
+        InputError: nothing of that kind, a folder of several runs, or code without ``trust``.
+    """
+    named = name or (str(given) if isinstance(given, (str, Path)) else type(given).__name__)
+    task = make_task(env, settings) if isinstance(env, str) else env
+    policies = as_policies(given, task, named, trust=trust)
+    if len(policies) != 1:
+        raise InputError(f"policy {named!r} has {len(policies)} training runs, expected one (nearest: compare, or the "
+                         "folder of one run)")  # fmt: skip
+    return policies[0]
+
+
+def as_policies(given: Any, task: Task | None, name: str, *, trust: bool = False, tapes: Any = None) -> list[Policy]:
+    """The policies of one entry of ``compare``: several for the training runs of one learner.
+
+    Args:
+        given: what ``as_policy`` takes, or a sequence of it.
+        task: what is to be played.
+        name: of the entry.
+        trust: see ``as_policy``.
+        tapes: worlds for tuning, axis 0 = world; drawn if a scheduler needs some and there are none.
+
+    Raises:
+        InputError: see ``as_policy``; an empty sequence.
+    """
+    if isinstance(given, (list, tuple)):
+        if not given:
+            raise InputError(f"policy {name!r} is an empty sequence, expected at least one policy")
+        return [policy for each in given for policy in as_policies(each, task, name, trust=trust, tapes=tapes)]
+    if isinstance(given, (Factory, str, Path)):
+        if task is None:
+            raise InputError(f"policy {name!r} depends on the environment, expected its id too")
+        if isinstance(given, Factory):
+            return as_policies(given.make(task.system), task, name, trust=trust, tapes=tapes)
+        return _from_source(given, task, trust, tapes)
+    if isinstance(given, type):
+        raise InputError(f"policy {name!r} is the class {given.__name__}, expected an object of it, or a Factory")
+    if isinstance(given, Policy):
+        return [given]
+    if hasattr(given, "predict"):
+        return [PredictPolicy(given, name)]
+    if callable(given):
+        return [FunctionPolicy(given, name)]
+    raise InputError(f"policy {name!r} is {given!r}, expected {TAKEN}")
+
+
+def _from_source(source: str | Path, task: Task, trust: bool, tapes: Any) -> list[Policy]:
+    """The policies of a name, a folder, a file or ``package.module:factory``."""
+    text, system = str(source), task.system
+    if isinstance(source, str):
+        planner, at, base = text.partition("@")
+        is_named = is_scheduler(text) or is_scheduler(text.partition(":")[0])
+        if at and is_named and not is_scheduler(base):
+            bases = _from_source(base, task, trust, tapes)
+            return [make_policy(planner, system, _tapes(task, tapes), base=each) for each in bases]
+        if is_named:
+            return [make_policy(text, system, _tapes(task, tapes))]
+        if text in saved.LEARNERS:
+            return saved.load_folder(saved.saved_agent(text, task.env_id), task.env_id, system)
+    if saved.is_archive(text):
+        return as_policies(saved.load_archive(Path(source), trust), task, text)
+    if isinstance(source, Path) or saved.is_folder(text):
+        return saved.load_folder(Path(source), task.env_id, system)
+    if saved.is_code(text):
+        return as_policies(Factory(saved.load_code(text, trust)), task, text, trust=trust, tapes=tapes)
+    return [make_policy(text, system, _tapes(task, tapes))]  # an error that names the nearest
+
+
+def _tapes(task: Task, tapes: Any) -> Any:
+    return tuning_tapes(task.system, 0) if tapes is None else tapes
+
+
+class _Adapted:
+    """What chooses from observations alone; its actions are checked.
+
+    Args:
+        name: of the policy, in error messages.
+        fields: length of the observations that it was made for; None for whatever the environment shows.
+    """
+
+    def __init__(self, name: str, fields: int | None = None) -> None:
+        self.name, self.fields = name, fields
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``.
+
+        Raises:
+            InputError: the environment's observations, with forecasts or without, do not have ``fields`` elements.
+        """
+        self._observer, own = Observer(system), len(system.observation_fields)
+        self._needs_forecasts = self.fields not in (None, own)
+        if self._needs_forecasts:
+            wanted, given = str(own), f"policy {self.name!r} takes observations of {self.fields} elements"
+            with suppress(InputError):  # a system whose actions have no forecasts
+                self._observer = Observer(system, forecasts=True)
+                wanted = f"{own}, or {len(self._observer.observation_fields)} with forecasts"
+            if self.fields != len(self._observer.observation_fields):
+                raise InputError(f"{given}, expected {wanted}")
+        self._space = action_reader(system).space
+
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``.
+
+        Raises:
+            InputError: the actions have the wrong shape or type.
+        """
+        if observation is None or self._needs_forecasts:
+            observation, _ = self._observer(belief)
+        chosen = self.answer(observation, belief, mask)
+        return self._checked(chosen, len(observation))
+
+    def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
+        """Actions (env, ...) of observations (env, fields), unchecked."""
+        raise NotImplementedError
+
+    def _checked(self, chosen: Any, count: int) -> Array:
+        array, shape = np.asarray(chosen), (count, *(self._space.shape or ()))
+        is_box = isinstance(self._space, spaces.Box)
+        if array.dtype.kind not in ("fiu" if is_box else "iu"):
+            given = f"{type(chosen).__name__} of the type {array.dtype}"
+            wanted = "numbers in [-1, 1]" if is_box else "integers"
+            hint = "; a function that makes a policy is a Factory" if array.dtype == object else ""
+            raise InputError(f"policy {self.name!r} returned {given}, expected {wanted} of the shape {shape}{hint}")
+        if array.shape != shape:
+            wanted = f"{shape}: axis 0 = environment"
+            raise InputError(f"policy {self.name!r} returned actions of the shape {array.shape}, expected {wanted}")
+        return array
+
+
+class FunctionPolicy(_Adapted):
+    """A function (observation) -> actions as a Policy.
+
+    Args:
+        function: of observations (env, fields) float32; returns actions (env, ...).
+        name: see ``as_policy``.
+    """
+
+    def __init__(self, function: Callable[[Array], Any], name: str = "function") -> None:
+        super().__init__(name)
+        self.function = function
+
+    def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
+        """See ``_Adapted``."""
+        return self.function(observation)
+
+
+class PredictPolicy(_Adapted):
+    """An object with ``predict`` as a Policy: a model or a policy of Stable-Baselines3 or sb3-contrib, or one's own.
+
+    ``predict(observation)`` is given whatever it takes of ``state`` (its own, of the last call), ``episode_start``
+    (env,) bool, ``deterministic=True`` and ``action_masks`` (env, actions) bool. It returns the actions, or a pair of
+    them and a state.
+
+    Args:
+        model: the object.
+        name: see ``as_policy``.
+    """
+
+    def __init__(self, model: Any, name: str = "model") -> None:
+        # Of a model only its network travels to other processes: its environment, or replay buffer, would not.
+        network: Any = getattr(model, "policy", None)
+        self.model: Any = network if hasattr(network, "predict") else model
+        shape = getattr(getattr(model, "observation_space", None), "shape", None)
+        super().__init__(name, None if shape is None else int(np.prod(shape)))
+        self._taken = frozenset(inspect.signature(self.model.predict).parameters)
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``. Raises an InputError where the model's spaces are not the environment's."""
+        super().begin(system, num_envs, rng)
+        trained = getattr(self.model, "action_space", self._space)
+        if _form(trained) != _form(self._space):
+            raise InputError(f"policy {self.name!r} chooses from {trained}, expected {self._space}")
+        self._state: Any = None
+
+    def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
+        """See ``_Adapted``."""
+        given = {
+            "state": self._state,
+            "episode_start": belief.step == 0,
+            "deterministic": True,
+            "action_masks": mask,
+        }
+        actions = self.model.predict(observation, **{key: given[key] for key in given if key in self._taken})
+        if isinstance(actions, tuple):
+            actions, self._state = actions
+        return actions
+
+
+def _form(space: Any) -> tuple[Any, ...]:
+    """The kind and shape of a space, and how many actions it has where they are discrete."""
+    return type(space), space.shape, str(getattr(space, "n", getattr(space, "nvec", "")))
+
+
+Given = Policy | Callable[[Array], Any] | Factory | str | Path | Sequence[Any]
