@@ -138,7 +138,7 @@ def entry(env_id: str) -> Entry:
 
 def table(entries: Sequence[Entry]) -> str:
     """One line for each environment: what each policy costs more or less than the best simple rule."""
-    head = ["environment", "best simple rule", "myopic", "best planner", "PPO", "95 %", "DQN", "95 %", "PPO recovers"]
+    head = ["environment", "best simple heuristic", "myopic", "best planner", "PPO", "95 %", "DQN", "95 %", "PPO recovers"]
     rows = []
     for e in entries:
         simple = recorded(make_task(e.env_id, {}).system).get(SIMPLE, SIMPLE)

@@ -53,7 +53,7 @@ def run() -> dict[str, list[Decision]]:
         "myopic": Myopic(),
         "lookahead:2, fused": Lookahead(2),
         "lookahead:3, fused": Lookahead(3),
-        "lookahead:2, by imagine": Lookahead(2, fused=False),
+        "lookahead:2, by predict": Lookahead(2, fused=False),
     }
     return {name: [measure(policy, batch) for batch in (1, 64, 512)] for name, policy in policies.items()}
 
