@@ -10,7 +10,7 @@ import griffe
 
 DOCTEST = re.compile(r"^>>> .*(?:\n(?!\s*$).+)*", re.MULTILINE)  # an unindented example and its output
 LITERAL = re.compile(r"::$", re.MULTILINE)  # reStructuredText's sign of a block of code
-BOUND = re.compile(r"^( +[\w, ]+: )>", re.MULTILINE)  # "horizon: > 0"
+BOUND = re.compile(r"^( +(?:[\w, ]+: )?)>(?!>>)", re.MULTILINE)  # "horizon: > 0"
 SECTION = re.compile(r"^(Description|Rewards|Starting state|Episode end|References)\n((?: {4}.*\n?|\n)+)", re.MULTILINE)
 
 
