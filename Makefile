@@ -9,20 +9,20 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest docs results leaderboard papers headroom benchmarks clean
+.PHONY: demo test lint test-oldest site docs results leaderboard papers headroom benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	@# torch by itself first: with its exact version there, no other package asks for a newer build.
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[agents,tune,dev]"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[agents,tune,dev,docs]"
 	touch $@
 
 demo: $(READY)
 	$(BIN)/python -m agents.demo --out $(OUT)/demo
 
-test: $(READY) lint
+test: $(READY) lint site
 	$(BIN)/python -m pytest -n 2
 
 lint: $(READY)
@@ -41,10 +41,13 @@ $(VENV)-oldest/.ready: pyproject.toml constraints.txt
 	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt --editable ".[agents,tune,dev]"
 	touch $@
 
+# The documentation in site/; `docs` renews the environments' pages from the code first.
+site: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 docs: $(READY)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
 	$(BIN)/python -m wavegym.envs.pages docs/environments
-	$(BIN)/mkdocs build --strict --quiet
+	$(MAKE) site
 
 # Train what is missing and rebuild every table under results/; EXPERIMENTS="SectorSetup" for one of them.
 results: $(READY)

@@ -27,7 +27,7 @@ def block(results: list[dict[str, Any]]) -> str:
 
 def overview(results: list[dict[str, Any]]) -> str:
     """One line for each environment: how much each costs more or less than the best simple rule."""
-    head = ["environment", "best simple rule", *STEPS[:-1], "best planner", "95 %"]
+    head = ["environment", "best simple heuristic", *STEPS[:-1], "best planner", "95 %"]
     rows = []
     for result in results:
         policies, settled = result["policies"], result["tuned_constants"]

@@ -1,0 +1,47 @@
+"""The Python blocks of the hand-written pages run, in one namespace a page."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+import wavegym
+
+DOCS = Path(__file__).parents[1] / "docs"
+BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def _registry():
+    known = set(gym.registry)
+    yield
+    for id in set(gym.registry) - known:
+        gym.registry.pop(id)
+
+
+def run(page: str, namespace: dict) -> None:
+    for block in BLOCK.findall((DOCS / page).read_text()):
+        exec(compile(block, page, "exec"), namespace)
+
+
+@pytest.mark.parametrize("page", ["index.md", "how_to/compare_policies.md", "how_to/train_with_sb3.md"])
+def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    run(page, {})
+    assert "geometric" in capsys.readouterr().out  # the table of a comparison
+    assert list(tmp_path.glob("out/*/report.html"))
+
+
+@pytest.mark.usefixtures("_registry")
+def test_the_registrations_and_the_pulse_of_your_own_work(monkeypatch):
+    made = []
+    monkeypatch.setattr(gym, "make_vec", lambda id, **settings: made.append(id))  # of the package on the page
+    monkeypatch.setattr("wavegym.testing.check_vector_env", made.append)  # of the example, which has its own test
+    namespace = {"gym": gym}
+    run("how_to/own_environment.md", namespace)
+    assert made == ["mine/ShipRadar-v0", "own/ScalarDwell-v0"]
+    assert {"own/ShipRadar-v0", "own/NarrowBand-v0"} <= set(wavegym.list_envs())
+    assert namespace["R"].shape == (2, 2, 2)
