@@ -32,7 +32,7 @@ lint: $(READY)
 
 # The oldest Gymnasium supported (RLlib pins it), in an environment of its own.
 test-oldest: $(VENV)-oldest/.ready
-	$(VENV)-oldest/bin/python -m pytest -n 2 tests/envs tests/systems -m "not slow"
+	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/observations tests/systems tests/testing -m "not slow"
 
 $(VENV)-oldest/.ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)-oldest
