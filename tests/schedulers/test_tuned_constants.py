@@ -61,7 +61,7 @@ def test_other_parameters_than_the_recorded_ones_are_tuned_on_the_spot(recorded,
     assert (policy.kappa, policy.ahead) == tuple(HEURISTICS["aware-greedy"].start.values())
 
 
-def test_rules_without_a_record_are_tuned_on_the_spot(recorded, small_grids):
+def test_heuristics_without_a_record_are_tuned_on_the_spot(recorded, small_grids):
     assert isinstance(make_policy("cost-of-delay", SYSTEM, delay_worlds(SYSTEM, 4)), CostOfDelay)
     assert isinstance(
         make_policy("adaptive-lagrangian-price", SYSTEM, delay_worlds(SYSTEM, 4)), AdaptiveLagrangianPrice
@@ -71,7 +71,7 @@ def test_rules_without_a_record_are_tuned_on_the_spot(recorded, small_grids):
 @pytest.mark.parametrize(
     "name", ["best-planner", "rollout:3", "tree:2", "beam:3", "mcts:4", "receding-horizon", "plan-once"]
 )
-def test_planners_follow_the_best_rule(recorded, name):
+def test_planners_follow_the_best_heuristic(recorded, name):
     system = SYSTEM
     policy = make_policy(name, system, None)
     assert is_scheduler(name)
@@ -108,14 +108,14 @@ def test_the_file_reads_as_it_was_written():
     assert tomllib.loads(settled.as_toml(table)) == table
 
 
-def test_the_packaged_records_make_the_rules_that_they_name():
+def test_the_packaged_records_make_the_heuristics_that_they_name():
     classes = set(SYSTEMS.values())
     for name, record in settled.records().items():
         assert name in classes
         assert record["best-simple"] in record
         assert record["best-simple"] == min(record["costs"], key=record["costs"].get)
-        for rule in record["costs"]:
-            HEURISTICS[rule].make(**record[rule])
+        for name in record["costs"]:
+            HEURISTICS[name].make(**record[name])
         if "best-planner" in record:
             assert is_scheduler(record["best-planner"])
 
@@ -139,8 +139,8 @@ def test_the_command_tunes_compares_and_writes(tmp_path, monkeypatch, small_grid
     assert re.search(f"DelaySystem: best simple is {best}; {best} ", capsys.readouterr().out)
 
 
-def test_every_rule_and_planner_is_a_name():
-    rules = {
+def test_every_heuristic_and_planner_is_a_name():
+    heuristics = {
         "lagrangian-price",
         "adaptive-lagrangian-price",
         "constant-pace",
@@ -161,4 +161,4 @@ def test_every_rule_and_planner_is_a_name():
         "best-simple",
         "best-planner",
     }
-    assert set(names.FORMS) >= rules | planners
+    assert set(names.FORMS) >= heuristics | planners
