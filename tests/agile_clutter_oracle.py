@@ -1,4 +1,4 @@
-"""One step of the agile-clutter loop in plain NumPy, from the paper's equations; only clutter draws are shared."""
+"""One step of the agile-clutter loop in plain NumPy, from the paper's equations; only clutter's draws are shared."""
 
 from __future__ import annotations
 

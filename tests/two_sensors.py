@@ -148,7 +148,7 @@ def variances(pulses, positions):
 
 @dataclass(frozen=True)
 class Quick(TwoSensors, BestAction):
-    """With its own search: it tabulates the information of each sensor and adds it up in pairs."""
+    """With its own search: the sensors' information is tabulated once and added up in pairs."""
 
     def best_action(self, belief):
         if self.action != "library":
@@ -176,6 +176,6 @@ class Coupled(TwoSensors):
 
 @checked_dataclass(frozen=True)
 class Strict(TwoSensors):
-    """A system without a joint form."""
+    """Has no joint form."""
 
     action: Literal["library", "box"] = "library"

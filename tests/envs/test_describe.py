@@ -58,11 +58,11 @@ def test_a_page_with_parameters_is_that_environment_s():
 def test_the_observation_table_is_the_observation_space(id):
     env = gym.make(id)
     table = rows(chapter(describe(id), "Observations"), "index")
-    elements = env.unwrapped.system.observation_fields
+    fields = env.unwrapped.system.observation_fields
     assert env.observation_space.shape == (len(table),)
     assert f"`Box(-10, 10, ({len(table)},), float32)`" in describe(id)
     for i, (index, name, unit, centre, scale, bounds, meaning) in enumerate(table):
-        assert (int(index), name, unit, meaning) == (i, f"`{elements[i].name}`", elements[i].unit, elements[i].meaning)
+        assert (int(index), name, unit, meaning) == (i, f"`{fields[i].name}`", fields[i].unit, fields[i].meaning)
         low, high = (float(bound) for bound in bounds.split(" to "))
         scaled = (np.array([low, high]) - float(centre)) / float(scale)
         np.testing.assert_allclose(scaled, [env.observation_space.low[i], env.observation_space.high[i]], rtol=1e-5)

@@ -48,7 +48,7 @@ class ShowsNextEpisodeEarly(WaveformVectorEnv):
 
 
 class LosesTruncation(WaveformVectorEnv):
-    """An episode that is cut off looks as if it went on."""
+    """Reports no truncation."""
 
     def step(self, actions):
         observations, reward, terminated, truncated, info = super().step(actions)
