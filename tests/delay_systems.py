@@ -1,4 +1,4 @@
-"""A small system with every delayed cost at once, in plain NumPy: set-up, energy, known hiding, missed pulses."""
+"""A small system with every kind of delayed cost, in plain NumPy: set-up, energy, known hiding, missed pulses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPENDING = np.array([0.4, 1.0, 0.4, 1.0, 0.0])
 
 
 class DelayWorld(NamedTuple):
-    """One episode's numbers."""
+    """One episode's random numbers."""
 
     start: Array  # (target, 2)
     noise: Array  # (target,), process noise
@@ -134,7 +134,7 @@ class DelaySystem(System, LinearCost, GainByTarget, Delay, Spending):
         return trees.tree_map(lambda leaf: leaf.reshape(envs, count, *leaf.shape[1:]), stepped)
 
     def _step(self, belief: DelayBelief, action: Array, draw: Array | None) -> tuple[DelayBelief, Array]:
-        """The belief a step on, and the Kalman gain (env, 2) of the target pointed at, 0 where there is no reading."""
+        """The next belief, and the Kalman gain (env, 2) of the target pointed at, 0 where there is no reading."""
         rows, target, F = np.arange(len(belief.step)), TARGET[action], self.transition_matrix
         at = np.minimum(belief.step, self.horizon - 1)
         dead = self._to_wait(belief)[rows, action]

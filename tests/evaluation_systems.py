@@ -74,7 +74,7 @@ class Uneven(System):
 
 @dataclass(frozen=True)
 class Measured(Uneven):
-    """With two targets' metrics that grow with the steps."""
+    """State info of two targets, which grows with the steps."""
 
     def state_info(self, state):
         step = state.belief.step.astype(np.float64)
@@ -84,7 +84,7 @@ class Measured(Uneven):
 
 @dataclass(frozen=True)
 class Hopeless(Uneven):
-    """Costs nothing that statistics can work with."""
+    """Its costs are not valid for statistics."""
 
     price: float = 0.0
 

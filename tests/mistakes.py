@@ -1,10 +1,10 @@
-"""What every command of the project does with a user's mistake."""
+"""How every command of the project reports a user's mistake."""
 
 from __future__ import annotations
 
 
 def costs_one_line_and_no_earlier_result(command, folder, capsys, words):
-    """``command()`` fails with one line on stderr that holds ``words``; what lay in ``folder`` is as it was."""
+    """``command()`` fails with one line on stderr that contains ``words`` and leaves ``folder`` unchanged."""
     (folder / "summary.json").write_text("earlier")
     assert command() == 2
     output = capsys.readouterr()

@@ -1,4 +1,4 @@
-"""Plain matrix versions of what the kernels compute, and worlds to compute it on."""
+"""Plain matrix versions of the kernels, and worlds to compare them on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def rows(batch, index):
 
 
 def in_step(single, batch, steps, seed=5):
-    """Play drawn actions in a single environment and in all of a batch, which has to show the same in row 0.
+    """Play drawn actions in a single environment and in all of a batch, which must return the same in row 0.
 
     Yields k from 1 on, and what either gave.
     """
@@ -48,7 +48,7 @@ def predict(x, P, F, Q):
 
 
 def update(x, P, y, H, R):
-    """Joseph's form, which forgives rounding in the gain."""
+    """Joseph's form, which tolerates rounding of the gain."""
     K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     left = np.eye(len(P)) - K @ H
     return x + K @ y, left @ P @ left.T + K @ R @ K.T

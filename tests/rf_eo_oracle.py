@@ -144,7 +144,7 @@ def predict(system, x, P):
 
 
 class Foreseen(NamedTuple):
-    """What one setting promises of one target."""
+    """The prediction of one target under one setting."""
 
     mean: np.ndarray  # (4,)
     covariance: np.ndarray  # (4, 4) after the measurement
@@ -164,7 +164,7 @@ def expected(system, x, P, settings):
 
 
 def predict_ahead(system, x, P, settings):
-    """What settings promise of one target."""
+    """The prediction of one target under settings."""
     x, P, C, R = expected(system, x, P, settings)
     return Foreseen(x, posterior(P, C, R).astype(float), float(np.trace(exact(P) @ information(C, R))))
 
@@ -201,7 +201,7 @@ def gauss_newton(system, x, P, readings, R, iterations, small=0.0):
 
 
 def bends(x, P, h, R, limit=0.1):
-    """Whether what a linear h leaves out over the prior's spread d exceeds ``limit`` deviations of any reading.
+    """Whether the linearisation error of h over the prior's spread d exceeds ``limit`` deviations of any reading.
 
     Range d^2 / 2r; azimuth d^2 / 2r^2; range-rate d sigma_v / r + speed d^2 / 2r^2. R (platform, 3), NaN where missing.
     """
@@ -227,7 +227,7 @@ def move(system, truth, draw):
 
 
 def readings_of(system, truth, predicted, settings, error):
-    """What the tracker takes of one target (platform, 3), NaN where nothing, and with what variances.
+    """The measurements of one target (platform, 3) that the tracker uses, NaN where none, and their variances.
 
     A platform nearer than ``nearest_range`` sends nothing, one that is predicted there is not believed.
     """

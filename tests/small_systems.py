@@ -1,4 +1,4 @@
-"""A small system with masks and early ends, whose costs can be told by hand."""
+"""A small system with masks and early ends, whose costs can be computed by hand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wavegym.core.action_sets import Library
 from wavegym.core.system import ObservationField, State, System
 
 BRIEF = {"wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)}}
-"""Settings for whole episodes of ids whose steps take milliseconds: fewer pulses, and a target on its way already."""
+"""Settings for whole episodes of ids whose steps take milliseconds: fewer pulses, and a target that is present."""
 
 
 class Fuel(NamedTuple):
@@ -73,7 +73,7 @@ class Burner(System):
 
 @dataclass(frozen=True)
 class Leaky(Burner):
-    """Hands out an array of its state as the cost."""
+    """Returns an array of its state as the cost."""
 
     def cost(self, belief):
         return belief.left
@@ -81,7 +81,7 @@ class Leaky(Burner):
 
 @dataclass(frozen=True)
 class LeakyMetric(Burner):
-    """Hands out an array of its state among the metrics."""
+    """Returns an array of its state in the state info."""
 
     def state_info(self, state):
         return {"fuel": state.belief.left}

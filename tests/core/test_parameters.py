@@ -1,7 +1,8 @@
-"""What pydantic complains of, as one line that a user can act on."""
+"""Validation errors are one line that a user can act on."""
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from typing import Literal
 
@@ -10,7 +11,14 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from wavegym.core.errors import InputError, check_positive
-from wavegym.core.parameters import in_one_line, make_checked
+from wavegym.core.parameters import (
+    ParameterInfo,
+    in_one_line,
+    make_checked,
+    parameter,
+    parameter_infos,
+    system_parameters,
+)
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -73,3 +81,18 @@ def test_a_bad_value_is_named_in_one_line(values: dict[str, object], message: st
 def test_what_is_missing_is_expected_for_the_class_where_no_source_is_named() -> None:
     with pytest.raises(InputError, match=r"setting 'gain' is missing, expected it for Radar$"):
         make_checked(Radar, {})
+
+
+def test_a_subclass_inherits_the_declarations_and_a_plain_dataclass_adds_its_own() -> None:
+    @system_parameters
+    class Base:
+        q: float = parameter(1.0, "noise density", unit="m^2/s^3", ge=0)
+
+    @dataclasses.dataclass(frozen=True)
+    class Derived(Base):
+        count: int = dataclasses.field(default=3, metadata={"description": "how many", "unit": "1"})
+        name: str = ""
+
+    declared = [ParameterInfo("q", "m^2/s^3", "noise density"), ParameterInfo("count", "1", "how many")]
+    assert parameter_infos(Derived) == [*declared, ParameterInfo("name", "", "")]
+    assert parameter_infos(Base) == declared[:1]

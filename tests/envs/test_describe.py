@@ -1,4 +1,4 @@
-"""The pages of the docs say what the environments do, and the committed ones are up to date."""
+"""The pages of the environments are right, and the committed pages are up to date."""
 
 import dataclasses
 import re
@@ -13,8 +13,7 @@ from small_systems import has_form
 
 import wavegym
 from wavegym.core.errors import InputError
-from wavegym.envs.describe import describe
-from wavegym.envs.docstrings import meanings, section, summary
+from wavegym.envs.describe import describe, section, summary
 from wavegym.envs.pages import main, pages
 from wavegym.registration import SYSTEMS
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -59,11 +58,11 @@ def test_a_page_with_parameters_is_that_environment_s():
 def test_the_observation_table_is_the_observation_space(id):
     env = gym.make(id)
     table = rows(chapter(describe(id), "Observations"), "index")
-    elements = env.unwrapped.system.observation_fields
+    fields = env.unwrapped.system.observation_fields
     assert env.observation_space.shape == (len(table),)
     assert f"`Box(-10, 10, ({len(table)},), float32)`" in describe(id)
     for i, (index, name, unit, centre, scale, bounds, meaning) in enumerate(table):
-        assert (int(index), name, unit, meaning) == (i, f"`{elements[i].name}`", elements[i].unit, elements[i].meaning)
+        assert (int(index), name, unit, meaning) == (i, f"`{fields[i].name}`", fields[i].unit, fields[i].meaning)
         low, high = (float(bound) for bound in bounds.split(" to "))
         scaled = (np.array([low, high]) - float(centre)) / float(scale)
         np.testing.assert_allclose(scaled, [env.observation_space.low[i], env.observation_space.high[i]], rtol=1e-5)
@@ -102,7 +101,7 @@ def test_the_action_tables_are_the_forms_of_the_action_space(id):
 
 @pytest.mark.parametrize("id", IDS)
 def test_the_info_table_has_every_key_that_comes(id):
-    said = {name.strip("`") for name, *_ in rows(chapter(describe(id), "Info"), "key")}
+    listed = {name.strip("`") for name, *_ in rows(chapter(describe(id), "Info"), "key")}
     seen = set()
     forms = [{"action": form} for form in ("box", "library") if has_form(id, form)]
     for settings in ({}, *forms, {"reward": "relative"}):
@@ -110,23 +109,23 @@ def test_the_info_table_has_every_key_that_comes(id):
         env.reset(seed=0)
         for _ in range(STEPS):  # to the end, which has keys of its own
             seen |= set(env.step(env.action_space.sample())[-1])
-    assert {key for key in seen if not key.startswith("_")} == said
+    assert {key for key in seen if not key.startswith("_")} == listed
 
 
 @pytest.mark.parametrize("id", IDS)
 def test_the_parameter_table_has_every_parameter_with_a_meaning(id):
     system = gym.make(id).unwrapped.system
-    table = {name.strip("`"): (value, meaning) for name, value, meaning in rows(describe(id), "parameter | value")}
+    table = {name.strip("`"): cells for name, *cells in rows(describe(id), "parameter | value")}
     assert list(table) == [field.name for field in dataclasses.fields(system)]
-    assert table["dt"][0] == f"{system.dt:g}"
-    assert all(meaning for _, meaning in table.values())
+    assert table["dt"][:2] == [f"{system.dt:g}", "s"]
+    assert all(meaning for _, _, meaning in table.values())
     settings = dict(rows(describe(id), "setting"))
-    assert settings["`max_episode_steps`"] == "truncate here, before the system's own end"
+    assert settings["`max_episode_steps`"] == "truncate after this many steps, before the system's own end"
 
 
 @pytest.mark.parametrize("id", IDS)
 def test_no_meaning_has_swallowed_the_next_one(id):
-    table = [(name.strip("`"), meaning) for name, _, meaning in rows(describe(id), "parameter | value")]
+    table = [(name.strip("`"), meaning) for name, _, _, meaning in rows(describe(id), "parameter | value")]
     names = "|".join(re.escape(name) for name, _ in table)
     for name, meaning in table:
         assert not re.search(rf"\b(?:{names})(?: \([^)]*\))?:", meaning), name
@@ -141,35 +140,6 @@ def test_sections_come_from_the_class_or_else_from_its_base():
     headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
     first = ["Description", "Rewards", "Starting state", "Episode end", "Actions", "Observations", "Info", "Parameters"]
     assert headings[: len(first)] == first
-
-
-def test_meanings_are_read_from_running_text_and_from_lists():
-    class Base:
-        """Base.
-
-        Attributes:
-            horizon: steps in
-                an episode.
-            other: not asked for.
-        """
-
-    class Derived(Base):
-        """Derived.
-
-        Arguments
-            q: noise density (m^2/s^3; "ca": m^2/s^5). low, high: bounds, in
-            metres. width, height:
-            how large. count:
-            how many.
-            **rest: what is left.
-        """
-
-    said = meanings(Derived, ["q", "low", "high", "width", "height", "count", "horizon"])
-    assert said["horizon"] == "steps in an episode"
-    assert said["q"] == 'noise density (m^2/s^3; "ca": m^2/s^5)'
-    assert said["low"] == said["high"] == "bounds, in metres"
-    assert said["width"] == said["height"] == "how large"
-    assert said["count"] == "how many"
 
 
 def test_an_unknown_environment_is_refused_with_the_nearest_named():

@@ -105,12 +105,12 @@ class Forgetful(VecEnvWrapper):
 
 def test_only_truncated_episodes_are_bootstrapped() -> None:
     env = SB3VecEnv(ID, COUNT, max_episode_steps=5)
-    told, untold = (
+    given, withheld = (
         ppo(e, rollouts=1).rollout_buffer.rewards for e in (env, Forgetful(SB3VecEnv(ID, COUNT, max_episode_steps=5)))
     )
-    ends = np.arange(len(told)) % 5 == 4
-    assert_same(told[~ends], untold[~ends])
-    assert (told[ends] != untold[ends]).all()
+    ends = np.arange(len(given)) % 5 == 4
+    assert_same(given[~ends], withheld[~ends])
+    assert (given[ends] != withheld[ends]).all()
     terminated = ppo(SB3VecEnv(ID, COUNT, horizon=5), rollouts=1).rollout_buffer.rewards
     assert_same(terminated, ppo(Forgetful(SB3VecEnv(ID, COUNT, horizon=5)), rollouts=1).rollout_buffer.rewards)
 

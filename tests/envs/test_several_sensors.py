@@ -1,4 +1,4 @@
-"""Action sets for several sensors in the shells: spaces, checks, masks, info, conformance, pages and frames."""
+"""Action sets for several sensors in the environments: spaces, checks, masks, info, conformance, pages and frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forecasts of each candidate in the observation: what they are of the belief, and where they are not to be had."""
+"""Forecasts of each candidate in the observation: their values, and the systems that refuse them."""
 
 import gymnasium as gym
 import numpy as np
@@ -21,16 +21,16 @@ def played(name: str, steps: int = 4) -> WaveformVectorEnv:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_they_follow_the_systems_own_elements_and_are_what_the_system_foresees(name):
+def test_they_follow_the_systems_own_fields_and_are_its_predictions(name):
     env = played(name)
     system, belief = env.system, env.belief
-    shown, own = env.episodes.look()[0], len(system.observation_fields)
+    shown, own = env.episodes.observe()[0], len(system.observation_fields)
     assert env.single_observation_space.shape == (shown.shape[1],) == (len(env.episodes.observer.observation_fields),)
     assert (shown[:, :own] == WaveformVectorEnv(system, 5).episodes.observer(belief)[0]).all()
     predicted = Forecasts(system)
     candidates = system.candidates()
     raw = shown[:, own:].reshape(5, len(candidates), -1).astype(np.float64)
-    figures = {f.name: raw[:, :, i] * f.scale + f.centre for i, f in enumerate(predicted.figures)}
+    figures = {f.name: raw[:, :, i] * f.scale + f.centre for i, f in enumerate(predicted.candidate_fields)}
     costs = np.stack([system.cost(system.predict(belief, np.full(5, c))) for c in candidates], axis=1)
     mean = costs.mean(axis=1, keepdims=True)
     is_free = np.abs(raw) < 10.0

@@ -109,18 +109,18 @@ def test_a_binding_threshold_widens_the_image_and_one_beyond_reach_is_said_once(
     words = (
         rf"threshold is {threshold:g}, not reached in {short.sum()} of {len(reach)} environments.*{reach.min():.3g}\)$"
     )
-    with pytest.warns(InfeasibleThreshold, match=words) as told:
+    with pytest.warns(InfeasibleThreshold, match=words) as caught:
         chosen = act(policy, above, belief)
-    assert len(told) == 1
+    assert len(caught) == 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         again = policy.act(belief, None, None)
-    assert "\n" not in str(told[0].message)
+    assert "\n" not in str(caught[0].message)
     assert (policy.feasible == ~short).all()
     assert (chosen == again).all()
     np.testing.assert_allclose(share[rows, chosen][short], reach[short], rtol=1e-12)
     with pytest.warns(InfeasibleThreshold):
-        act(policy, above, belief)  # the next batch of episodes is told again
+        act(policy, above, belief)  # the next batch of episodes warns again
 
 
 def test_the_loop_knows_what_the_scheduler_could_not_reach():
@@ -258,7 +258,7 @@ def test_no_threshold_is_no_constraint():
         (MyopicInformation(), KershawEvans(), "'myopic-information' cannot be computed for KershawEvans"),
         (Continuous("information"), KershawEvans(action="box"), "'myopic-information:polish' cannot be computed"),
         (Continuous(starts=2), scene(action="joint"), "'myopic:slsqp' is not for RfEo in this form, .* action='box'"),
-        (Continuous(), scene(penalty="hard"), "'myopic:polish' cannot .* no slope to follow; nearest: 'myopic'"),
+        (Continuous(), scene(penalty="hard"), "'myopic:polish' cannot .* no gradient; nearest: 'myopic'"),
         (Continuous("information", 1), scene(penalty="hard"), "'myopic-information:slsqp' cannot be computed"),
     ],
 )

@@ -82,7 +82,7 @@ def ladder_value(system, level, step, depth):
 
 
 @pytest.mark.parametrize("depth", [1, 2, 4])
-def test_masks_and_early_ends_are_foreseen(depth):
+def test_masks_and_early_ends_are_predicted(depth):
     system = Ladder()
     belief = system.initial(oracles.worlds(system, 50)).belief
     policy = Lookahead(depth)
@@ -223,10 +223,10 @@ def test_a_systems_plan_is_played_at_any_depth_but_not_where_it_is_unwanted():
     mask[np.arange(len(free)), free] = False
     masked = shallow.act(belief, None, mask)
     assert mask[np.arange(len(free)), masked].all()
-    assert (masked == foreseen_masked(system, belief, mask)).all()
+    assert (masked == best_pair_masked(system, belief, mask)).all()
 
 
-def foreseen_masked(system, belief, mask):
+def best_pair_masked(system, belief, mask):
     """The first action of the cheapest two, the first of them masked."""
     cost = predicted(system, belief, 2)[0].min(axis=2)
     return np.where(mask, cost, np.inf).argmin(axis=1)

@@ -1,4 +1,4 @@
-"""The rules of the branch and bound, each by itself, against eigenvalues and enumeration."""
+"""The parts of the branch and bound, one by one, against eigenvalues and enumeration."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ SENSOR = ((3e3, -16e3),)
 
 @pytest.fixture(scope="module")
 def beliefs():
-    """Public states of six episodes under random choices, at ``STEPS``."""
+    """Beliefs of six episodes under random choices, at ``STEPS``."""
     worlds, rng = oracles.worlds(BOX, 6), np.random.default_rng(1)
     state, met = BOX.initial(worlds), {}
     for k in range(max(STEPS) + 1):
@@ -76,7 +76,7 @@ def test_more_levels_leave_less_trace(beliefs):
 
 
 @pytest.mark.parametrize("sensors", [SENSOR, BOX.sensors])
-def test_it_foresees_no_more_than_the_library_scheduler(beliefs, sensors):
+def test_it_predicts_no_more_than_the_library_scheduler(beliefs, sensors):
     """The library's durations and sweeps span the box but are few. Its 4 MHz lie between points of the search: 1e-4."""
     box, listed, library = AgileClutter(action="box", sensors=sensors), AgileClutter(sensors=sensors), Myopic()
     library.begin(listed, 6, np.random.default_rng(0))

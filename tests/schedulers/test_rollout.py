@@ -1,4 +1,4 @@
-"""Playing a policy without a shell."""
+"""Playing a policy without an environment."""
 
 from __future__ import annotations
 

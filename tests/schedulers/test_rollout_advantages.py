@@ -1,4 +1,4 @@
-"""What a rollout planner says that each option saves: a share of the mean cost, in futures that all options share."""
+"""The advantages of a rollout planner: each action's saving in shares of the mean cost, in common futures."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def test_without_chance_it_is_the_exact_saving():
     belief = system.initial(draw_worlds(system, world_seeds(0, "tune", 3))).belief
     planner = RolloutPlanner(Myopic(), 4, shortlist=100)
     planner.begin(system, 3, np.random.default_rng(0))
-    told = planner.advantages(belief, None)
+    saving = planner.advantages(belief, None)
     costs = np.empty((3, 56))
     for first in range(56):
         here, total = belief, 0.0
@@ -26,8 +26,8 @@ def test_without_chance_it_is_the_exact_saving():
             here = system.predict(here, policy.act(here, None, None))
             total = total + system.cost(here)
         costs[:, first] = total
-    np.testing.assert_allclose(told, 1.0 - costs / costs.mean(axis=1, keepdims=True), rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(told.sum(axis=1), 0.0, atol=1e-10)
+    np.testing.assert_allclose(saving, 1.0 - costs / costs.mean(axis=1, keepdims=True), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(saving.sum(axis=1), 0.0, atol=1e-10)
 
 
 def test_what_cannot_be_paid_has_none_and_the_rest_compare_among_themselves():
@@ -37,10 +37,10 @@ def test_what_cannot_be_paid_has_none_and_the_rest_compare_among_themselves():
     planner = RolloutPlanner(Fixed(0), 6, futures=2)
     planner.begin(system, 4, np.random.default_rng(0))
     mask = allowed(system, belief)
-    told = planner.advantages(belief, mask)
-    assert (np.isnan(told) == ~mask).all()
-    assert told[0, 0] == 0.0  # silence is all there is
-    np.testing.assert_allclose(np.nansum(told, axis=1), 0.0, atol=1e-10)
+    saving = planner.advantages(belief, mask)
+    assert (np.isnan(saving) == ~mask).all()
+    assert saving[0, 0] == 0.0  # silence is all there is
+    np.testing.assert_allclose(np.nansum(saving, axis=1), 0.0, atol=1e-10)
 
 
 @pytest.mark.parametrize("holds", [(1,), (1, 3)])

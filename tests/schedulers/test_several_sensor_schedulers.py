@@ -156,7 +156,7 @@ def test_a_lookahead_over_too_many_combinations_is_refused():
         Lookahead(4).begin(joint, 1, None)
 
 
-def test_a_lookahead_over_combinations_is_no_dearer_than_one_step_foresees():
+def test_a_lookahead_over_combinations_is_no_dearer_than_one_step_predicts():
     worlds = oracles.worlds(SYSTEM, 5)
     played = [rollout(SYSTEM, policy, worlds) for policy in (Lookahead(1), Myopic(), Lookahead(2))]
     assert (played[0].actions == played[1].actions).all()

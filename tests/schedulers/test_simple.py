@@ -25,7 +25,7 @@ def ready(policy, system, count=1, seed=0):
     return policy
 
 
-def public_of(system, count):
+def beliefs_of(system, count):
     return system.initial(oracles.worlds(system, count)).belief
 
 
@@ -34,7 +34,7 @@ def test_random_is_uniform_over_what_is_allowed():
     mask = np.zeros((count, 56), bool)
     mask[:, ::2] = True
     policy = ready(RandomChoice(), SYSTEM)
-    belief = public_of(SYSTEM, 1)._replace(step=np.zeros(count, int))
+    belief = beliefs_of(SYSTEM, 1)._replace(step=np.zeros(count, int))
     for allowed, options in ((None, 56), (mask, 28)):
         tally = np.bincount(policy.act(belief, None, allowed), minlength=56)
         assert (tally > 0).sum() == options
@@ -44,7 +44,7 @@ def test_random_is_uniform_over_what_is_allowed():
 
 
 def test_random_follows_its_generator():
-    belief = public_of(SYSTEM, 100)
+    belief = beliefs_of(SYSTEM, 100)
     first, again, other = (ready(RandomChoice(), SYSTEM, seed=s).act(belief, None, None) for s in (1, 1, 2))
     assert (first == again).all()
     assert (first != other).any()
@@ -52,7 +52,7 @@ def test_random_follows_its_generator():
 
 def test_random_in_a_box_is_uniform_over_the_whole_of_it():
     count, cells = 64_000, 8
-    actions = ready(RandomChoice(), BOX).act(public_of(SYSTEM, 1)._replace(step=np.zeros(count, int)), None, None)
+    actions = ready(RandomChoice(), BOX).act(beliefs_of(SYSTEM, 1)._replace(step=np.zeros(count, int)), None, None)
     assert actions.shape == (count, 2)
     assert (np.abs(actions) <= 1).all()
     tally = np.histogram2d(*actions.T, bins=cells, range=[[-1, 1], [-1, 1]])[0]
@@ -61,8 +61,8 @@ def test_random_in_a_box_is_uniform_over_the_whole_of_it():
 
 
 def test_fixed_never_changes():
-    assert (ready(Fixed(7), SYSTEM).act(public_of(SYSTEM, 3), None, None) == 7).all()
-    assert (ready(Fixed(7), BOX).act(public_of(BOX, 3), None, None) == BOX.candidates()[7]).all()
+    assert (ready(Fixed(7), SYSTEM).act(beliefs_of(SYSTEM, 3), None, None) == 7).all()
+    assert (ready(Fixed(7), BOX).act(beliefs_of(BOX, 3), None, None) == BOX.candidates()[7]).all()
     for index, nearest in ((-1, 0), (56, 55)):
         with pytest.raises(InputError, match=f"expected 0 to 55 .nearest: {nearest}"):
             ready(Fixed(index), SYSTEM)
@@ -81,12 +81,12 @@ class Named(KershawEvansPosition):
 def test_a_constant_may_have_a_name():
     assert System().named_constants() == {}
     system = Named()
-    assert (ready(Fixed("published"), system).act(public_of(system, 3), None, None) == 9).all()
+    assert (ready(Fixed("published"), system).act(beliefs_of(system, 3), None, None) == 9).all()
     mask = np.ones((3, 56), bool)
     mask[1, 9] = False
-    assert ready(Fixed("published"), system).act(public_of(system, 3), None, mask).tolist() == [9, 10, 9]
+    assert ready(Fixed("published"), system).act(beliefs_of(system, 3), None, mask).tolist() == [9, 10, 9]
     system = Named(action="box")
-    actions = ready(Fixed("published"), system).act(public_of(system, 3), None, None)
+    actions = ready(Fixed("published"), system).act(beliefs_of(system, 3), None, None)
     assert actions.tolist() == [[0.25, -0.5]] * 3
 
 
@@ -100,7 +100,7 @@ def test_an_unknown_name_is_answered_with_the_nearest():
 
 
 def test_fixed_takes_the_next_allowed_one_in_cyclic_order():
-    policy, belief = ready(Fixed(7), SYSTEM), public_of(SYSTEM, 4)
+    policy, belief = ready(Fixed(7), SYSTEM), beliefs_of(SYSTEM, 4)
     mask = np.ones((4, 56), bool)
     mask[1, 7:9] = False
     mask[2, 7:] = False
@@ -110,7 +110,7 @@ def test_fixed_takes_the_next_allowed_one_in_cyclic_order():
 
 def test_round_robin_takes_turns_and_skips():
     policy = ready(RoundRobin(), SYSTEM)
-    belief = public_of(SYSTEM, 3)._replace(step=np.array([0, 5, 57]))
+    belief = beliefs_of(SYSTEM, 3)._replace(step=np.array([0, 5, 57]))
     assert (policy.act(belief, None, None) == [0, 5, 1]).all()
     mask = np.ones((3, 56), bool)
     mask[0, :4] = False
@@ -118,6 +118,6 @@ def test_round_robin_takes_turns_and_skips():
     assert (policy.act(belief, None, mask) == [4, 0, 1]).all()
     ladder = Ladder()
     policy = ready(RoundRobin(), ladder)
-    belief = public_of(ladder, 40)
+    belief = beliefs_of(ladder, 40)
     actions = policy.act(belief, None, ladder.mask(belief))
     assert ladder.mask(belief)[np.arange(40), actions].all()

@@ -9,12 +9,11 @@ import pytest
 from delay_systems import DelaySystem, delay_worlds
 
 from wavegym.core.errors import InputError
-from wavegym.evaluation import tune_constants as settle
+from wavegym.evaluation import tune_constants
 from wavegym.evaluation.task import Task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers import registry as names
-from wavegym.schedulers import rollout
-from wavegym.schedulers import tuned_constants as settled
+from wavegym.schedulers import rollout, tuned_constants
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice
 from wavegym.schedulers.heuristics.registry import HEURISTICS
@@ -34,7 +33,7 @@ RECORD = {
 
 @pytest.fixture
 def recorded(monkeypatch):
-    monkeypatch.setattr(settled, "records", lambda: RECORD)
+    monkeypatch.setattr(tuned_constants, "records", lambda: RECORD)
 
 
 @pytest.fixture
@@ -56,12 +55,12 @@ def test_recorded_constants_are_used_without_any_world(recorded):
 
 def test_other_parameters_than_the_recorded_ones_are_tuned_on_the_spot(recorded, small_grids):
     system = DelaySystem(setup=1)
-    assert settled.recorded(system) == {}
+    assert tuned_constants.recorded(system) == {}
     policy = make_policy("aware-greedy", system, delay_worlds(system, 4))
     assert (policy.kappa, policy.ahead) == tuple(HEURISTICS["aware-greedy"].start.values())
 
 
-def test_rules_without_a_record_are_tuned_on_the_spot(recorded, small_grids):
+def test_heuristics_without_a_record_are_tuned_on_the_spot(recorded, small_grids):
     assert isinstance(make_policy("cost-of-delay", SYSTEM, delay_worlds(SYSTEM, 4)), CostOfDelay)
     assert isinstance(
         make_policy("adaptive-lagrangian-price", SYSTEM, delay_worlds(SYSTEM, 4)), AdaptiveLagrangianPrice
@@ -71,7 +70,7 @@ def test_rules_without_a_record_are_tuned_on_the_spot(recorded, small_grids):
 @pytest.mark.parametrize(
     "name", ["best-planner", "rollout:3", "tree:2", "beam:3", "mcts:4", "receding-horizon", "plan-once"]
 )
-def test_planners_follow_the_best_rule(recorded, name):
+def test_planners_follow_the_best_heuristic(recorded, name):
     system = SYSTEM
     policy = make_policy(name, system, None)
     assert is_scheduler(name)
@@ -105,42 +104,43 @@ def test_the_file_reads_as_it_was_written():
             "cycle": {"actions": [[0.5, -1.0]]},
         },
     }
-    assert tomllib.loads(settled.as_toml(table)) == table
+    assert tomllib.loads(tuned_constants.as_toml(table)) == table
 
 
-def test_the_packaged_records_make_the_rules_that_they_name():
+def test_the_packaged_records_make_the_heuristics_that_they_name():
     classes = set(SYSTEMS.values())
-    for name, record in settled.records().items():
+    for name, record in tuned_constants.records().items():
         assert name in classes
         assert record["best-simple"] in record
         assert record["best-simple"] == min(record["costs"], key=record["costs"].get)
-        for rule in record["costs"]:
-            HEURISTICS[rule].make(**record[rule])
+        for name in record["costs"]:
+            HEURISTICS[name].make(**record[name])
         if "best-planner" in record:
             assert is_scheduler(record["best-planner"])
 
 
 def test_the_command_tunes_compares_and_writes(tmp_path, monkeypatch, small_grids, capsys):
-    monkeypatch.setattr(settle, "make_task", lambda env_id, settings: Task(env_id, SYSTEM, None, {}))
-    out = tmp_path / "settled.toml"
-    out.write_text(settled.as_toml({"Another": {"best-simple": "myopic", "myopic": {}}}))
-    settle.main(["Delay-v0", "--worlds", "6", "--planners", "rollout:5,rollout:1", "--out", str(out)])
+    monkeypatch.setattr(tune_constants, "make_task", lambda env_id, settings: Task(env_id, SYSTEM, None, {}))
+    out = tmp_path / "tuned_constants.toml"
+    out.write_text(tuned_constants.as_toml({"Another": {"best-simple": "myopic", "myopic": {}}}))
+    tune_constants.main(["Delay-v0", "--worlds", "6", "--planners", "rollout:5,rollout:1", "--out", str(out)])
     table = tomllib.loads(out.read_text())
-    record = table["DelaySystem"]
-    assert set(table) == {"Another", "DelaySystem"}
+    key = tuned_constants.record_key(SYSTEM)
+    record = table[key]
+    assert set(table) == {"Another", key}
     ratios = record["planner_costs"]
     assert set(ratios) == {"rollout:5", "rollout:1"}
     assert record["best-planner"] == min(ratios, key=ratios.get)
     best = record["best-simple"]
     assert record["costs"][best] == min(record["costs"].values())
-    worlds = settle.draw_worlds(SYSTEM, settle.world_seeds(0, "tune", 6))
+    worlds = tune_constants.draw_worlds(SYSTEM, tune_constants.world_seeds(0, "tune", 6))
     cost = np.exp(np.log(rollout(SYSTEM, HEURISTICS[best].make(**record[best]), worlds).mean_cost).mean())
     assert record["costs"][best] == pytest.approx(cost, rel=1e-3)
-    assert re.search(f"DelaySystem: best simple is {best}; {best} ", capsys.readouterr().out)
+    assert re.search(f"{key}: best simple is {best}; {best} ", capsys.readouterr().out)
 
 
-def test_every_rule_and_planner_is_a_name():
-    rules = {
+def test_every_heuristic_and_planner_is_a_name():
+    heuristics = {
         "lagrangian-price",
         "adaptive-lagrangian-price",
         "constant-pace",
@@ -161,4 +161,4 @@ def test_every_rule_and_planner_is_a_name():
         "best-simple",
         "best-planner",
     }
-    assert set(names.FORMS) >= rules | planners
+    assert set(names.FORMS) >= heuristics | planners

@@ -40,9 +40,9 @@ class Debts(NamedTuple):
 
 @dataclass(frozen=True)
 class Neglect(System):
-    """Each sensor looks at one of its quantities, which makes its debt 0 and raises the others' by 1, or at none.
+    """Each sensor measures one of its quantities, which makes its debt 0 and raises the others' by 1, or none.
 
-    Looking at none raises all debts up to CAP, the best that a constant can do. In a box (one sensor, two quantities)
+    Measuring none raises all debts up to CAP, the best that a constant can do. In a box (one sensor, two quantities)
     an action below -0.5 looks at the first, above 0.5 at the second, and what it misses of +-BEST is paid squared.
     """
 

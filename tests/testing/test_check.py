@@ -48,7 +48,7 @@ class ShowsNextEpisodeEarly(WaveformVectorEnv):
 
 
 class LosesTruncation(WaveformVectorEnv):
-    """An episode that is cut off looks as if it went on."""
+    """Reports no truncation."""
 
     def step(self, actions):
         observations, reward, terminated, truncated, info = super().step(actions)
@@ -66,7 +66,7 @@ class LosesAStep(WaveformVectorEnv):
     """NEXT_STEP: while one environment is reset the others stand still."""
 
     def step(self, actions):
-        ended, observations = self._ended.copy(), self.episodes.look()[0]
+        ended, observations = self._ended.copy(), self.episodes.observe()[0]
         if self.autoreset_mode.value == "NextStep" and ended.any():
             observations, info = self.reset(options={"reset_mask": ended})
             return observations, np.zeros(self.num_envs), np.zeros_like(ended), np.zeros_like(ended), info
@@ -217,12 +217,12 @@ def test_a_system_that_hands_out_its_state_is_rejected(system, defect):
     def factory(num_envs, autoreset_mode):
         return WaveformVectorEnv(system, num_envs, autoreset_mode=autoreset_mode)
 
-    said = report(factory)
-    assert said.startswith(defect) if defect else not said
+    found = report(factory)
+    assert found.startswith(defect) if defect else not found
 
 
 def report(env):
-    """What the check says, "" where nothing is wrong."""
+    """The defect that the check reports, or ""."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -246,7 +246,7 @@ NAN = np.array([1.0, np.nan])
 
 
 @pytest.mark.parametrize(
-    ("got", "want", "said"),
+    ("got", "want", "words"),
     [
         (NAN, NAN.copy(), None),
         (np.array([0.0]), np.array([-0.0]), "[0] is np.float64(0.0), expected np.float64(-0.0)"),
@@ -267,5 +267,5 @@ NAN = np.array([1.0, np.nan])
         (True, 1, " is bool with shape (), expected int64 with shape ()"),
     ],
 )
-def test_difference_says_where_and_how(got, want, said):
-    assert difference(got, want) == said
+def test_difference_says_where_and_how(got, want, words):
+    assert difference(got, want) == words

@@ -1,4 +1,4 @@
-"""What check_vector_env asks of a system's planning side."""
+"""The checks of check_vector_env on a system's planning functions."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class FlatMask(KershawEvans):
         (FlatMask, r"mask\(\) returned shape \(88,\)"),
     ],
 )
-def test_a_system_that_breaks_its_promise_is_rejected(system, words):
+def test_a_system_with_a_defect_is_rejected(system, words):
     def make(num_envs, autoreset_mode):
         return WaveformVectorEnv(system, num_envs, autoreset_mode=autoreset_mode, horizon=3)
 
@@ -58,5 +58,5 @@ def test_a_system_that_breaks_its_promise_is_rejected(system, words):
 
 
 @pytest.mark.parametrize("action", ["library", "box"])
-def test_ours_keep_theirs(action):
+def test_a_system_of_the_suite_passes(action):
     assert prediction_defect(KershawEvans(action=action)) is None

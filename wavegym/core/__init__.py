@@ -1,1 +1,1 @@
-"""What every other part stands on: the System contract, action sets, arrays, random numbers, kernels, errors."""
+"""The foundations: the System contract, action sets, arrays, random numbers, kernels, errors."""

@@ -1,4 +1,4 @@
-"""What may be transmitted: a library (an index), one for several sensors, or a box of parameters."""
+"""Action sets: a library (an action is an index), a library at several sensors, or a box of parameters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wavegym.core.errors import InputError, check_int
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.units import quantity
 
-SEPARATOR = " | "  # between the labels of what the sensors transmit at a time
+SEPARATOR = " | "  # between the labels of the sensors' waveforms in one action
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Library:
         entries: at least one: waveforms, or anything else with a ``label``, or plain names.
 
     Raises:
-        InputError: if there is none, one has no label, or two share one.
+        InputError: no entries, an entry without a label, or two entries with the same label.
     """
 
     entries: tuple[Any, ...]
@@ -63,8 +63,8 @@ class _AtEverySensor:
     """The same library at every sensor.
 
     Args:
-        library: what any sensor may transmit.
-        sensors: how many, >= 1.
+        library: the waveforms of each sensor.
+        sensors: number of sensors, >= 1.
 
     Raises:
         InputError: if sensors is not an integer >= 1.
@@ -77,9 +77,9 @@ class _AtEverySensor:
         check_int("sensors", self.sensors, 1)
 
     def combinations(self) -> Array:
-        """What each sensor transmits in every combination, the first sensor's index changing slowest: a fresh array.
+        """Every combination of library indices, (waveforms^sensors, sensors); the first sensor's index changes slowest.
 
-        Indices into the library, (waveforms^sensors, sensors).
+        Returns a fresh array.
         """
         indices = np.indices((len(self.library),) * self.sensors).reshape(self.sensors, -1)
         return np.ascontiguousarray(indices.T)
@@ -89,7 +89,7 @@ class PerSensorLibrary(_AtEverySensor):
     """The same library at every sensor; an action is one index for each, in the order of the sensors."""
 
     def __len__(self) -> int:
-        """Number of waveforms to choose from at each sensor."""
+        """Number of waveforms of each sensor."""
         return len(self.library)
 
     @property
@@ -114,13 +114,13 @@ class JointLibrary(_AtEverySensor):
         return tuple(SEPARATOR.join(labels) for labels in product(self.library.labels, repeat=self.sensors))
 
     def encode(self, choices: Array) -> Array:
-        """Joint actions (...) of an index into the library for every sensor, (..., sensor): undoes ``indices``."""
+        """Joint actions (...) of library indices (..., sensor), one for each sensor: the inverse of ``indices``."""
         weights = len(self.library) ** np.arange(self.sensors)[::-1]
         return (choices * weights).sum(axis=-1)
 
     @cached_property
     def indices(self) -> Array:
-        """``combinations()``, made once: (joint action, sensor)."""
+        """``combinations()``, computed once: (joint action, sensor)."""
         return self.combinations()
 
 
@@ -129,17 +129,17 @@ ActionSet = FiniteSet | ParameterBox
 
 
 def sensor_count(actions: FiniteSet) -> int:
-    """How many sensors choose at a time."""
+    """Number of sensors for which an action chooses."""
     return actions.sensors if isinstance(actions, (PerSensorLibrary, JointLibrary)) else 1
 
 
 def waveform_labels(actions: FiniteSet) -> tuple[str, ...]:
-    """The labels of what one sensor may transmit."""
+    """The labels of one sensor's waveforms."""
     return actions.library.labels if isinstance(actions, JointLibrary) else actions.labels
 
 
 def by_sensor(actions: FiniteSet, chosen: Array) -> Array:
-    """Which of ``waveform_labels`` each sensor transmitted, (time, sensor), for actions (time,) or (time, sensor)."""
+    """Each sensor's index into ``waveform_labels``, (time, sensor), of actions (time,) or (time, sensor)."""
     if isinstance(actions, JointLibrary):
         return actions.indices[chosen]
     return chosen.reshape(len(chosen), -1)

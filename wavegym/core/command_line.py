@@ -1,7 +1,7 @@
 """Command lines that answer every mistake with one line and exit status 2.
 
-What nobody foresaw takes one line too, with exit status 1; the environment variable WAVEGYM_DEBUG=1 shows where it
-came from.
+An unexpected exception takes one line too, with exit status 1. With the environment variable WAVEGYM_DEBUG=1 the
+traceback is printed before the line.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from typing import Any, NoReturn
 from wavegym.core.errors import InputError, InputWarning, nearest
 
 FAILED = 2
-UNFORESEEN = 1
-INTERRUPTED = 130  # as shells have it
+UNEXPECTED = 1
+INTERRUPTED = 130  # as in shells
 DEBUG = "WAVEGYM_DEBUG"
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse whose complaints are InputErrors, and which names the nearest option."""
+    """An argument parser that raises InputErrors and names the nearest option."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(allow_abbrev=False, epilog=f"{DEBUG}=1 shows the traceback of an error.", **arguments)
 
     def error(self, message: str) -> NoReturn:
-        """A bad argument."""
+        """Raise ``message`` as an InputError."""
         raise InputError(message)
 
     def read(self, arguments: Sequence[str] | None) -> argparse.Namespace:
-        """``parse_args``, but an unknown option is named together with the nearest known one."""
+        """``parse_args``, whose error for an unknown option names the nearest known one."""
         parsed, unknown = self.parse_known_args(arguments)
         if unknown:
             hint = nearest(unknown[0], self._option_string_actions) if unknown[0].startswith("-") else ""
@@ -44,10 +44,10 @@ class Parser(argparse.ArgumentParser):
 
 
 def settings(pairs: Sequence[str]) -> dict[str, Any]:
-    """``["horizon=20", "weights=1,0", "model=ca"]`` as a dictionary; values are Python literals, or else words.
+    """``["horizon=20", "weights=1,0", "model=ca"]`` as a dictionary; values are Python literals, or else strings.
 
     Raises:
-        InputError: one is not ``key=value``.
+        InputError: a pair is not ``key=value``.
     """
     found = {}
     for pair in pairs:
@@ -66,7 +66,7 @@ def _literal(text: str) -> Any:
 
 
 def guarded(main: Callable[[], None]) -> int:
-    """Run ``main``; whatever goes wrong is told in one line on stderr. Returns the exit status.
+    """Run ``main`` and print any error as one line on stderr. Returns the exit status.
 
     Errors other than InputError and OSError are named by their type. With WAVEGYM_DEBUG=1 in the environment the
     traceback comes before the line.
@@ -77,8 +77,8 @@ def guarded(main: Callable[[], None]) -> int:
     except (InputError, OSError) as error:
         text = f"{error.strerror}: {error.filename}" if isinstance(error, OSError) and error.filename else str(error)
         return _told(text or type(error).__name__, FAILED)
-    except Exception as error:  # overflow, memory, a worker that was killed, another package's complaint
-        return _told(f"{type(error).__name__}: {error}", UNFORESEEN)
+    except Exception as error:  # overflow, memory, a worker that was killed, another package's error
+        return _told(f"{type(error).__name__}: {error}", UNEXPECTED)
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         return INTERRUPTED

@@ -1,9 +1,9 @@
 """Random numbers without state for compiled kernels: SplitMix64 by counter (Steele, Lea and Flood, OOPSLA 2014).
 
 Draw ``i`` of a key is the i-th output of SplitMix64 seeded with that key, computed directly. A draw therefore depends
-on what it is for and on nothing drawn before it: a kernel that needs fewer numbers leaves all the others as they were.
-Keys are made by chaining: ``stream(stream(key, step), sensor)``. Everything is cast to uint64, because Numba makes
-float64 of uint64 with int64; negative integers wrap.
+on its key and its index alone, not on earlier draws: a kernel that needs fewer numbers changes no other draw.
+Keys are made by chaining: ``stream(stream(key, step), sensor)``. Everything is cast to uint64, because Numba
+converts uint64 combined with int64 to float64; negative integers wrap.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -149,7 +149,7 @@ def _far(r):
 
 @kernel
 def _polynomial(r, c0, c1, c2, c3, c4, c5, c6, c7):
-    """c0 + c1 r + ... + c7 r^7 by Estrin's scheme: its products do not wait for each other."""
+    """c0 + c1 r + ... + c7 r^7 by Estrin's scheme: its products are independent of each other."""
     square = r * r
     low = (c0 + c1 * r) + (c2 + c3 * r) * square
     high = (c4 + c5 * r) + (c6 + c7 * r) * square

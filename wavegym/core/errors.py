@@ -17,7 +17,7 @@ class InputWarning(UserWarning):
 
 
 def nearest(value: object, choices: Iterable[str]) -> str:
-    """``"; did you mean 'x'?"`` for the choice most like ``value``, or ``""`` where none is alike."""
+    """``"; did you mean 'x'?"`` for the choice closest to ``value``, or ``""`` where none is close."""
     close = difflib.get_close_matches(str(value), list(choices), n=1, cutoff=0.4)
     return f"; did you mean {close[0]!r}?" if close else ""
 

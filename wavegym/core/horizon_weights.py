@@ -1,4 +1,4 @@
-"""The share of a covariance in the costs of the steps to come."""
+"""The weight of a covariance in the costs of future steps."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from wavegym.core.errors import check_int
 
 
 def horizon_weights(F: ArrayLike, weights: ArrayLike, ahead: int) -> Array:
-    """M with trace(M P) = sum over l < ahead of trace(Lambda F^l P F'^l), the share of P in the costs to come.
+    """M with trace(M P) = sum over l < ahead of trace(Lambda F^l P F'^l), the share of P in the future costs.
 
-    Without further measurements the covariance l steps on is F^l P F'^l and noise that no look changes, so what a look
-    takes off the summed cost of ``ahead`` steps is linear in the difference that it makes to P.
+    Without further measurements the covariance after l steps is F^l P F'^l plus noise that no measurement changes.
+    Hence a measurement that reduces P by D reduces the summed cost of ``ahead`` steps by trace(M D).
 
     Args:
         F: transition, (n, n).
         weights: diagonal of Lambda, (n,).
-        ahead: L, steps, the one of the look included.
+        ahead: L, steps, the step of the measurement included.
 
     Returns:
         (n, n), symmetric.

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.errors import InputError
 
-PACKAGE = Path(__file__).parents[1]  # all of it: a kernel may inline one of another folder
+PACKAGE = Path(__file__).parents[1]  # the whole package: a kernel may inline a kernel of another folder
 
 
 def _cache_folder() -> str:
@@ -38,18 +38,18 @@ def _cache_folder() -> str:
 
 
 class _Notice(event.Listener):
-    """Says once per process that kernels are being compiled, because the wait would otherwise look like a hang."""
+    """Prints once per process that kernels are being compiled, because the wait would otherwise look like a hang."""
 
-    said = False
+    printed = False
 
     def on_start(self, event: Any) -> None:
         function = event.data["dispatcher"].py_func
-        if not self.said and function.__module__.startswith("wavegym."):
-            self.said = True
+        if not self.printed and function.__module__.startswith("wavegym."):
+            self.printed = True
             print("wavegym: compiling numerical kernels (once per installation, up to a minute) ...", file=sys.stderr)
 
     def on_end(self, event: Any) -> None:
-        """Nothing to say."""
+        """Nothing to print."""
 
 
 event.register("numba:compile", _Notice())
@@ -58,12 +58,12 @@ _FOLDER = _SETTINGS.CACHE_DIR or _cache_folder()
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile ``function`` with Numba at its first call; division is IEEE's: no exception half-way through a batch."""
+    """Compile ``function`` with Numba at its first call; division by zero follows IEEE 754 and raises no exception."""
     return _compiled(function, inline=False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """As ``kernel``, for a small one in an innermost loop: an array is many arguments to a call, and costs as much."""
+    """As ``kernel``, but inlined: for small functions in inner loops, as a call passes an array as many arguments."""
     return _compiled(function, inline=True)
 
 
@@ -134,11 +134,11 @@ def _ready(array: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.flo
 
 
 class _Plan(NamedTuple):
-    """What one combination of argument shapes asks for."""
+    """The shapes of all arrays for one combination of argument shapes."""
 
     lead: tuple[int, ...]
     whole: list[tuple[int, ...]]  # each argument's shape after broadcasting
-    flat: list[tuple[int, ...]]  # and with its leading axes made one
+    flat: list[tuple[int, ...]]  # each argument's shape with its leading axes flattened
     outputs: list[tuple[int, ...]]
     dimensions: list[tuple[int, ...]]  # for each named core dimension, a tuple of that many zeros
 

@@ -1,4 +1,4 @@
-"""Continuous waveform parameters as a box: what a continuous action in [-1, 1] means in physical units."""
+"""Continuous waveform parameters as a box: from actions in [-1, 1]^d to physical units and back."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ParameterBox:
         parameters: at least one, with distinct names; the order is that of the action's last axis.
 
     Raises:
-        InputError: if there is none, one is not a Parameter, or two share a name.
+        InputError: no parameters, an entry that is not a Parameter, or two with the same name.
     """
 
     parameters: tuple[Parameter, ...]
@@ -120,7 +120,7 @@ class ParameterBox:
         return array
 
     def _require(self, what: str, array: FloatArray, low: FloatArray, high: FloatArray, *named: FloatArray) -> None:
-        """InputError for the first element outside [low, high]; ``named`` are the bounds to name, if others."""
+        """Raise an InputError for the first element outside [low, high]; ``named``: bounds to print, if others."""
         outside = ~((array >= low) & (array <= high))  # so that NaN counts as outside
         if outside.any():
             where = tuple(np.argwhere(outside)[0])

@@ -1,4 +1,4 @@
-"""Decoding of continuous actions in compiled form: every environment with a box pays it at every step."""
+"""Decoding of continuous actions in compiled form: it runs in every step of every environment with a box."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations

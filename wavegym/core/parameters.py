@@ -1,6 +1,6 @@
-"""Validated sets of parameters (dataclasses, ours are pydantic's), with errors a user can act on.
+"""Validated sets of parameters (pydantic dataclasses) with one-line errors.
 
-A parameter states what it may be where it is declared::
+A field declares its default, meaning, unit and bounds in one place::
 
     @system_parameters
     class MySystem(System):
@@ -35,19 +35,19 @@ Interval = tuple[float, float]  # least and greatest
 
 
 def parameter(default: Any, description: str, *, unit: str = "1", **bounds: Any) -> Any:
-    """A field of a parameter set: what it means, its unit and its bounds.
+    """A field of a parameter set, with its meaning, unit and bounds.
 
     Args:
-        default: its value unless another is given.
-        description: what it means; one line of the parameter table of the environment's page.
-        unit: such as ``"s"``; ``"1"`` for a pure number, ``""`` for what is no number.
+        default: the default value.
+        description: the meaning; one line of the parameter table on the environment's page.
+        unit: such as ``"s"``; ``"1"`` for a pure number, ``""`` for a value that is not a number.
         **bounds: as pydantic's ``Field`` takes them: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ...
     """
     return Field(default, description=description, json_schema_extra={"unit": unit}, **bounds)
 
 
 def changed_default(base: type, name: str, default: Any) -> Any:
-    """The field ``name`` of a base class with another default: its meaning, unit and bounds stay."""
+    """The field ``name`` of a base class with another default and the same meaning, unit and bounds."""
     field = copy(base.__pydantic_fields__[name])  # type: ignore[attr-defined]
     field.default = default
     return field
@@ -55,9 +55,9 @@ def changed_default(base: type, name: str, default: Any) -> Any:
 
 @dataclass_transform(frozen_default=True)
 def system_parameters(cls: type[Made]) -> type[Made]:
-    """A class whose fields are parameters: checked when made, closed to unknown names, finite, never changed.
+    """Make a class a frozen dataclass of parameters that refuses unknown names and numbers that are not finite.
 
-    What a field states moves from its default into its annotation, so that the default itself stays a plain value: a
+    The ``Field`` of a parameter moves from its default into its annotation. The default is then a plain value, and a
     subclass may be any kind of dataclass.
     """
     known = {**vars(sys.modules[cls.__module__]), **sys._getframe(1).f_locals}
@@ -72,7 +72,7 @@ def system_parameters(cls: type[Made]) -> type[Made]:
 
 
 class ParameterInfo(NamedTuple):
-    """What a field states of itself."""
+    """The declaration of one parameter."""
 
     name: str
     unit: str
@@ -80,7 +80,7 @@ class ParameterInfo(NamedTuple):
 
 
 def parameter_infos(made: type) -> list[ParameterInfo]:
-    """Every field of a dataclass; of a plain one from ``metadata={"description": ..., "unit": ...}``, where given."""
+    """The parameters of a dataclass; a plain one states them by ``metadata={"description": ..., "unit": ...}``."""
     stated = getattr(made, "__pydantic_fields__", {})
     infos = []
     for field in dataclasses.fields(made):
@@ -101,11 +101,11 @@ def make_checked(
     Args:
         make: a dataclass, or anything callable.
         values: parameters by name.
-        source: where one that is missing is expected, e.g. ``" in the settings file"``.
-        beside: names that are given in the same place and are not ``make``'s: to them an unknown one may be nearest.
+        source: where a missing parameter is expected, for the error, e.g. ``" in the settings file"``.
+        beside: other names that are valid in the same place; the error may suggest one of them.
 
     Raises:
-        InputError: an unknown parameter (nearest named), one that is missing, or a value out of range.
+        InputError: an unknown parameter (nearest named), a missing parameter, or a value out of range.
     """
     title = getattr(make, "__name__", str(make))
     if dataclasses.is_dataclass(make):
@@ -120,7 +120,7 @@ def make_checked(
 
 
 def in_one_line(made: type[Made]) -> type[Made]:
-    """A pydantic dataclass that users make themselves: what is wrong with its values is an InputError."""
+    """Decorate a pydantic dataclass that users construct directly: its validation errors become InputErrors."""
     make: Callable[..., None] = made.__init__
 
     @wraps(make)
@@ -135,20 +135,20 @@ def in_one_line(made: type[Made]) -> type[Made]:
 
 
 def _in_one_line(error: ValidationError, made: Any, source: str) -> InputError:
-    """The first of pydantic's complaints: which value, and what was expected."""
-    complaints, title = error.errors(), getattr(made, "__name__", str(made))
-    first = complaints[0]
+    """The first of pydantic's errors as one line: the value, and the valid values."""
+    errors, title = error.errors(), getattr(made, "__name__", str(made))
+    first = errors[0]
     own, where, given = first.get("ctx", {}).get("error"), first["loc"], first["input"]
-    if isinstance(own, InputError):  # raised by the class itself, and complete
+    if isinstance(own, InputError):  # raised by a check of the class itself, and complete
         return own
     name = ".".join(map(str, where)) or title
     if first["type"] == "missing":
         if not isinstance(where[-1], int):
             return InputError(f"setting {name!r} is missing, expected it{source or f' for {title}'}")
-        # of a tuple; each element that lacks is a complaint
+        # A tuple that is too short: one error for each missing element.
         name = ".".join(map(str, where[:-1]))
-        lacking = sum(each["type"] == "missing" and each["loc"][:-1] == where[:-1] for each in complaints)
-        return InputError(f"{name} is {given!r}, expected {where[-1] + lacking} elements, not {where[-1]}")
+        missing = sum(each["type"] == "missing" and each["loc"][:-1] == where[:-1] for each in errors)
+        return InputError(f"{name} is {given!r}, expected {where[-1] + missing} elements, not {where[-1]}")
     if first["type"] == "too_long":
         context = first["ctx"]
         wanted = f"{context['max_length']} elements, not {context['actual_length'] or 'more'}"
@@ -158,13 +158,13 @@ def _in_one_line(error: ValidationError, made: Any, source: str) -> InputError:
 
 
 def _unit(made: Any, name: Any) -> str:
-    """`` m`` behind a value of the field ``name``; nothing where it has no unit."""
+    """The unit of the field ``name`` after a space, or "" without a unit."""
     stated = getattr(made, "__pydantic_fields__", {}).get(name)
     unit = (stated.json_schema_extra or {}).get("unit", "") if stated else ""
     return f" {unit}" if unit != "1" and unit and "," not in unit else ""
 
 
-BOUNDS = {  # pydantic's complaint: key of the bound, and what is expected
+BOUNDS = {  # pydantic's type of error: key of the bound, and the valid values
     "greater_than": ("gt", "{1} > {0:g}"),
     "greater_than_equal": ("ge", "{1} >= {0:g} (nearest: {0:g})"),
     "less_than": ("lt", "{1} < {0:g}"),
@@ -172,23 +172,23 @@ BOUNDS = {  # pydantic's complaint: key of the bound, and what is expected
 }
 
 
-def _expected(made: Any, complaint: Any) -> str:
-    """What a value should have been, behind ``name is value``."""
-    kind, context = complaint["type"], complaint.get("ctx", {})
+def _expected(made: Any, error: Any) -> str:
+    """The valid values, as the part of the message after ``name is value``."""
+    kind, context = error["type"], error.get("ctx", {})
     if kind in BOUNDS:
         key, wanted = BOUNDS[kind]
         kind_of = "an integer" if type(context[key]) is int else "a finite number"
         return f", expected {wanted.format(context[key], kind_of)}"
     if kind == "finite_number":
-        return f", expected a finite number{_bound(made, complaint['loc'][0])}"
+        return f", expected a finite number{_bound(made, error['loc'][0])}"
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
-        return f", expected one of {', '.join(map(repr, choices))}{nearest(complaint['input'], choices)}"
-    return f": {complaint['msg']}"
+        return f", expected one of {', '.join(map(repr, choices))}{nearest(error['input'], choices)}"
+    return f": {error['msg']}"
 
 
 def _bound(made: Any, name: Any) -> str:
-    """`` > 0`` for a field with that bound; nothing where it has none."""
+    """`` > 0`` for a field with that lower bound, or "" without one."""
     stated = getattr(made, "__pydantic_fields__", {}).get(name)
     for bound in stated.metadata if stated else ():
         for key, sign in (("gt", ">"), ("ge", ">=")):

@@ -1,4 +1,4 @@
-"""What a planner needs to know of a system whose covariance does not depend on what is measured."""
+"""The recursion of a covariance that does not depend on the measurements."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from wavegym.core.arrays import Array
 
 
 class Recursion(NamedTuple):
-    """The Riccati recursion of each environment, known to the end: a linear model, Pd = 1 and a known SNR.
+    """The Riccati recursion of each environment to the episode's end: a linear model, Pd = 1 and a known SNR.
 
     At step k + 1 action a measures with covariance R = scale[k] C[a]; the cost of a step is sum_i weights[i] P_ii.
     """

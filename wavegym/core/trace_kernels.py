@@ -1,4 +1,4 @@
-"""The cost of a belief in compiled form; ``costs.py`` is its public face."""
+"""The cost of a belief in compiled form; callers use ``costs.py``."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Batches of worlds and states are NamedTuples of arrays (nested, with axis 0 = environment); this is their algebra."""
+"""Operations on batches of worlds and states: nested NamedTuples of arrays with axis 0 = environment."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def tree_map(function: Callable[..., Any], *trees: Any) -> Any:
 
 
 def _each(function: Callable[[Any], Any], tree: Any) -> Any:
-    """``tree_map`` of one tree: planners apply it to thousands of small ones."""
+    """``tree_map`` of one tree, faster: planners apply it to thousands of small trees."""
     if isinstance(tree, tuple):
         return type(tree)(*[_each(function, leaf) for leaf in tree])
     return None if tree is None else function(tree)
 
 
 def stack(trees: Sequence[Any]) -> Any:
-    """One tree with a new leading axis from many of the same shape."""
+    """One tree with a new leading axis from many trees of the same shape."""
 
     def join(*leaves: Array) -> Array:
         if np.ndim(leaves[0]) == 0:
@@ -39,7 +39,7 @@ def stack(trees: Sequence[Any]) -> Any:
 
 
 def copied(tree: Any) -> Any:
-    """The same as fresh arrays."""
+    """A copy with fresh arrays."""
     return tree_map(lambda leaf: leaf.copy(), tree)
 
 
@@ -54,12 +54,12 @@ def first(tree: Any, count: int | None) -> Any:
 
 
 def repeated(tree: Any, times: int) -> Any:
-    """Every row so many times, one after another, as fresh arrays."""
+    """Each row ``times`` times in succession, as fresh arrays."""
     return tree_map(lambda leaf: leaf.repeat(times, axis=0), tree)
 
 
 def scattered(tree: Any, rows: Array, part: Any) -> Any:
-    """A copy of ``tree`` with ``part`` in the given rows: arrays handed out before stay as they were."""
+    """A copy of ``tree`` with ``part`` in the given rows; arrays returned earlier stay unchanged."""
 
     def replace(leaf: Array, fresh: Array) -> Array:
         copy = leaf.copy()
@@ -70,7 +70,7 @@ def scattered(tree: Any, rows: Array, part: Any) -> Any:
 
 
 def merged(fresh: Any, rows: Array, kept: Any) -> Any:
-    """``fresh`` with the given rows of ``kept``; a leaf that both share is left alone."""
+    """``fresh`` with the given rows of ``kept``; a leaf that both share is returned as it is."""
 
     def merge(new: Array, old: Array) -> Array:
         if new is old:
@@ -83,7 +83,7 @@ def merged(fresh: Any, rows: Array, kept: Any) -> Any:
 
 
 def overwrite(tree: Any, rows: Array, part: Any) -> None:
-    """Put ``part`` in the given rows in place: for the tapes, which nobody else holds and which are large."""
+    """Write ``part`` into the given rows in place: for worlds, which are large and not shared."""
 
     def replace(leaf: Array, fresh: Array) -> None:
         leaf[rows] = fresh

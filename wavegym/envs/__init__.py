@@ -1,4 +1,4 @@
-"""Gymnasium shells around the systems."""
+"""Gymnasium environments of the systems."""
 
 from __future__ import annotations
 

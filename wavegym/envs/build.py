@@ -1,4 +1,4 @@
-"""From a name and parameters to a system, with errors a user can act on."""
+"""Build a system from its class or name and its parameters."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.core.system import System
 
-SETTINGS = {  # of every environment, and what each means
-    "num_envs": "how many environments, of a vector environment",
+SETTINGS = {  # of every environment, with their meaning
+    "num_envs": "number of environments, of a vector environment",
     "reward": '"trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "error" (minus the squared true position '
     'error), a comparison with the myopic scheduler on the same world ("relative", "relative-log", "relative-share", '
     '"relative-scaled"), or with another heuristic ("relative:best-simple"); or a Reward of your own',
     "render_mode": 'None or "rgb_array"',
     "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
-    "max_episode_steps": "truncate here, before the end that the system sets",
+    "max_episode_steps": "truncate after this many steps, before the system's own end",
     "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
 }
 

@@ -1,4 +1,4 @@
-"""What an environment observes, takes and rewards, as Markdown: the text of its page in the docs.
+"""The page of an environment in the docs, as Markdown: actions, observations, rewards, info and parameters.
 
 >>> from wavegym.envs.describe import describe
 >>> describe("wavegym/KershawEvans-v0").splitlines()[0]
@@ -28,28 +28,28 @@ from wavegym.registration import list_envs
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
     "cost": "trace(Lambda P) of the belief after the step",
-    "saturated": "number of observation elements held at their bound",
+    "saturated": "number of observation fields clipped at their bound",
     "waveform": "index of the waveform transmitted; `env.unwrapped.system.actions.labels` names it",
 }
 INFO_PER_SENSOR = {
     "waveform": "indices of the waveforms transmitted, one for each sensor; `env.unwrapped.system.actions.labels` "
-    "names them, and `choices` in `summary.json` of an evaluation has the labels' shares"
+    "names them, and `choices` in `summary.json` of an evaluation holds the share of each label"
 }
 INFO_BOX = {
     "parameters": "box actions: their physical values",
-    "action_clipped": "box actions: whether one lay outside [-1, 1] and was clipped",
+    "action_clipped": "box actions: whether the action lay outside [-1, 1] and was clipped",
 }
 INFO_AT_TIMES = {
     "reference_cost": 'with `reward="relative"`: cost of the reference policy at the same step of the same world',
     "final_obs": 'with `autoreset_mode="SameStep"`: last observation of an episode that ended in this step',
     "final_info": 'with `autoreset_mode="SameStep"`: last info of that episode',
 }
-MOST_ROWS = 100  # of a joint form's table: a longer one says nothing that its rule does not
-FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system has those it accepts
+MOST_ROWS = 100  # of the table of a joint form; the order of the combinations defines a longer table
+FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system may accept only some
 
 
 def describe(id: str, /, **parameters: Any) -> str:
-    """The page of the environment ``id``, Markdown; with parameters as ``gym.make(id, **parameters)`` takes them.
+    """The page of the environment ``gym.make(id, **parameters)``, as Markdown.
 
     Raises:
         InputError: no such environment or parameter (nearest named), or a value out of range.
@@ -98,7 +98,7 @@ def _forms(system: System) -> dict[str, System]:
     forms = {current: system}
     for form in FORMS:
         if form != current:
-            with suppress(ValueError):  # not one of this system's; pydantic's errors and ours are ValueErrors
+            with suppress(ValueError):  # this system lacks the form; validation errors and InputErrors are ValueErrors
                 forms[form] = dataclasses.replace(system, action=form)
     return forms
 
@@ -109,7 +109,7 @@ def _actions(form: str, system: System) -> str:
     prefix = f'With `action="{form}"`: ' if form else ""
     if isinstance(actions, ParameterBox):
         rows = [(f"`{p.name}`", p.unit, f"{p.low:g}", f"{p.high:g}", p.scale) for p in actions.parameters]
-        space = f"`Box(-1, 1, ({len(rows)},))`, each element spread over its parameter's range."
+        space = f"`Box(-1, 1, ({len(rows)},))`, each element scaled to its parameter's range."
         return f"{prefix}{space}\n\n" + table(("parameter", "unit", "at -1", "at +1", "scale"), rows)
     labelled = list(enumerate(actions.labels))
     head = ("index", "waveform")
@@ -127,7 +127,7 @@ def _actions(form: str, system: System) -> str:
 
 
 def _combinations(actions: JointLibrary) -> str:
-    """Which sub-library a joint form is made of."""
+    """The order of a joint form, and the waveforms of one sensor."""
     count, listed = len(actions.library), ", ".join(actions.library.labels)
     return (
         f"every combination of {count} waveforms at {actions.sensors} sensors, the first sensor's changing slowest. "
@@ -136,25 +136,25 @@ def _combinations(actions: JointLibrary) -> str:
 
 
 def _observations(system: System) -> str:
-    """Every element with its scale and its bounds in physical units."""
+    """Every field with its scale and its bounds in physical units."""
     rows = [
         (
             i,
-            f"`{e.name}`",
-            e.unit,
-            f"{e.centre:g}",
-            f"{e.scale:g}",
-            f"{e.centre - LIMIT * e.scale:g} to {e.centre + LIMIT * e.scale:g}",
-            e.meaning,
+            f"`{field.name}`",
+            field.unit,
+            f"{field.centre:g}",
+            f"{field.scale:g}",
+            f"{field.centre - LIMIT * field.scale:g} to {field.centre + LIMIT * field.scale:g}",
+            field.meaning,
         )
-        for i, e in enumerate(system.observation_fields)
+        for i, field in enumerate(system.observation_fields)
     ]
-    text = f"`Box({-LIMIT:g}, {LIMIT:g}, ({len(rows)},), float32)`: (value - centre) / scale, held within the bounds."
+    text = f"`Box({-LIMIT:g}, {LIMIT:g}, ({len(rows)},), float32)`: (value - centre) / scale, clipped to the bounds."
     return f"{text}\n\n" + table(("index", "name", "unit", "centre", "scale", "bounds", "meaning"), rows)
 
 
 def _info(env: Any, system: System) -> str:
-    """Every key that reset and step give, with the shape of its value."""
+    """Every key of the info of reset and step, with the shape of its value."""
     env.reset(seed=0)
     env.action_space.seed(0)
     info = env.step(env.action_space.sample())[-1]
@@ -173,7 +173,7 @@ def _kind(value: Any) -> str:
 
 
 def _parameters(system: System) -> str:
-    """Every parameter with its unit, its value in this environment, and what it means."""
+    """Every parameter with its value in this environment, its unit and its meaning."""
     if not dataclasses.is_dataclass(system):
         return "None."
     infos = parameter_infos(type(system))

@@ -1,6 +1,6 @@
 """A batch of episodes of one system: worlds, states and rewards, without Gymnasium's calling conventions.
 
-Both shells are built on this; how a batch is reset and reported is theirs.
+The environments are built on this class; they define how a batch is reset and what info holds.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from wavegym.core.system import State, System
 from wavegym.envs.rewards import Reward, Transition
 from wavegym.observations.observer import Observer
 
-Facts = dict[str, Array]
+Info = dict[str, Array]  # state info or transition info, each value (env, ...)
 
 
 class Episodes:
@@ -25,9 +25,9 @@ class Episodes:
 
     Args:
         system: the closed loop.
-        num_envs: how many.
-        reward: what to make of a step.
-        forecasts: whether observations hold forecasts of each candidate too.
+        num_envs: number of episodes.
+        reward: scores each step.
+        forecasts: whether observations also hold forecasts of each candidate.
     """
 
     def __init__(self, system: System, num_envs: int, reward: Reward, forecasts: bool = False) -> None:
@@ -51,7 +51,7 @@ class Episodes:
         self.generators[row], self.seeds[row] = seeding.np_random(seed)
 
     def begin(self, rows: Array) -> None:
-        """Draw new worlds for the environments in ``rows`` (bool, env), and put their first states in place."""
+        """Draw new worlds for the environments in ``rows`` (bool, env), and set their initial states."""
         if self._state is None and not rows.all():
             raise InputError("options['reset_mask'] leaves out environments that never began, expected reset() first")
         world = trees.stack([self.system.draw_world(self.generator(i)) for i in np.flatnonzero(rows).tolist()])
@@ -64,38 +64,38 @@ class Episodes:
             self._state = trees.scattered(self.state, rows, state)
 
     def generator(self, row: int) -> np.random.Generator:
-        """The generator of one environment's worlds, seeded by chance where no seed was given."""
+        """The generator of one environment's worlds, seeded at random where no seed was given."""
         generator = self.generators[row]
         if generator is None:
             generator, self.seeds[row] = seeding.np_random()
             self.generators[row] = generator
         return generator
 
-    def look(self) -> tuple[Array, Facts]:
-        """Observations (env, elements) and what info says of the states.
+    def observe(self) -> tuple[Array, Info]:
+        """Observations (env, fields) and the state info.
 
-        Costs and metrics reach info uncopied, so a system returns fresh arrays, no views of its state
-        (``check_vector_env`` finds those that do not).
+        Costs and key figures reach info uncopied, so a system must return fresh arrays, not views of its state
+        (``check_vector_env`` finds systems that do not).
         """
         system, state = self.system, self.state
         observation, saturated = self.observer(state.belief)
         state_info = {"cost": system.cost(state.belief), "saturated": saturated, **system.state_info(state)}
         return observation, state_info
 
-    def step(self, actions: Array, keep: Array | None = None) -> tuple[Array, Facts, Array, Facts]:
-        """Advance all environments but those in ``keep`` (bool, env), which stay where they are.
+    def step(self, actions: Array, keep: Array | None = None) -> tuple[Array, Info, Array, Info]:
+        """Advance all environments except those in ``keep`` (bool, env), whose states stay unchanged.
 
         Returns:
-            Observations, facts of the new states, rewards (env,), and the reward's own terms.
+            Observations, state info, rewards (env,), and the reward's own terms.
         """
         if keep is not None and keep.all():
-            return *self.look(), np.zeros(self.num_envs), {}
+            return *self.observe(), np.zeros(self.num_envs), {}
         previous = self.state
         following = self.system.transition(previous, actions, self.world)
         if keep is not None:
             following = trees.merged(following, keep, previous)
         self._state = following
-        observation, state_info = self.look()
+        observation, state_info = self.observe()
         reward, terms = self.reward(
             Transition(self.system, previous, actions, following, state_info["cost"], self._memory)
         )

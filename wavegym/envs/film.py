@@ -1,6 +1,6 @@
-"""Frames that explain a step: the system's own scene on the left, what any system can show on the right.
+"""Frames that explain a step: the system's own scene on the left, timelines of any system on the right.
 
-Drawn by matplotlib's Agg canvas without pyplot, so nothing global changes and the same episode gives the same pixels.
+Matplotlib's Agg canvas draws them without pyplot: no global state changes, and equal episodes give equal pixels.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from wavegym.core.system import State, System
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.moment import Moment
 
-SIZE = (9.6, 6.4)  # inches; even numbers of pixels, as video encoders want
+SIZE = (9.6, 6.4)  # inches; even numbers of pixels, as video encoders require
 DPI = 100
 SCENE_SHARE = 0.6  # of the width
 HEADLINE = 11.0  # points
-FITTING = 98  # characters of that size across the frame
+FITTING = 98  # characters of that size that fit the width
 
 
 @dataclass
 class Episode:
-    """What one environment has done since its last reset."""
+    """One environment's history since its last reset."""
 
     states: list[State] = field(default_factory=list)  # of the whole batch, at steps 0, 1, ...
     actions: list[Array] = field(default_factory=list)  # of the whole batch, one fewer
@@ -33,11 +33,11 @@ class Episode:
 
 
 class Film:
-    """Follows a vector environment and draws its current step.
+    """Records a vector environment and draws its current step.
 
     Args:
         system: the closed loop.
-        num_envs: how many.
+        num_envs: number of environments.
     """
 
     def __init__(self, system: System, num_envs: int) -> None:
@@ -46,13 +46,13 @@ class Film:
         self._canvas: Canvas | None = None
 
     def begin(self, state: State, rows: Array) -> None:
-        """New episodes in the environments ``rows`` (bool, env), which stand at ``state``."""
+        """New episodes in the environments ``rows`` (bool, env), which begin at ``state``."""
         cost = self.system.cost(state.belief)
         for i in np.flatnonzero(rows):
             self.episodes[i] = Episode([state], [], [float(cost[i])])
 
     def add(self, state: State, actions: Array, cost: Array, restarting: Array | None) -> None:
-        """A step to ``state`` with ``actions`` (env, ...); the environments in ``restarting`` spent it on a reset."""
+        """A step to ``state`` with ``actions`` (env, ...); those in ``restarting`` were reset instead."""
         for i, episode in enumerate(self.episodes):
             if restarting is not None and restarting[i]:
                 self.episodes[i] = Episode([state], [], [float(cost[i])])
@@ -68,7 +68,7 @@ class Film:
         return tuple(self._canvas.frame(self._moment(i)) for i in range(len(self.episodes)))
 
     def __getstate__(self) -> dict[str, Any]:
-        """A pickled film leaves its canvas behind and makes a new one when it is asked for frames."""
+        """Without the canvas, which cannot be pickled; the copy makes a new one at its next frame."""
         return {**self.__dict__, "_canvas": None}
 
     def _moment(self, i: int) -> Moment:
@@ -107,7 +107,7 @@ class Canvas:
 
 
 def headline(moment: Moment) -> str:
-    """Which system, which step, what was transmitted, and the cost after it."""
+    """The system, the step, the waveform transmitted, and the cost after the step."""
     parts = [f"{type(moment.system).__name__}, step {len(moment.actions)} of {moment.system.horizon}"]
     if moment.actions:
         parts.append(f"transmitted: {moment.label(moment.actions[-1])}")

@@ -1,4 +1,4 @@
-"""The docs' pages of the suite's environments: ``python -m wavegym.envs.pages docs/environments``."""
+"""The pages of the suite's environments in the docs: ``python -m wavegym.envs.pages docs/environments``."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def pages() -> dict[str, str]:
     for id in SYSTEMS:
         name = f"{id.partition('/')[2]}.md"
         env = gym.make(id)
-        sizes = (str(env.action_space), f"{env.observation_space.shape[0]} elements")  # type: ignore[index]
+        sizes = (str(env.action_space), f"{env.observation_space.shape[0]} fields")  # type: ignore[index]
         rows.append((f"[{id}]({name})", *sizes, summary(type(env.unwrapped.system))))  # type: ignore[attr-defined]
         texts[name] = describe(id)
-    overview = table(("environment", "actions", "observation", "what it is"), rows)
-    texts["index.md"] = f"# Environments\n\nMade from the environments themselves by `make docs`.\n\n{overview}\n"
+    overview = table(("environment", "actions", "observation", "description"), rows)
+    texts["index.md"] = f"# Environments\n\nGenerated from the environments by `make docs`.\n\n{overview}\n"
     return texts
 
 
 def main(arguments: list[str]) -> int:
-    """Write all pages into the folder named, and say which."""
+    """Write all pages into the folder named and print their paths."""
     if len(arguments) != 1:
         print("usage: python -m wavegym.envs.pages FOLDER", file=sys.stderr)
         return 2

@@ -5,7 +5,7 @@
     >>> envs = SB3VecEnv("wavegym/KershawEvansPosition-v0", num_envs=64, reward="relative")
     >>> model = PPO("MlpPolicy", envs, n_steps=50, batch_size=1600, gamma=0.9).learn(6400)
 
-Training through it gives, bit for bit, what training through ``DummyVecEnv`` over single environments gives.
+Training through this adapter equals, bit for bit, training through ``DummyVecEnv`` over single environments.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class SB3VecEnv(VecEnv):
 
     Args:
         env: an id, or a factory of native vector environments that takes ``num_envs``, ``autoreset_mode`` and settings.
-        num_envs: how many.
+        num_envs: number of environments.
         **settings: settings of the environment and parameters of its system.
 
     Raises:
@@ -73,14 +73,14 @@ class SB3VecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: Array) -> None:
-        """Keep the actions (env, ...)."""
+        """Store the actions (env, ...) for ``step_wait``."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:
-        """Step; an environment that ended shows its next episode's first observation, the last one is in its info.
+        """Step; an ended environment returns its next episode's first observation, and its info holds the last one.
 
         Returns:
-            Observations (env, elements) float32, rewards (env,) float32, ended (env,) bool, a dict per environment.
+            Observations (env, fields) float32, rewards (env,) float32, ended (env,) bool, a dict per environment.
         """
         observations, rewards, terminated, truncated, info = self.batch.step(self._actions)
         dones = terminated | truncated
@@ -96,11 +96,11 @@ class SB3VecEnv(VecEnv):
         return observations, rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
-        """Release what the environment holds."""
+        """Close the vector environment."""
         self.batch.close()
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
-        """The attribute as each single environment has it: its own spaces, its row of arrays, else the shared value."""
+        """The attribute of each single environment: its own spaces, its row of arrays, else the shared value."""
         value = getattr(self.batch, PER_ENVIRONMENT.get(attr_name, attr_name))
         return [self._share(value, i) for i in self._get_indices(indices)]
 
@@ -108,14 +108,14 @@ class SB3VecEnv(VecEnv):
         """Set an attribute for all environments.
 
         Raises:
-            InputError: ``indices`` names some of them only: they share one batch.
+            InputError: ``indices`` leaves out environments, which share one batch.
         """
         if set(self._get_indices(indices)) != set(range(self.num_envs)):
             raise InputError(f"{attr_name} cannot be set for some environments, expected all: they share one batch")
         setattr(self.batch, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any) -> list[Any]:
-        """Call the batch's method once and hand out the rows of its result, e.g. ``env_method("action_masks")``."""
+        """Call the batch's method once and return the rows of its result, e.g. ``env_method("action_masks")``."""
         result = getattr(self.batch, method_name)(*args, **kwargs)
         return [self._share(result, i) for i in self._get_indices(indices)]
 
@@ -131,7 +131,7 @@ class SB3VecEnv(VecEnv):
         return list(self.batch.render())
 
     def _share(self, value: Any, i: int) -> Any:
-        """What of a batch's value is environment i's; a belief keeps a leading axis of one, as policies take it."""
+        """Environment i's part of a batch's value; a belief keeps a leading axis of one, as policies take it."""
         if isinstance(value, tuple) and hasattr(value, "_fields"):
             return trees.take(value, np.array([i]))
         listed = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim > 0)
@@ -139,7 +139,7 @@ class SB3VecEnv(VecEnv):
 
 
 def _rows(info: dict[str, Any], count: int, which: Array | None = None) -> list[dict[str, Any]]:
-    """A vector environment's info as a dict for each of ``count`` environments, those in ``which`` (int): no masks."""
+    """A vector environment's info without masks, as a dict for each of ``count`` environments (int rows ``which``)."""
     rows: list[dict[str, Any]] = [{} for _ in range(count)]
     for key, values in info.items():
         if key[0] == "_" or key in NESTED:

@@ -1,6 +1,6 @@
-"""What a system says of itself in a frame: geometry, and the waveform that was chosen.
+"""The scene of each system in a frame: its geometry, and the waveform that was chosen.
 
-A system of your own gets a picture of its observation. To draw more, register what makes its scene::
+A system without a scene gets a picture of its observation. Register a scene for a system of your own::
 
     @make_scene.register
     def _(system: MySystem, figure: SubFigure) -> Scene:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class ObservationScene:
-    """The elements of the observation, for a system that has no scene of its own.
+    """The fields of the observation, for a system that has no scene of its own.
 
     Args:
         system: the closed loop.
@@ -45,17 +45,17 @@ class ObservationScene:
 
     def draw(self, moment: Moment) -> None:
         """See ``Scene``."""
-        elements = moment.system.observation_fields
+        fields = moment.system.observation_fields
         values = moment.system.observe(moment.states[-1].belief)[0]
-        scaled = [(value - e.centre) / e.scale for e, value in zip(elements, values, strict=True)]
-        units = ["" if e.unit == "1" else f" {e.unit}" for e in elements]
-        labels = [f"{e.name} = {value:.3g}{unit}" for e, value, unit in zip(elements, values, units, strict=True)]
+        scaled = [(value - f.centre) / f.scale for f, value in zip(fields, values, strict=True)]
+        units = ["" if f.unit == "1" else f" {f.unit}" for f in fields]
+        labels = [f"{f.name} = {value:.3g}{unit}" for f, value, unit in zip(fields, values, units, strict=True)]
         wipe(self._axes)
-        self._axes.barh(np.arange(len(elements)), scaled, color="tab:blue")
+        self._axes.barh(np.arange(len(fields)), scaled, color="tab:blue")
         self._axes.axvline(0.0, color="black", linewidth=0.6)
-        self._axes.set_yticks(np.arange(len(elements)), labels, fontsize=7)
+        self._axes.set_yticks(np.arange(len(fields)), labels, fontsize=7)
         reach = 1.1 * max(3.0, *np.abs(scaled))
-        self._axes.set(xlim=(-reach, reach), ylim=(len(elements) - 0.4, -0.6))
+        self._axes.set(xlim=(-reach, reach), ylim=(len(fields) - 0.4, -0.6))
 
 
 @singledispatch

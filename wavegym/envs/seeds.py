@@ -1,4 +1,4 @@
-"""What Gymnasium lets users give as the seed of a reset, as one seed for each environment."""
+"""The seed argument of a reset, as one seed for each environment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def seed_list(seed: Seed, num_envs: int) -> list[int | None]:
     """One seed or None for each environment: s gives environment i the seed s + i, a list or an array is taken as is.
 
     Raises:
-        InputError: not an integer >= 0, or a list of the wrong length.
+        InputError: a seed that is not an integer >= 0, or a list of the wrong length.
     """
     if isinstance(seed, np.ndarray):
         seed = seed.tolist()

@@ -31,7 +31,7 @@ class WaveformEnv(gym.Env):
             if name in parameters:
                 raise InputError(f"{name} is a setting of vector environments, expected gym.make_vec(id, {name}=...)")
         self.batch = WaveformVectorEnv(system, 1, reward=reward, render_mode=render_mode, **parameters)
-        self.metadata = dict(WaveformVectorEnv.metadata)  # its own: Gymnasium 1.2's SyncVectorEnv writes into it
+        self.metadata = dict(WaveformVectorEnv.metadata)  # a copy: Gymnasium 1.2's SyncVectorEnv writes into it
         self.system, self.render_mode = self.batch.system, self.batch.render_mode
         self.action_space, self.observation_space = self.batch.single_action_space, self.batch.single_observation_space
         self._over = False
@@ -63,7 +63,7 @@ class WaveformEnv(gym.Env):
         return self.batch.action_masks()[0]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin a new episode; ``seed=None`` goes on with the environment's generator."""
+        """Begin a new episode; ``seed=None`` continues with the environment's generator."""
         observation, info = self.batch.reset(seed=[seed], options=options)
         self._over = False
         return observation[0], _first({key: value for key, value in info.items() if key[0] != "_"})
@@ -72,8 +72,8 @@ class WaveformEnv(gym.Env):
         """Transmit a waveform, move, measure, track.
 
         Raises:
-            InputError: an action out of range, masked or not finite, a step past the episode's end; nothing has changed
-                then.
+            InputError: an action out of range, masked or not finite, or a step past the episode's end; the environment
+                is unchanged.
         """
         if self._over:
             raise InputError("the episode has ended, expected reset() before step()")
@@ -91,6 +91,6 @@ class WaveformEnv(gym.Env):
         return frames[0] if frames else None
 
 
-def _first(state_info: dict[str, Array]) -> dict[str, Any]:
-    """The only environment's facts as plain scalars (or arrays, where a fact is one)."""
-    return {key: values.item() if values.ndim == 1 else values[0] for key, values in state_info.items()}
+def _first(info: dict[str, Array]) -> dict[str, Any]:
+    """The info of the only environment, as plain scalars and arrays."""
+    return {key: values.item() if values.ndim == 1 else values[0] for key, values in info.items()}

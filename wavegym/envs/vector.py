@@ -1,4 +1,4 @@
-"""The native vector environment: one implementation, of which the single environment is a batch of one."""
+"""The native vector environment; the single environment is a batch of one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.system import System
 from wavegym.envs.actions import action_reader
 from wavegym.envs.build import build_system
-from wavegym.envs.episodes import Episodes, Facts
+from wavegym.envs.episodes import Episodes, Info
 from wavegym.envs.info import add_info, final_info
 from wavegym.envs.rewards import Reward, make_reward
 from wavegym.envs.seeds import Seed, seed_list
@@ -27,20 +27,12 @@ class WaveformVectorEnv(VectorEnv):
 
     Args:
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
-        num_envs: how many.
-        reward: "trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "relative" (gain over the one-step
-            scheduler's own episode on the same world, divided by that episode's mean cost), "relative-log" (ln of that
-            scheduler's cost over one's own, step by step), "relative-share" (1 - cost/that cost), "relative-scaled" (1
-            - cost/that episode's mean cost), each of the four also with a rule in that scheduler's place, such as
-            "relative:best-simple", "error" (minus the squared true position error), or a Reward of your own.
-        render_mode: None or "rgb_array".
-        autoreset_mode: "NextStep", "SameStep" or "Disabled".
-        max_episode_steps: truncate here, before the system's own end.
-        forecasts: show, after the system's own elements, what one step ahead holds for each candidate (``Forecasts``).
+        num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts: the settings of every environment;
+            ``wavegym.envs.build.SETTINGS`` holds their meaning, and ``wavegym.describe`` lists them.
         **parameters: the system's parameters.
 
     Raises:
-        InputError: an unknown setting or one out of range, the nearest valid one named.
+        InputError: an unknown setting or a value out of range; the message names the nearest valid choice.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 4}
@@ -77,45 +69,45 @@ class WaveformVectorEnv(VectorEnv):
 
     @property
     def belief(self) -> Any:
-        """A copy of the belief, for schedulers; axis 0 = environment. The hidden part stays out of reach."""
+        """A copy of the belief, for schedulers; axis 0 = environment. It does not contain the truth."""
         return trees.copied(self.episodes.state.belief)
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """Each environment's generator of worlds, as SyncVectorEnv has them."""
+        """Each environment's generator of worlds, as in SyncVectorEnv."""
         return tuple(self.episodes.generator(i) for i in range(self.num_envs))
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
-        """What each environment was seeded with last, as SyncVectorEnv has them."""
+        """The last seed of each environment, as in SyncVectorEnv."""
         assert len(self.np_random) == self.num_envs  # an environment without a generator gets one and its seed
         return tuple(self.episodes.seeds)
 
     @property
     def world(self) -> Any:
-        """The tapes, for replays and clairvoyant bounds, never for a policy; later resets overwrite them."""
+        """The worlds, for replays and clairvoyant bounds, never for a policy; later resets overwrite them."""
         return self.episodes.world
 
     def action_masks(self) -> Array:
-        """Which actions are allowed now, (env, actions) bool; of a MultiDiscrete, one sensor after the other."""
+        """Which actions are allowed now, (env, actions) bool; of a MultiDiscrete, sensor after sensor."""
         return self.system.mask(self.episodes.state.belief)
 
     def reset(self, *, seed: Seed = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin new episodes, in the environments of ``options["reset_mask"]`` only where that is given.
+        """Begin new episodes: in all environments, or in those of ``options["reset_mask"]``.
 
         Args:
-            seed: None (go on with each environment's generator), s (environment i is seeded with s + i) or a list.
+            seed: None (continue with each environment's generator), s (environment i is seeded with s + i) or a list.
             options: {"reset_mask": bool array (env,)}; read, never changed.
 
         Raises:
-            InputError: a seed that is no integer >= 0, a wrong mask or option; no generator has changed then.
+            InputError: a seed that is not an integer >= 0, a wrong mask or option; all generators are unchanged.
         """
         rows = self._rows_to_reset(options)
         for i, s in enumerate(seed_list(seed, self.num_envs)):
             if s is not None and rows[i]:
                 self.episodes.seed(i, s)
         self.episodes.begin(rows)
-        observation, state_info = self.episodes.look()
+        observation, state_info = self.episodes.observe()
         self._ended = self._ended & ~rows
         self._some_ended = bool(self._ended.any())
         info: dict[str, Any] = {}
@@ -129,7 +121,7 @@ class WaveformVectorEnv(VectorEnv):
 
         Raises:
             InputError: an action out of range, masked or not finite, or (autoreset disabled) a step past an episode's
-                end; nothing has changed then.
+                end; the environment is unchanged.
         """
         restarting = self._restarting()
         observation, reward, terminated, truncated, state_info, transition_info = self.transmit(actions, restarting)
@@ -149,17 +141,17 @@ class WaveformVectorEnv(VectorEnv):
         add_info(info, transition_info, active)
         return observation, reward, terminated, truncated, info
 
-    def transmit(self, actions: Any, restarting: Array | None) -> tuple[Array, Array, Array, Array, Facts, Facts]:
-        """One step of all environments but those ``restarting`` (bool, env), which begin a new episode instead.
+    def transmit(self, actions: Any, restarting: Array | None) -> tuple[Array, Array, Array, Array, Info, Info]:
+        """One step of all environments except those ``restarting`` (bool, env), which begin a new episode instead.
 
         Returns:
-            Observations, rewards, terminated, truncated, facts of the new states, facts of the actions and rewards.
+            Observations, rewards, terminated, truncated, state info, transition info.
         """
         chosen = self._reader.read(actions, self.episodes.state.belief, restarting)
         if restarting is not None:
             self.episodes.begin(restarting)
         observation, state_info, reward, transition_info = self.episodes.step(chosen, restarting)
-        transition_info.update(self._reader.state_info(self.system, actions, chosen))
+        transition_info.update(self._reader.transition_info(actions, chosen))
         if self._film:
             self._film.add(self.episodes.state, chosen, state_info["cost"], restarting)
         belief = self.episodes.state.belief
@@ -169,15 +161,15 @@ class WaveformVectorEnv(VectorEnv):
         """A frame (height, width, 3) uint8 of each environment, or None without a render mode.
 
         Raises:
-            InputError: there was no reset yet.
+            InputError: before the first reset.
         """
         if self._film is None:
             return None
-        assert self.episodes.state  # or an InputError
+        assert self.episodes.state  # raises an InputError before the first reset
         return self._film.frames()
 
     def _restarting(self) -> Array | None:
-        """Environments whose coming step is a reset; None where there is none."""
+        """The environments whose next step is a reset, (env,) bool; None without any."""
         if not self._some_ended:
             return None
         if self.autoreset_mode is AutoresetMode.DISABLED:
@@ -185,16 +177,16 @@ class WaveformVectorEnv(VectorEnv):
             raise InputError(f"environments {which} have ended, expected a reset of them before step()")
         return self._ended
 
-    def _restart_now(self) -> tuple[Array, Facts]:
-        """SAME_STEP: begin new episodes where one has ended; observations and facts of the states now."""
+    def _restart_now(self) -> tuple[Array, Info]:
+        """SAME_STEP: begin new episodes where one has ended; returns observations and state info after that."""
         self.episodes.begin(self._ended)
         if self._film:
             self._film.begin(self.episodes.state, self._ended)
         self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
-        return self.episodes.look()
+        return self.episodes.observe()
 
     def _rows_to_reset(self, options: dict[str, Any] | None) -> Array:
-        """The environments that a reset is meant for, (env,) bool."""
+        """The environments to reset, (env,) bool."""
         options = options or {}
         for key in options:
             check_choice("option", key, ["reset_mask"])
@@ -209,7 +201,7 @@ class WaveformVectorEnv(VectorEnv):
 
 
 def endings(system: System, belief: Any, max_episode_steps: int | None) -> tuple[Array, Array]:
-    """Terminated and truncated, (env,) each; as Gymnasium's TimeLimit, a step may be both."""
+    """Terminated and truncated, (env,) each; as with Gymnasium's TimeLimit, a step may be both."""
     over = system.terminal(belief)
     late = belief.step >= max_episode_steps if max_episode_steps else np.zeros(len(over), np.bool_)
     return (over, late) if system.terminates else (np.zeros(len(over), np.bool_), over | late)

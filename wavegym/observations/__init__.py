@@ -1,1 +1,1 @@
-"""What a policy is shown of a belief: scaled fields, and forecasts of each candidate."""
+"""Observations of a belief: scaled fields, and forecasts of each candidate."""

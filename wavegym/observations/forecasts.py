@@ -1,7 +1,7 @@
-"""What one step ahead holds for each candidate, as further elements of the observation.
+"""Forecasts of each candidate one step ahead, as additional observation fields.
 
-A learner sees what the analytic rules decide by: the expected cost one step on, the gain of a look, how long it takes
-to set up and what it spends. One network that scores every candidate alike can then be shared by all of them.
+A learner sees the quantities that heuristics use: the expected cost one step ahead, and a pulse's gain, delay and
+spending. One network with shared weights can then score every candidate.
 """
 
 from __future__ import annotations
@@ -18,20 +18,29 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
 from wavegym.observations.scaling import ObservationScaler
 
-MOST = 256  # candidates that are worth predicting at every step
-LOOKS = ((0, 4), (0, 8), (0, 16), (0, 40), (3, 16), (6, 16), (10, 16), (15, 16))  # steps waited, and steps summed over
+MOST = 256  # candidates; more take too long to predict at every step
+LOOKS = (
+    (0, 4),
+    (0, 8),
+    (0, 16),
+    (0, 40),
+    (3, 16),
+    (6, 16),
+    (10, 16),
+    (15, 16),
+)  # gains: steps waited, summed
 SPANS = np.array([steps for _, steps in LOOKS], np.float64)
-FLOOR = 1e-4  # share of the cost: gains below are shown as this
+FLOOR = 1e-4  # added to gains per cost, so that their logarithm is finite
 
 
 class Forecasts:
-    """Figures (env, candidate * figure) float32 of a belief, candidate after candidate, scaled as observations are.
+    """Forecasts (env, candidate * field) float32 of a belief, candidate after candidate, scaled as observations are.
 
     Args:
         system: the closed loop.
 
     Raises:
-        InputError: its actions are no finite set of at most MOST.
+        InputError: the action set is not one index for at most MOST candidates.
     """
 
     def __init__(self, system: System) -> None:
@@ -40,22 +49,22 @@ class Forecasts:
             raise InputError(f"forecasts were asked for in {type(system).__name__}, expected {wanted}")
         self.system: Any = system
         self.candidates = system.candidates()
-        self.figures = self._figures()
+        self.candidate_fields = self._candidate_fields()
         self._scaler = ObservationScaler(self.observation_fields)
 
     @property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The figures of every candidate, in order."""
+        """The fields of every candidate, in order."""
         labels = self.system.actions.labels
-        return tuple(f._replace(name=f"{f.name}[{label}]") for label in labels for f in self.figures)
+        return tuple(f._replace(name=f"{f.name}[{label}]") for label in labels for f in self.candidate_fields)
 
     def __call__(self, belief: Any) -> Array:
-        """See above; ``belief`` as policies take it."""
+        """The forecasts; ``belief`` as policies take it."""
         envs, count = len(belief.step), len(self.candidates)
         ahead = self.system.cost(self.system.predict(belief, np.broadcast_to(self.candidates, (envs, count))))
         mean = ahead.mean(axis=1, keepdims=True)
-        ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0: all targets are gone
-        values = np.empty((envs, count, len(self.figures)))
+        ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0 without targets
+        values = np.empty((envs, count, len(self.candidate_fields)))
         values[..., 0] = np.log(ahead / mean)
         if offers(self.system, Gain):
             delay = np.broadcast_to(delays(self.system, belief), ahead.shape)
@@ -70,19 +79,17 @@ class Forecasts:
             values[..., -1] = self.system.spending
         return self._scaler(values.reshape(envs, -1))[0]
 
-    def _figures(self) -> tuple[ObservationField, ...]:
-        """What is predicted of a candidate."""
+    def _candidate_fields(self) -> tuple[ObservationField, ...]:
+        """The forecasts of one candidate."""
         listed = [
             ObservationField("ln_cost_ahead", "1", 0.0, 0.3, "expected cost one step ahead over the candidates' mean")
         ]
         if offers(self.system, Gain):
             for wait, steps in LOOKS:
                 late = f" {wait} steps late" if wait else ""
-                meaning = f"what its look{late} takes off the cost of {steps} steps, over that mean cost"
+                meaning = f"gain of its pulse{late}: reduction of the cost of {steps} steps, over that mean cost"
                 listed.append(ObservationField(f"log10_gain_{wait}_{steps}", "log10(1)", -1.3, 1.3, meaning))
-            listed.append(
-                ObservationField("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps without a measurement before its look")
-            )
+            listed.append(ObservationField("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps before its pulse can be sent"))
         if offers(self.system, Spending):
-            listed.append(ObservationField("spending", "1", 0.0, 1.0, "energy that it takes, in longest pulses"))
+            listed.append(ObservationField("spending", "1", 0.0, 1.0, "energy of its pulse, in longest pulses"))
         return tuple(listed)

@@ -1,4 +1,4 @@
-"""What agents are shown of a belief: the system's scaled observation and, if asked for, forecasts of each candidate."""
+"""The observation of agents: the system's scaled fields and, on request, forecasts of each candidate."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Observer:
 
     Args:
         system: the closed loop.
-        forecasts: whether ``Forecasts`` follow the system's own elements.
+        forecasts: whether ``Forecasts`` follow the system's own fields.
 
     Raises:
-        InputError: ``forecasts`` is no bool, or the system cannot have them.
+        InputError: ``forecasts`` is not a bool, or the system does not admit ``Forecasts``.
     """
 
     def __init__(self, system: System, forecasts: bool = False) -> None:
@@ -36,7 +36,7 @@ class Observer:
         self.space = spaces.Box(-LIMIT, LIMIT, (len(self.observation_fields),), np.float32)
 
     def __call__(self, belief: Any) -> tuple[Array, Array]:
-        """Observations (env, elements) float32; how many of the system's own elements are saturated, (env,)."""
+        """Observations (env, fields) float32, and the number of the system's own fields that are saturated, (env,)."""
         observation, saturated = self._scaler(self._system.observe(belief))
         if self._forecasts:
             observation = np.concatenate([observation, self._forecasts(belief)], axis=1)

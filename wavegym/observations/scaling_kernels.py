@@ -1,4 +1,4 @@
-"""Scaling of observations in compiled form: every environment pays it at every step."""
+"""Scaling of observations in compiled form: it runs in every step of every environment."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -8,16 +8,16 @@ from wavegym.core.kernels import kernel
 
 @kernel
 def scale(values, centre, width, limit, out, saturated):
-    """out (env, elements) float32 = (values - centre) / width held within +-limit; counts what had to be held."""
+    """out (env, fields) float32 = (values - centre) / width, clipped to +-limit; counts the clipped fields."""
     for e in range(values.shape[0]):
-        held = 0
+        clipped = 0
         for i in range(values.shape[1]):
             scaled = (values[e, i] - centre[i]) / width[i]
             if scaled > limit:
                 scaled = limit
-                held += 1
+                clipped += 1
             elif scaled < -limit:
                 scaled = -limit
-                held += 1
+                clipped += 1
             out[e, i] = scaled
-        saturated[e] = held
+        saturated[e] = clipped

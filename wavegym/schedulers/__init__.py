@@ -1,4 +1,4 @@
-"""Schedulers: analytic policies that choose the next waveform; learned policies share their protocol."""
+"""Schedulers: analytic policies that choose the next waveform. Learned policies have the same protocol."""
 
 from wavegym.core.policy import Policy
 from wavegym.schedulers.closed_form import MyopicClosedForm

@@ -8,12 +8,12 @@ has the same determinant c^4 / (4 wc^2) everywhere, and for any symmetric X
 
     q_X(k, s) = eta tr(adj(X) R) = X22 c^2 k^2 / 2 + X12 c^2 pi s k / wc + X11 (c / wc)^2 (1 / k^2 + pi^2 s^2) / 2.
 
-*Gate volume.* det S = det A + det R + q_A / eta, so q_A is to be least. Without limits R is then proportional to A (the
+*Gate volume.* det S = det A + det R + q_A / eta, so q_A is minimised. Without limits R is then proportional to A (the
 eigenvalues of R A^-1 have a fixed product, and the least sum where they are equal): k^2 = A11 / (wc sqrt(det A)) and
-g = -wc A12 / (2 A11). That is the answer only inside the box. On the box q_A is convex, being a positive definite
+g = -wc A12 / (2 A11). That is the solution only inside the box. On the box q_A is convex, being a positive definite
 quadratic form of (k, s) plus a multiple of 1 / k^2. Hence the best sweep for each k is -wc A12 k / (pi A11), or the
-limit where that is beyond it; the best duration is the above or, where its sweep is beyond the limit, the one positive
-root of a quartic on that edge; and limits on the duration merely hold it.
+limit if the former is beyond it. The best duration is the above or, if its sweep is beyond the limit, the only positive
+root of a quartic on that edge, clipped to the limits on the duration.
 
 *Trace.* With G = P H' A^-1 the update leaves P - G A G' + G U G', where U = A - A S^-1 A = (det A R + det R A) / det S,
 a sum without cancellation. So tr(Lambda P) is a constant plus, with L = G' Lambda G, the ratio of
@@ -38,13 +38,13 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.waveforms import SPEED_OF_LIGHT
 
-GRID = 65  # durations tried first,
-FINER, ROUNDS = 17, 5  # then between the best one's neighbours, and how often
-NEWTON = 8  # steps, from a start that is never far
+GRID = 65  # durations of the first grid
+FINER, ROUNDS = 17, 5  # durations of each finer grid between the best one's neighbours; number of finer grids
+NEWTON = 8  # steps; the start is never far from the root
 
 
 class Limits(NamedTuple):
-    """The box."""
+    """The bounds of the box."""
 
     shortest: float  # s
     longest: float  # s
@@ -63,7 +63,7 @@ class Quadratic(NamedTuple):
         return (self.square * s + self.linear) * s + self.constant
 
 
-def weighed(X: Array, k: Array, carrier_hz: float) -> Quadratic:
+def weighted_error(X: Array, k: Array, carrier_hz: float) -> Quadratic:
     """q_X of the sweep, at durations k (...); X is (..., 2, 2)."""
     c2, ratio = SPEED_OF_LIGHT**2, 1.0 / (2.0 * np.pi * carrier_hz)
     k2 = k * k
@@ -74,9 +74,9 @@ def weighed(X: Array, k: Array, carrier_hz: float) -> Quadratic:
 
 def smallest_gate(A: Array, limits: Limits, carrier_hz: float) -> tuple[Array, Array]:
     """Duration (env,) and sweep (env,) with the least det(A + R), A (env, 2, 2)."""
-    one = weighed(A, np.ones(len(A)), carrier_hz)
+    one = weighted_error(A, np.ones(len(A)), carrier_hz)
     tilt = -0.5 * one.linear / one.square  # the best sweep is tilt k
-    fall = one.square / np.pi**2  # of fall / k^2
+    fall = one.square / np.pi**2  # q_A has the terms fall / k^2
     rise = one.constant - fall  # and rise k^2
     k = np.sqrt(np.sqrt(fall / (rise - one.square * tilt * tilt)))
     # On the edge 2 rise k - push - 2 fall / k^3 = 0: increasing and concave, so Newton's steps from below stay below.
@@ -95,15 +95,15 @@ def least_trace(P: Array, eta: Array, weights: Array, limits: Limits, carrier_hz
     det_A = A[..., 0, 0] * A[..., 1, 1] - A[..., 0, 1] * A[..., 0, 1]
     det_R = 0.25 * SPEED_OF_LIGHT**4 / (2.0 * np.pi * carrier_hz) ** 2 / (eta * eta)
     L = np.diag(weights[:2]) + np.zeros_like(A)
-    for i in range(2, len(weights)):  # what is not measured follows what is, by regression
+    for i in range(2, len(weights)):  # states that are not measured: by regression on those that are
         slope = np.linalg.solve(A, P[:, None, :2, i, None])
         L += weights[i] * slope * np.swapaxes(slope, -1, -2)
     adjugate = np.trace(L, axis1=-2, axis2=-1)[..., None, None] * np.eye(2) - L
-    apart = eta * det_R * (L * A).sum(axis=(-2, -1))  # numerator and denominator are taken times eta
+    apart = eta * det_R * (L * A).sum(axis=(-2, -1))  # numerator and denominator are multiplied by eta
     volume = eta * (det_A + det_R)
 
     def best_sweep(k: Array) -> tuple[Array, Array]:
-        error, size = weighed(adjugate, k, carrier_hz), weighed(A, k, carrier_hz)
+        error, size = weighted_error(adjugate, k, carrier_hz), weighted_error(A, k, carrier_hz)
         over = Quadratic(det_A * error.square, det_A * error.linear, det_A * error.constant + apart)
         return _least_ratio(over, size._replace(constant=size.constant + volume), limits.sweep)
 
@@ -119,7 +119,7 @@ def least_trace(P: Array, eta: Array, weights: Array, limits: Limits, carrier_hz
 
 
 def _least_ratio(over: Quadratic, under: Quadratic, limit: float) -> tuple[Array, Array]:
-    """Where in [-limit, limit] over / under is least, and how little; under > 0."""
+    """Minimiser of over / under in [-limit, limit], and the minimum; under > 0."""
     a = over.square * under.linear - over.linear * under.square
     half = over.square * under.constant - over.constant * under.square
     c = over.linear * under.constant - over.constant * under.linear
@@ -148,11 +148,11 @@ class MyopicClosedForm:
         self.objective = check_choice("objective", objective, ("trace", "gate"))
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError where the actions are no such box."""
+        """See ``Policy``. Raises an InputError for any other action set."""
         box = system.actions
         if not (isinstance(box, ParameterBox) and box.names == ("duration", "sweep") and offers(system, ClosedForm)):
             wanted = "expected Kershaw and Evans's box of duration and sweep (nearest: action='box')"
-            raise InputError(f"closed forms were asked for {type(system).__name__} as it is, {wanted}")
+            raise InputError(f"policy 'myopic:closed-form' is not for {type(system).__name__} in this form, {wanted}")
         duration, sweep = box.parameters
         self._system: Any = system
         self._box, self._limits = box, Limits(duration.low, duration.high, sweep.high)

@@ -1,8 +1,8 @@
-"""Schedulers of O'Rourke and Swindlehurst: the most information of which every target has its share, and SLSQP.
+"""Schedulers of O'Rourke and Swindlehurst: the most information with a threshold for every target, and SLSQP.
 
 The paper maximises the sum over targets of tr(P C' R~^-1 C), P the predicted covariance and R~ the penalised variances,
-where every target's term is at least t and the settings stay in their box (section IV). Its steps are those of
-sequential quadratic programming (SLSQP); a grid needs no start and no gradient.
+where every target's term is at least t and the settings stay in their box (section IV). It uses sequential quadratic
+programming (SLSQP). A grid needs neither a start nor a gradient.
 
 Source: S. M. O'Rourke and A. L. Swindlehurst, "Adaptive RF/EO sensing with field-of-view constraints".
 """
@@ -23,31 +23,30 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import Myopic, impossible, require
 
-STEP = 1e-6  # of an action in [-1, 1], to either side, for a gradient
-SLACK = 1e-6  # relative: SLSQP aims so far above the threshold, because it stops a rounding short of what it aims at
-OPTIONS = {"maxiter": 100, "ftol": 1e-9}  # a logarithm's: 1e-9 of the objective
-OBJECTIVES = {"trace": "myopic", "information": "myopic-information"}  # and their schedulers' names
+STEP = 1e-6  # of an action in [-1, 1], to either side, for central differences
+SLACK = 1e-6  # relative: SLSQP stops a rounding error below its constraint, so the constraint is this much above t
+OPTIONS = {"maxiter": 100, "ftol": 1e-9}  # of a logarithm: 1e-9 of the objective
+OBJECTIVES = {"trace": "myopic", "information": "myopic-information"}  # objective: name of the scheduler
 
 
 class InfeasibleThreshold(UserWarning):
-    """No settings give every target its share of information; the scheduler then gives the worst-off target most."""
+    """No settings reach the threshold for every target; the scheduler then maximises the least information."""
 
 
 class MyopicInformation:
-    """The paper's scheduler on a grid: the most information one step ahead of which every target has the share t.
+    """The paper's scheduler on a grid: the most information one step ahead, at least t for every target.
 
-    For systems with ``most_information(public) -> (actions (env, ...), feasible (env,))``, ``information(public,
-    actions) -> (env, target)`` and ``threshold``, which is t. Where t cannot be had the worst-off target gets most, and
-    an ``InfeasibleThreshold`` says so, once for a batch of episodes.
+    For systems that offer ``MostInformation``, whose ``threshold`` is t. Where t cannot be reached, the least
+    information of a target is maximised; an ``InfeasibleThreshold`` warns of this once for a batch of episodes.
 
     Attributes:
-        feasible: (env,) bool, whether t could be had at the last decision.
+        feasible: (env,) bool, whether t was reached at the last decision.
     """
 
     feasible: Array
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError for a system without ``most_information``."""
+        """See ``Policy``. Raises an InputError for a system without ``MostInformation``."""
         require("myopic-information", system, MostInformation)
         self._system: Any = system
         self._warned = False
@@ -64,18 +63,18 @@ class MyopicInformation:
 class Continuous:
     """The least trace, or the most information, over a box of actions by SLSQP.
 
-    For systems with ``action="box"``, of any penalty but the hard one, whose steps have no slope to follow. SLSQP finds
-    the local optimum next to where it starts: the grid's choice or, as the paper has it, drawn points. The logarithm of
-    the objective is searched, because costs span decades. The best point evaluated is chosen, so it is never worse than
-    a start. ``objective="information"``: as for ``MyopicInformation``, with its warning.
+    For systems with ``action="box"`` and any penalty except the hard one, which has no gradient. SLSQP finds the local
+    optimum near its start: the grid's choice or, as in the paper, drawn points. It searches the logarithm of the
+    objective, because costs span decades. The best point evaluated is chosen, so the choice is never worse than a
+    start. ``objective="information"`` has the threshold and the warning of ``MyopicInformation``.
 
     Args:
         objective: "trace", the system's cost one step ahead, or "information".
-        starts: how many starts to draw from the box; 0: none, but the grid's choice. They are drawn once for a batch
-            of episodes, so that a decision depends on nothing but the belief.
+        starts: number of starts drawn from the box; 0 starts at the grid's choice. They are drawn once for a batch of
+            episodes, so that a decision depends on the belief alone.
 
     Attributes:
-        feasible: (env,) bool, of "information": whether t could be had at the last decision.
+        feasible: (env,) bool, with "information": whether t was reached at the last decision.
 
     Raises:
         InputError: an unknown objective, fewer than 0 starts.
@@ -87,7 +86,7 @@ class Continuous:
         self.objective, self.starts = check_choice("objective", objective, OBJECTIVES), check_int("starts", starts, 0)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError for a hard penalty, another action form, or no ``most_information``."""
+        """See ``Policy``. Raises an InputError for a hard penalty, another action set, or no ``MostInformation``."""
         name = f"{OBJECTIVES[self.objective]}:{'slsqp' if self.starts else 'polish'}"
         if self.objective == "information":
             require(name, system, MostInformation)
@@ -95,7 +94,7 @@ class Continuous:
         if not isinstance(system.actions, ParameterBox):
             raise InputError(f"policy {name!r} is not for {type(system).__name__} in this form, expected action='box'")
         if getattr(system, "penalty", None) == "hard":
-            raise impossible(name, system, "its hard penalty has no slope to follow")
+            raise impossible(name, system, "its hard penalty has no gradient")
         self._drawn = rng.uniform(-1.0, 1.0, (self.starts, len(system.actions)))
         self._grid, self._warned = Myopic(), False
         if not self.starts and self.objective == "trace":
@@ -129,38 +128,44 @@ class Continuous:
 
 
 class _Search:
-    """SLSQP for one environment, ``belief`` (1,); values, constraints and all their differences come from one call.
+    """SLSQP for one environment, ``belief`` (1,); one call evaluates values, constraints and their differences.
 
     Attributes:
-        best: (d,), of all points evaluated the one that lacks least of the threshold, of those the best.
-        lacking: by how much its worst-off target's log information is below log t; 0 where none is.
+        best: (d,), of all points evaluated the one closest to the threshold; of equals the one of least value.
+        lacking: by how much the least log information of a target at ``best`` is below log t; 0 if none is.
     """
 
     def __init__(self, system: Any, belief: Any, threshold: float | None) -> None:
-        self._system, self._public, self._threshold = system, belief, threshold
+        self._system, self._belief, self._threshold = system, belief, threshold
         self.best, self.lacking, self._least = np.empty(0), np.inf, np.inf
         self._at = np.empty(0)
 
     def run(self, start: Array) -> None:
-        """One search from ``start`` (d,); what lacks of the threshold there comes first."""
+        """One search from ``start`` (d,); a start below the threshold is first moved towards it."""
         bounds = [(-1.0, 1.0)] * len(start)
-        if self._threshold and self._look(start)[2].min(initial=np.inf) < 0.0:
+        if self._threshold and self._linearised(start)[2].min(initial=np.inf) < 0.0:
             start = self._lift(start, bounds)
-        over = {"type": "ineq", "fun": lambda x: self._look(x)[2] - SLACK, "jac": lambda x: self._look(x)[3]}
+        over = {
+            "type": "ineq",
+            "fun": lambda x: self._linearised(x)[2] - SLACK,
+            "jac": lambda x: self._linearised(x)[3],
+        }
         constraints = over if self._threshold else ()
         minimize(
-            lambda x: self._look(x)[:2], start, method="SLSQP", jac=True, bounds=bounds, constraints=constraints,
+            lambda x: self._linearised(x)[:2], start, method="SLSQP", jac=True, bounds=bounds, constraints=constraints,
             options=OPTIONS
         )  # fmt: skip
 
     def _lift(self, start: Array, bounds: list[tuple[float, float]]) -> Array:
-        """Where the worst-off target has the threshold, or most: the greatest z below every target's constraint."""
+        """Reach the threshold or maximise the least information: the greatest z under all constraints."""
         down = -np.eye(len(start) + 1)[-1]
-        least = self._look(start)[2].min()
+        least = self._linearised(start)[2].min()
         above = {
             "type": "ineq",
-            "fun": lambda y: self._look(y[:-1])[2] - y[-1],
-            "jac": lambda y: np.column_stack([self._look(y[:-1])[3], np.full(len(self._look(y[:-1])[2]), -1.0)]),
+            "fun": lambda y: self._linearised(y[:-1])[2] - y[-1],
+            "jac": lambda y: np.column_stack(
+                [self._linearised(y[:-1])[3], np.full(len(self._linearised(y[:-1])[2]), -1.0)]
+            ),
         }
         found = minimize(
             lambda y: (-y[-1], down), np.append(start, least), method="SLSQP", jac=True,
@@ -168,8 +173,8 @@ class _Search:
         )  # fmt: skip
         return np.clip(found.x[:-1], -1.0, 1.0)
 
-    def _look(self, x: Array) -> tuple[float, Array, Array, Array]:
-        """Value and gradient (d,), constraints (target,) and theirs (target, d); what was asked last is kept."""
+    def _linearised(self, x: Array) -> tuple[float, Array, Array, Array]:
+        """Value and gradient (d,), constraints (target,) and their gradients (target, d); cached for the last ``x``."""
         if not np.array_equal(x, self._at):
             self._at, count = x.copy(), len(x)
             steps = STEP * np.concatenate([np.zeros((1, count)), np.eye(count), -np.eye(count)])
@@ -181,12 +186,12 @@ class _Search:
         return self._found
 
     def _evaluate(self, points: Array) -> tuple[Array, Array]:
-        """What is minimised (m,), and log information above log t (m, target), of points (m, d)."""
+        """The value minimised (m,), and log information minus log t (m, target), of points (m, d)."""
         if self._threshold is None:
-            value = np.log(self._system.cost(self._system.predict(self._public, points[None]))[0])
+            value = np.log(self._system.cost(self._system.predict(self._belief, points[None]))[0])
             over, lacking = np.zeros((len(points), 0)), np.zeros(len(points))
         else:
-            information = np.maximum(self._system.information(self._public, points[None])[0], np.finfo(float).tiny)
+            information = np.maximum(self._system.information(self._belief, points[None])[0], np.finfo(float).tiny)
             value = -np.log(information.sum(axis=1))
             over = np.log(information) - np.log(self._threshold or 1.0)
             lacking = -np.minimum(over.min(axis=1), 0.0) * (self._threshold > 0.0)
@@ -197,8 +202,8 @@ class _Search:
 
 
 def _warn(system: Any, information: Array, feasible: Array) -> None:
-    """``information`` (env, target) of what was chosen."""
+    """Warn that ``information`` (env, target) of the actions chosen is below the threshold where not ``feasible``."""
     share = information.min(axis=1)[~feasible]
-    what = f"threshold is {system.threshold:g}, not reached in {len(share)} of {len(feasible)} environments"
-    told = f"{what}, where the worst-off target gets most (nearest that all reach: {share.min():.3g})"
-    warnings.warn(told, InfeasibleThreshold, stacklevel=3)
+    state = f"threshold is {system.threshold:g}, not reached in {len(share)} of {len(feasible)} environments"
+    message = f"{state}, where the least information is maximised (nearest that all reach: {share.min():.3g})"
+    warnings.warn(message, InfeasibleThreshold, stacklevel=3)

@@ -1,4 +1,4 @@
-"""The best periodic schedule of a few slots, found on worlds that are for tuning and never on those of the test."""
+"""The best periodic schedule of a few slots, found on tuning worlds, never on test worlds."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from wavegym.core.system import System
 from wavegym.schedulers.simple import Cycle
 from wavegym.schedulers.tuning import POLISHING, best_constant, polished, tuning_costs
 
-Descent = Generator[list[Array], list[float], Array]  # yields cycles, is sent their costs, returns where it ends
+Descent = Generator[list[Array], list[float], Array]  # yields cycles, is sent their costs, returns its last cycle
 
 PERIODS = (2, 3)  # slots
-COMMON = 6  # slots, of which every period is a divisor
+COMMON = 6  # slots: a multiple of every period
 DRAWN = 4  # drawn starts for each period
-ROLLOUTS = 1200  # of the descents, beyond those of the constants
-WORLDS = 16  # that they take them on
+ROLLOUTS = 1200  # of the descents, in addition to one for each constant
+WORLDS = 16  # on which the descents roll out
 TOGETHER = 16  # cycles that are rolled out as one batch
 
 
 def best_cycle(system: System, worlds: Any) -> Array:
-    """The best schedule found of one, two or three slots that are transmitted in turn, for ever.
+    """The best periodic schedule found of one, two or three slots.
 
     Coordinate descent on the first ``WORLDS`` worlds: one coordinate of one slot at a time (a parameter of a box, a
     sensor's waveform, or the whole of a plain index) takes whichever of the levels found in ``constants()`` costs
-    least, until a sweep improves nothing. Members of a good cycle may each be bad constants, so none is shortlisted.
+    least, until a sweep improves nothing. The slots of a good cycle may be bad constants, so all constants are tried.
     Descents start, for two and three slots each, at the best constant repeated, at the best schedule so far, and at
-    ``DRAWN`` drawn ones, half of which have the best constant in all slots but one. All that they end at are compared
-    on all worlds; in a box the best is polished (``tuning.polished``) and compared once more, and with
-    ``best_constant``, so that on the tuning worlds a cycle never loses to a constant.
+    ``DRAWN`` drawn ones, half of which have the best constant in all slots but one. Their results are compared on all
+    worlds. In a box the best is polished (``tuning.polished``) and compared once more, also with ``best_constant``, so
+    that on the tuning worlds a cycle is never worse than a constant.
 
     Args:
         system: the closed loop.
         worlds: tapes for tuning, axis 0 = world.
 
     Returns:
-        The actions, (slots,), (slots, sensor) or (slots, d), with as few slots as that cost takes.
+        The actions, (slots,), (slots, sensor) or (slots, d), one slot where all are equal.
     """
     points, encode = _coordinates(system)
     budget = len(points) + ROLLOUTS
@@ -63,21 +63,21 @@ def best_cycle(system: System, worlds: Any) -> Array:
 
 
 class _CycleEach(Cycle):
-    """Another cycle in each environment, actions (env, slots, ...)."""
+    """A different cycle in each environment, actions (env, slots, ...)."""
 
-    def wanted(self, belief: Any) -> Array:
+    def slot_action(self, belief: Any) -> Array:
         """See ``Cycle``."""
         return self.actions[np.arange(len(belief.step)), belief.step % self.actions.shape[1]]
 
 
 @dataclass
 class _Search:
-    """The costs of cycles, each rolled out once, several as one batch; infinite when no rollout is left.
+    """The costs of cycles, each rolled out once, in batches; infinite when no rollout is left.
 
     Args:
-        system, worlds: what is rolled out.
+        system, worlds: the closed loop, and the worlds to roll out on.
         encode: from coordinates (slots, k) to actions (slots, ...).
-        bar: moves with every rollout.
+        bar: progress bar over the rollouts.
         left: rollouts that may still be made.
     """
 
@@ -110,12 +110,12 @@ class _Search:
 
 
 def _ends(search: _Search, points: Array) -> list[Array]:
-    """Where the descents end, distinct, those of fewest slots first; ``points`` (C, k) are the constants."""
+    """The distinct results of all descents, fewest slots first; ``points`` (C, k) are the constants."""
     levels = [np.unique(column) for column in points.T]
     constant = points[[int(np.argmin(search(list(points[:, None]))))]]
     rng, ends = np.random.default_rng(0), []
     starts = [np.repeat(constant, period, axis=0) for period in (1, *PERIODS)]
-    ends += _together(search, [_descent(start, levels) for start in starts])
+    ends += _run(search, [_descent(start, levels) for start in starts])
     best = ends[int(np.argmin(search(ends)))]
     starts = [np.resize(best, (period, points.shape[1])) for period in PERIODS]
     for k in range(DRAWN):
@@ -123,12 +123,12 @@ def _ends(search: _Search, points: Array) -> list[Array]:
             start = points[rng.integers(len(points), size=period)]
             start[1:] = constant if k % 2 == 0 else start[1:]
             starts.append(start)
-    ends += _together(search, [_descent(start, levels) for start in starts])
+    ends += _run(search, [_descent(start, levels) for start in starts])
     return sorted({end.tobytes(): end for end in map(_shortest, ends)}.values(), key=len)
 
 
-def _together(search: _Search, descents: Iterable[Descent]) -> list[Array]:
-    """Where ``descents`` end: they take their steps together, so that their trials fill the batches."""
+def _run(search: _Search, descents: Iterable[Descent]) -> list[Array]:
+    """The results of ``descents``: they advance in parallel, so that their trials fill the batches."""
     ends, waiting = [], [(descent, next(descent)) for descent in descents]
     while waiting:
         costs = iter(search([slots for _, trials in waiting for slots in trials]))
@@ -167,5 +167,5 @@ def _coordinates(system: System) -> tuple[Array, Callable[[Array], Array]]:
 
 
 def _shortest(slots: Array) -> Array:
-    """One slot where all are the same."""
+    """One slot where all are equal."""
     return slots[:1] if (slots == slots[0]).all() else slots

@@ -1,4 +1,4 @@
-"""H-step lookahead: the first choice of the cheapest predicted sequence."""
+"""H-step lookahead: the first action of the cheapest predicted sequence."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from wavegym.core.capabilities import BestSequence, SequencePlan, offers
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 
-NODES = 200_000  # beliefs held at a time, about 20 MB for two states
-SEQUENCES = 1_000_000  # tried for one decision: enough for 88 candidates three steps ahead
+NODES = 200_000  # beliefs in memory at a time, about 20 MB for two states
+SEQUENCES = 1_000_000  # tried in one decision: enough for 88 candidates three steps ahead
 
 
 class Lookahead:
-    """The first choice of the best sequence of ``depth`` candidates; shorter ones towards the episode's end.
+    """The first action of the best sequence of ``depth`` candidates; sequences are shorter near the episode's end.
 
     The system's own search is used where the system offers ``BestSequence`` (the same, compiled) or ``SequencePlan`` (a
     local search of any depth), and nothing is masked. Otherwise every sequence is tried by repeated ``predict``, in
@@ -27,7 +27,7 @@ class Lookahead:
     Args:
         depth: steps ahead; 1 is the myopic scheduler.
         fused: whether the system's own search may be used.
-        most: sequences of several steps that may be tried for one decision; a ``plan`` has no limit.
+        most: sequences of several steps that may be tried in one decision; a ``plan`` has no limit.
 
     Raises:
         InputError: a depth below 1.
@@ -67,7 +67,7 @@ class Lookahead:
         return self._values(belief, self.depth, None)
 
     def _enumerate(self) -> None:
-        """List the candidates; an InputError where they make too many sequences."""
+        """List the candidates. Raises an InputError where they make too many sequences."""
         system = self._system
         self._candidates = system.candidates()
         count, steps, possible = len(self._candidates), min(self.depth, system.horizon), 1

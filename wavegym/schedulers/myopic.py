@@ -1,4 +1,4 @@
-"""One-step schedulers over a grid: what the papers propose."""
+"""One-step schedulers over a grid, as in the papers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def determinant(system: Any, belief: Any, candidates: Array) -> Array:
     """det P after the update; of several targets, the product.
 
     With Gaussian chirps of fixed energy det R is the same for all, so det P = det P^- det R / det S: minimising it
-    *maximises* the validation gate and runs to the edge of the box. Kept because the literature uses it.
+    *maximises* the validation gate and leads to the edge of the box. It is here because the literature uses it.
     """
     each = np.linalg.det(system.predict(belief, candidates).covariance)  # (env, candidate[, target])
     return each.reshape(*each.shape[:2], -1).prod(axis=2)
@@ -49,8 +49,8 @@ class Myopic:
     Args:
         objective: "trace", "determinant" or "gate", or a function of (system, belief, candidates).
         fused: whether the system's own search may be used.
-        margin: in place of the system's own: by how many standard deviations a prediction keeps targets inside the
-            field of view.
+        margin: number of standard deviations by which a prediction keeps targets inside the field of view, in place of
+            the system's own.
 
     Raises:
         InputError: an unknown objective, a margin that is negative or not finite.
@@ -70,7 +70,7 @@ class Myopic:
             require(f"myopic-margin:{self.margin:g}", system, Margin)
             self._system = replace(system, margin=self.margin)  # type: ignore[type-var]
         self._searches = self.fused and self.objective is trace and offers(self._system, BestAction)
-        self._candidates: Array | None = None  # asked for when they are needed: the system's own search may do without
+        self._candidates: Array | None = None  # computed on demand: the system's own search may not need them
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
@@ -91,5 +91,5 @@ def require(name: str, system: System, kind: type[Capability]) -> None:
 
 
 def impossible(name: str, system: System, why: str) -> InputError:
-    """The error of a scheduler that this system cannot have."""
+    """The error for a scheduler that cannot be computed for this system."""
     return InputError(f"policy {name!r} cannot be computed for {type(system).__name__}: {why}; nearest: 'myopic'")

@@ -1,8 +1,8 @@
-"""The best schedule of a whole episode when the covariance is deterministic: ground truth for every other scheduler.
+"""The best schedule of a whole episode where the covariance is deterministic: a reference for all schedulers.
 
-Forward search over the tree of schedules, step by step. Of the beliefs that the schedules of k steps lead to, most need
-not be followed, because another one costs less and knows more. With J_a(P) the cost of continuing from covariance P
-with the actions a, the rule is: drop A = (c_A, P_A) for B = (c_B, P_B) where, for some e >= 0,
+Forward search over the tree of schedules, step by step. Of the beliefs that the schedules of k steps lead to, most
+are dominated: another belief costs less and has a smaller covariance. With J_a(P) the cost of continuing from
+covariance P with the actions a, the rule is: drop A = (c_A, P_A) for B = (c_B, P_B) where, for some e >= 0,
 
     P_B <= (1 + e) P_A  (Loewner order)   and   c_B + e (U - c_A - h) <= c_A + d.
 
@@ -13,10 +13,10 @@ f(0) >= 0, being the least of (I - L M)(F P F' + Q)(I - L M)' + L R L' over all 
 steps, and J_a, a sum of their weighted traces, inherits it. Concavity on the ray through P_A gives
 J_a(P_B) <= J_a((1 + e) P_A) <= J_a(P_A) + e (J_a(P_A) - J_a(0)). Let a be the best way to continue A, and
 V = c + min_a J_a(P) what a belief's best schedule costs. If V_A < U then J_a(P_A) < U - c_A, and J_a(0) >= h, so
-V_B <= c_B + J_a(P_A) + e (U - c_A - h) <= V_A + d. If V_A >= U nothing is lost, for the schedule of cost U is at hand;
-nor is it where a belief with c + h >= U is dropped. So the least of U and the V of all beliefs kept grows by at most d
-from step to step, and the schedule found costs at most H d more than the optimum. With d = 0 it is the optimum. Beliefs
-dropped for want of room have V >= c + h, which goes into the bound.
+V_B <= c_B + J_a(P_A) + e (U - c_A - h) <= V_A + d. If V_A >= U nothing is lost, as the schedule of cost U is known.
+The same holds where a belief with c + h >= U is dropped. So the least of U and the V of all beliefs kept grows by at
+most d from step to step, and the schedule found costs at most H d more than the optimum. With d = 0 it is the optimum.
+Beliefs dropped because ``nodes`` are kept already have V >= c + h, which enters the bound.
 
 h is the sum, over the remaining steps, of the least cost that any schedule of the last few steps can make of a zero
 covariance (monotonicity again); U comes from the same search with few nodes. Two states, 50 steps and 56 or 88
@@ -36,7 +36,7 @@ from wavegym.core.recursion import Recursion
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import require
 
-BEAM, BEAM_SLACK = 20, 0.03  # of the first schedule's search: nodes kept, and how alike two may be
+BEAM, BEAM_SLACK = 20, 0.03  # of the first schedule's search: nodes kept, and slack of the dominance
 
 
 class Schedule(NamedTuple):
@@ -44,7 +44,7 @@ class Schedule(NamedTuple):
 
     actions: Array  # (env, H) int, indices of candidates
     cost: Array  # (env,) sum over the steps
-    lower_bound: Array  # (env,) no schedule costs less, but for rounding
+    lower_bound: Array  # (env,) no schedule costs less, except for rounding
 
 
 def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_000) -> Schedule:
@@ -55,7 +55,7 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
         tolerance: how much the cost may exceed the optimum, relative to that of a first schedule (about 1 % above the
             optimum); 0 is exact.
         nodes: beliefs kept per step, which bounds the memory (about 100 bytes per belief and waveform). Where they do
-            not suffice, as may happen with three states, ``lower_bound`` says how good the schedule is.
+            not suffice, as may happen with three states, ``lower_bound`` bounds the loss of the schedule.
 
     Raises:
         InputError: a tolerance that is negative or not finite, no nodes.
@@ -80,13 +80,13 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
 
 
 class Optimum:
-    """Plays the best schedule. Clairvoyant: it knows the target's future range, hence the SNR of every step to come.
+    """Plays the best schedule. Clairvoyant: it knows the target's future range, hence the SNR of every future step.
 
-    For systems with ``deterministic_recursion(world) -> Recursion``. ``plan`` holds the schedule, its cost, the bound.
+    For systems that offer ``DeterministicRecursion``. ``plan`` holds the schedule, its cost and the bound.
 
     Args:
         tolerance, nodes: see ``best_schedule``.
-        gap: what is called the optimum must be certified to be within this share of it.
+        gap: largest relative gap between cost and lower bound of a plan that counts as the optimum.
     """
 
     plan: Schedule
@@ -103,17 +103,17 @@ class Optimum:
     def reveal(self, world: Any) -> None:
         """Plan for the worlds (axis 0 = environment) that will be played; called once after ``begin``.
 
-        Raises an InputError where ``nodes`` do not suffice to certify a plan: it may be good, but is not the optimum.
+        Raises an InputError where ``nodes`` do not suffice to certify a plan as the optimum.
         """
         self.plan = best_schedule(self._system.deterministic_recursion(world), self.tolerance, self.nodes)
         gaps = 1.0 - self.plan.lower_bound / self.plan.cost
         if gaps.max() > self.gap:
             found = f"{np.count_nonzero(gaps > self.gap)} of {len(gaps)} plans are certified to {gaps.max():.2g} only"
-            raise InputError(f"policy 'optimum': {found}, expected {self.gap:g}; it takes more nodes than {self.nodes}")
+            raise InputError(f"policy 'optimum': {found}, expected {self.gap:g} with more nodes than {self.nodes}")
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``. An environment whose episode is over gets some action. Raises an InputError for a mask."""
+        """See ``Policy``. After the end of an episode the action is arbitrary. Raises an InputError for a mask."""
         if mask is not None:
-            raise InputError("policy 'optimum' was given a mask, expected a system in which everything is allowed")
+            raise InputError("policy 'optimum' was given a mask, expected a system without masks")
         step = np.minimum(belief.step, self.plan.actions.shape[1] - 1)
         return self._candidates[self.plan.actions[np.arange(len(step)), step]]

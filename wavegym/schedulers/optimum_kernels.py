@@ -1,4 +1,4 @@
-"""Branch and bound over waveform schedules in compiled form; ``optimum.py`` proves the rules.
+"""Branch and bound over waveform schedules in compiled form; ``optimum.py`` proves the dominance rule.
 
 Shapes: e environments, n states, m measurements, A actions, H steps, N nodes. F, Q (1, n, n), M (1, m, n), C (A, m, m).
 """
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from wavegym.core.kernels import kernel
 from wavegym.trackers.kernels import factor_innovation_one, predict_covariance_one, update_covariance_one
 
-DEPTH, SLACK = 3, 0.03  # of the bound on the cost to come: steps from zero covariance, and how alike two nodes may be
+DEPTH, SLACK = 3, 0.03  # of the bound on the cost to come: steps from zero covariance, and slack of the dominance
 
 
 class Nodes(NamedTuple):
-    """Beliefs of one step, each reached by another schedule."""
+    """Beliefs of one step, each reached by a different schedule."""
 
     cost: NDArray[np.float64]  # (N,) up to this step
     P: NDArray[np.float64]  # (N, n, n)
@@ -26,7 +26,7 @@ class Nodes(NamedTuple):
 
 
 class Model(NamedTuple):
-    """The recursion, without what differs between environments."""
+    """The part of the recursion that all environments share."""
 
     F: NDArray[np.float64]
     Q: NDArray[np.float64]
@@ -37,7 +37,7 @@ class Model(NamedTuple):
 
 @kernel
 def make_nodes(count, nn):
-    """Room for ``count`` nodes."""
+    """Empty arrays for ``count`` nodes."""
     return Nodes(np.empty(count), np.empty((count, len(nn), len(nn))), np.empty(count, np.int64))
 
 
@@ -61,12 +61,12 @@ def dominates(b, B, a, A, factor, Z, nn):
             cross = factor * A[a, i, j] - B[b, i, j]
             if own * (factor * A[a, j, j] - B[b, j, j]) < cross * cross:
                 return False
-    return n == 2 or eliminates(b, B, a, A, factor, Z, nn)  # minors settle two states, three times as fast
+    return n == 2 or eliminates(b, B, a, A, factor, Z, nn)  # for two states the minors suffice, three times as fast
 
 
 @kernel
 def eliminates(b, B, a, A, factor, Z, nn):
-    """The same by Gaussian elimination, which must meet no negative pivot."""
+    """``dominates`` by Gaussian elimination: every pivot must be non-negative."""
     n = len(nn)
     for i in range(n):
         for j in range(i + 1):
@@ -113,7 +113,7 @@ def prune(children, born, slack, allowance, room, nodes, limit, nn):
     """Keep in ``nodes`` the children that no cheaper one dominates, cheapest first, ``limit`` at most.
 
     A child A is left out where a kept B has c_B + e (room - c_A) <= c_A + allowance and P_B <= (1 + slack + e) P_A.
-    Returns how many were kept, and the cost of the cheapest one for which there was no place (inf: none).
+    Returns how many were kept, and the cost of the cheapest child that exceeded ``limit`` (inf: none).
     """
     n, kept = len(nn), 0
     Z, order = np.empty((n, n)), np.empty(limit, np.int64)
@@ -125,7 +125,7 @@ def prune(children, born, slack, allowance, room, nodes, limit, nn):
             factor = base + (children.cost[a] - nodes.cost[b] + allowance) * gain
             if dominates(b, nodes.P, a, children.P, factor, Z, nn):
                 dominated = True
-                for j in range(i, 0, -1):  # what dominated one will dominate its like: try it first next time
+                for j in range(i, 0, -1):  # it probably dominates the next child too: try it first
                     order[j] = order[j - 1]
                 order[0] = b
                 break
@@ -173,9 +173,9 @@ def cost_to_come(model, scale, nodes, children, nn, mm):
 
 @kernel
 def search(P0, model, scale, slack, allowance, rest, ceiling, limit, nodes, children, origins, plan, nn, mm):
-    """Cost of the cheapest schedule below ``ceiling``, written to ``plan`` (H,), and a bound on those given up.
+    """Cost of the cheapest schedule below ``ceiling``, written to ``plan`` (H,), and a lower bound on those given up.
 
-    Where there is none, ``plan`` is left as it is and the cost is the ceiling. ``origins`` (H, limit) is scratch space.
+    Without such a schedule ``plan`` is unchanged and the cost is the ceiling. ``origins`` (H, limit) is scratch space.
     """
     actions, bound = model.C.shape[0], np.inf
     copy(P0, nodes.P[0], nn)

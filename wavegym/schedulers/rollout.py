@@ -1,4 +1,4 @@
-"""Play a policy on given worlds, without a Gymnasium shell: for references, tuning and bounds."""
+"""Play a policy on given worlds without an environment: for references, tuning and bounds."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from wavegym.core.system import System
 
 
 class Rollout(NamedTuple):
-    """What happened."""
+    """Costs, lengths and actions of the episodes played."""
 
     cost: Array  # (env, H) cost after each step; 0 after an early end
-    steps: Array  # (env,) steps to the end
+    steps: Array  # (env,) steps to the episode's end
     actions: Array  # (env, H, ...)
 
     @property
@@ -25,7 +25,7 @@ class Rollout(NamedTuple):
 
 
 def allowed(system: System, belief: Any) -> Array | None:
-    """The mask as policies take it: None where everything is allowed."""
+    """The mask as policies take it: None where every action is allowed."""
     if type(system).mask is System.mask:
         return None
     return system.mask(belief)
@@ -34,7 +34,7 @@ def allowed(system: System, belief: Any) -> Array | None:
 def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator | None = None) -> Rollout:
     """Play ``policy`` to the end on ``world`` (axis 0 = environment).
 
-    Policies that read observations get the unscaled ones' place holder None: this is for schedulers.
+    For policies that read the belief: the observation is None.
     """
     state = system.initial(world)
     policy.begin(system, len(state.belief.step), rng or np.random.default_rng(0))

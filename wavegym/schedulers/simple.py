@@ -1,4 +1,4 @@
-"""Policies without a model: the floor that every other one must beat."""
+"""Policies without a model: the baselines for all other policies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wavegym.core.errors import InputError, nearest
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 
-FEW = 1024  # candidates: up to here a random choice draws one number for each, which masks without rejection
+FEW = 1024  # candidates: up to here a random choice draws one number for each, so that masks need no rejection
 
 
 class RandomChoice:
@@ -26,7 +26,7 @@ class RandomChoice:
         self._candidates = system.candidates() if enumerated else None
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``: the largest of one uniform draw per candidate; of many unmasked ones, an index drawn."""
+        """See ``Policy``: the largest of one uniform draw per candidate, or one drawn index if they are many."""
         envs, actions = len(belief.step), self._system.actions
         if isinstance(actions, ParameterBox):
             return self._rng.uniform(-1.0, 1.0, (envs, len(actions)))
@@ -43,14 +43,14 @@ class RandomChoice:
 class Cycle:
     """A periodic schedule: step t transmits slot t modulo the number of slots.
 
-    Where an index is not allowed, the next constant in cyclic order that is, as ``Fixed``; one that is no constant is
-    followed by the first. Masks are for indices, so all else is transmitted as it is.
+    An index that is not allowed is replaced by the next allowed constant in cyclic order; for an index that is no
+    constant the order begins at the first one. Masks are for indices: other actions are transmitted unchanged.
 
     Args:
         actions: one action for each slot, (slots,) indices, (slots, sensor) indices or (slots, d) points of a box.
 
     Raises:
-        InputError: no slot.
+        InputError: no slots.
     """
 
     def __init__(self, actions: ArrayLike) -> None:
@@ -64,25 +64,25 @@ class Cycle:
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        wanted = self.wanted(belief)
-        if mask is None or wanted.ndim > 1:
-            return wanted
-        is_allowed = mask[np.arange(len(wanted)), wanted]
+        action = self.slot_action(belief)
+        if mask is None or action.ndim > 1:
+            return action
+        is_allowed = mask[np.arange(len(action)), action]
         if is_allowed.all():
-            return wanted
-        at = np.argmax(wanted[:, None] == self._constants, axis=1)
-        return np.where(is_allowed, wanted, _first_allowed(at, self._constants, mask))
+            return action
+        at = np.argmax(action[:, None] == self._constants, axis=1)
+        return np.where(is_allowed, action, _first_allowed(at, self._constants, mask))
 
-    def wanted(self, belief: Any) -> Array:
-        """What each environment's slot holds, allowed or not, (env, ...)."""
+    def slot_action(self, belief: Any) -> Array:
+        """The action of each environment's slot, allowed or not, (env, ...)."""
         return self.actions[belief.step % len(self.actions)]
 
 
 class Fixed:
-    """Always the same constant; where that is not allowed, the next one in cyclic order that is, as ``RoundRobin``.
+    """The same constant at every step; where it is not allowed, the next allowed constant in cyclic order.
 
     Args:
-        constant: which of ``system.constants()``, or the name of one of ``system.named_constants()``.
+        constant: an index into ``system.constants()``, or a name in ``system.named_constants()``.
     """
 
     def __init__(self, constant: int | str) -> None:
@@ -99,10 +99,10 @@ class Fixed:
 
 
 def constant_action(system: System, constant: int | str) -> Array:
-    """The action that an index into ``system.constants()`` or a name in ``system.named_constants()`` stands for, (...).
+    """The action (...) of an index into ``system.constants()`` or of a name in ``system.named_constants()``.
 
     Raises:
-        InputError: there is none; says the range of the indices and the names, and the nearest.
+        InputError: no such constant; names the range of the indices, the names and the nearest.
     """
     constants, named = system.constants(), system.named_constants()
     if isinstance(constant, str):
@@ -118,7 +118,7 @@ def constant_action(system: System, constant: int | str) -> Array:
 
 
 class RoundRobin:
-    """Every constant in turn, skipping those not allowed."""
+    """Every constant in turn; constants that are not allowed are skipped."""
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
@@ -132,7 +132,7 @@ class RoundRobin:
 def _first_allowed(start: Array, constants: Array, mask: Array | None) -> Array:
     """The first of ``constants`` at or after ``start`` (env,), in cyclic order, that ``mask`` (env, actions) allows.
 
-    Constants that are indices say which columns of the mask are theirs; points of a box have one column each.
+    Constants that are indices select columns of the mask; points of a box have one column each.
     """
     count = len(constants)
     if mask is None:

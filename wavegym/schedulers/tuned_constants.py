@@ -1,4 +1,4 @@
-"""Which constants each rule has in each system: recorded for the suite's defaults, tuned on the spot elsewhere."""
+"""The constants of each heuristic in each system: recorded for the suite's defaults, tuned on demand elsewhere."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple, tune
 
 FILE = "tuned_constants.toml"
 SIMPLE, PLANNER = "best-simple", "best-planner"
-BASE = "planner-base"  # the rule that planners follow in futures, where it is not the best one
-ORDINARY = "rollout:10"  # the best planner of a system without a record
+BASE = "planner-base"  # the heuristic that planners follow in simulated futures, where it is not the best one
+DEFAULT_PLANNER = "rollout:10"  # for a system without a record
 
 
 @cache
@@ -32,7 +32,7 @@ def record_key(system: System) -> str:
 
 
 def recorded(system: System) -> dict[str, Any]:
-    """What is recorded for this system: its class has a record and it has the class's defaults; else nothing."""
+    """The record of this system's class if the system has the class's default parameters; else an empty dictionary."""
     with suppress(TypeError, ValueError):  # a class without defaults
         if record_key(system) in records() and system == type(system)():
             return records()[record_key(system)]
@@ -40,7 +40,7 @@ def recorded(system: System) -> dict[str, Any]:
 
 
 def rule(name: str, system: System, worlds: Any) -> Heuristic:
-    """The rule ``name``, or "best-simple", with the constants recorded, or else tuned on ``worlds``.
+    """The heuristic ``name``, or "best-simple", with recorded constants, or else with constants tuned on ``worlds``.
 
     Args:
         name: one of ``HEURISTICS``, or "best-simple".
@@ -48,7 +48,7 @@ def rule(name: str, system: System, worlds: Any) -> Heuristic:
         worlds: tapes for tuning, axis 0 = world; used only where nothing is recorded.
 
     Raises:
-        InputError: the system cannot have this rule.
+        InputError: the heuristic cannot be computed for this system.
     """
     record = recorded(system)
     if name == SIMPLE and SIMPLE in record:
@@ -61,14 +61,14 @@ def rule(name: str, system: System, worlds: Any) -> Heuristic:
 
 
 def planner_name(system: System) -> str:
-    """The name of the best planner: as recorded, or ``ORDINARY``."""
-    name: str = recorded(system).get(PLANNER, ORDINARY)
+    """The name of the best planner: as recorded, or ``DEFAULT_PLANNER``."""
+    name: str = recorded(system).get(PLANNER, DEFAULT_PLANNER)
     return name
 
 
 def as_toml(table: Mapping[str, Mapping[str, Any]]) -> str:
     """The records as the text of a TOML file: strings, numbers, flags, lists, and one more level of tables."""
-    lines = ["# Constants of rules, found on worlds for tuning by: python -m wavegym.evaluation.tune_constants"]
+    lines = ["# Constants of heuristics, found on tuning worlds by: python -m wavegym.evaluation.tune_constants"]
     for system in sorted(table):
         entries = table[system]
         lines += ["", f"[{_key(system)}]"]
@@ -82,9 +82,8 @@ def _key(name: str) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
-        return (
-            "{ " + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + " }" if value else "{}"
-        )
+        entries = ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items())
+        return f"{{ {entries} }}" if entries else "{}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(_value, value)) + "]"
     if isinstance(value, bool):

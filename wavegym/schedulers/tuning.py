@@ -1,4 +1,4 @@
-"""Constants that a policy needs, found on worlds that are for tuning and never on those of the test."""
+"""Constant actions tuned on tuning worlds, never on test worlds."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from wavegym.core.system import System
 from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Cycle, Fixed
 
-POLISHING = 200  # rollouts that one polish may take
+POLISHING = 200  # rollouts of one polish, at most
 TOLERANCE = 1e-3  # of an action in [-1, 1]: a simplex this small ends a polish
-REACH = 0.2  # edges of the first simplex
+REACH = 0.2  # edge length of the first simplex
 
 
 def tuning_costs(system: System, policy: Policy, worlds: Any, groups: int = 1) -> Array:
     """Mean over worlds of the mean cost per step; infinite where that is not a finite number (a filter diverged).
 
     Args:
-        system, policy, worlds: what is rolled out.
-        groups: so many groups of equally many worlds have a mean each.
+        system, policy, worlds: the closed loop, its policy, and the worlds to play on.
+        groups: number of groups of equally many successive worlds; each group has its own mean.
 
     Returns:
         (groups,).
@@ -37,9 +37,9 @@ def tuning_costs(system: System, policy: Policy, worlds: Any, groups: int = 1) -
 
 
 def best_fixed(system: System, worlds: Any) -> int:
-    """The constant that costs least when it is all that is ever transmitted; the first of equals.
+    """The constant of least cost when transmitted at every step; the first of equals.
 
-    Each one is played on all worlds as one batch and one after another, so no more than one rollout is in memory.
+    The constants are played one after another, each on all worlds as one batch: one rollout is in memory at a time.
 
     Args:
         system: the closed loop.
@@ -77,18 +77,16 @@ def best_constant(system: System, worlds: Any) -> Array:
 def polished(cost: Callable[[Array], float], start: Array) -> Array:
     """A local minimum of ``cost`` over a box, by Nelder and Mead's simplex, restarted until that gains nothing.
 
-    The simplex compares costs and never calculates with them, so heavy tails and infinite costs do no harm, it reaches
-    the box's faces exactly, and the result is never worse than ``start``. Bounded
-    Powell stops short of the faces: for three slots of KershawEvansPosition it took 471 rollouts against 208, for a
-    constant of RfEo, inside the box, it came as far in as many.
+    The simplex only compares costs, so that heavy tails and infinite costs do no harm. It reaches the faces of the box
+    exactly, and the result is never worse than ``start``. Powell's bounded method stops short of the faces: it took 471
+    rollouts against 208 for three slots of KershawEvansPosition, and as many for a constant of RfEo inside the box.
 
     Args:
         cost: of points shaped as ``start``.
         start: point of [-1, 1]^d, any shape; returned as it is where its cost is infinite.
 
     Returns:
-        The best point seen within ``POLISHING`` evaluations, a simplex of size ``TOLERANCE`` around it unless they ran
-        out.
+        The best point of at most ``POLISHING`` evaluations.
     """
     best, least, left = start.ravel(), cost(start), POLISHING - 1
     while left > best.size and np.isfinite(least):

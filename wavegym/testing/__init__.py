@@ -1,4 +1,4 @@
-"""Checks for anyone's environment and system."""
+"""Checks for environments and systems, the suite's or your own."""
 
 from __future__ import annotations
 

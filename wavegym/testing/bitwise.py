@@ -1,4 +1,4 @@
-"""Bitwise comparison of what environments return: arrays, scalars, dictionaries, tuples and object arrays."""
+"""Bitwise comparison of environments' return values: arrays, scalars, dictionaries, tuples and object arrays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wavegym.core.arrays import Array
 
 
 def difference(got: Any, want: Any) -> str | None:
-    """Where and how ``got`` first differs from ``want``, as ``"['key'][3] is 1.0, expected 2.0"``; None where equal.
+    """The first difference of ``got`` from ``want``, as ``"['key'][3] is 1.0, expected 2.0"``; None where equal.
 
     Types, dtypes and shapes count, and so does the sign of a zero; a NaN equals a NaN.
     """
@@ -69,7 +69,7 @@ def _arrays(got: Any, want: Any) -> str | None:
 
 
 def _same(one: Array, other: Array) -> Array:
-    """Element for element, bool."""
+    """Whether elements are equal, bool array."""
     if one.dtype.kind not in "fc":
         return one == other
     equal = one == other

@@ -1,4 +1,4 @@
-"""Holds every capability of a system to the generic functions of the contract, on beliefs along random episodes."""
+"""Compares every capability of a system with the generic functions of the contract, along random episodes."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from wavegym.schedulers.lookahead import Lookahead
 WORLDS = 3
 STEPS = (0, 1, 4)  # of the episodes, at which beliefs are sampled
 FEW = 64  # candidates compared one by one
-EXACT = 1e-6  # relative to the cost: what rounding may make of the same sum in another order
-NEARLY = 0.1  # relative: a search with shortcuts, such as sensor by sensor, may miss the best one, but not by much
+EXACT = 1e-6  # relative to the cost: rounding of the same sum in another order
+NEARLY = 0.1  # relative: a local search, such as sensor by sensor, may miss the best candidate by this much
 
 Check = Callable[[Any, Any, Array], str | None]  # (system, belief, some candidates) -> defect
 
@@ -52,7 +52,7 @@ def capability_defect(system: System, seed: int = 0) -> str | None:
                 try:
                     defect = check(system, state.belief, candidates)
                 except NotImplementedError:
-                    continue  # not for this form of the action set
+                    continue  # the capability is not for this form of the action set
                 if defect:
                     return f"{kind.__name__} at step {int(state.belief.step[0])}: {defect}"
         if offers(system, DeterministicRecursion):
@@ -63,7 +63,7 @@ def capability_defect(system: System, seed: int = 0) -> str | None:
 
 
 def _declaration_defect(system: System) -> str | None:
-    """A capability that has gone stale below an override, or one that is there and not declared."""
+    """A capability that is stale below an override, or that exists but is not declared."""
     declared = {member for kind in CAPABILITIES if isinstance(system, kind) for member in kind.members}
     for kind in CAPABILITIES:
         named = set(kind.members) & getattr(kind, "__abstractmethods__", frozenset())
@@ -74,7 +74,7 @@ def _declaration_defect(system: System) -> str | None:
 
 
 def _episodes(system: System, candidates: Array, seed: int) -> Iterator[tuple[Any, Any]]:
-    """States of a batch of worlds at ``STEPS``, after random candidates, and the worlds."""
+    """States of a batch of worlds at ``STEPS``, reached by random candidates, and the worlds."""
     rng = np.random.default_rng(seed)
     world = trees.stack([system.draw_world(np.random.default_rng([seed, i])) for i in range(WORLDS)])
     state = system.initial(world)
@@ -154,7 +154,7 @@ def _gain(system: Any, belief: Any, candidates: Array) -> str | None:
     for env in range(WORLDS):
         now = np.flatnonzero(ready[env])
         if len(now):
-            total = gain[env, now] + cost[env, now]  # the cost of a step without a look, whatever the candidate
+            total = gain[env, now] + cost[env, now]  # the cost without a measurement, equal for all candidates
             if np.ptp(total) > EXACT * np.abs(cost[env]).max():
                 return f"gain() of one step and the predicted cost add up to {total.min():.9g} ... {total.max():.9g}"
     return None
@@ -171,10 +171,10 @@ def _spending(system: Any, belief: Any, candidates: Array) -> str | None:
     spending, shape = np.asarray(system.spending), (len(system.candidates()),)
     if spending.shape != shape or (spending < 0).any():
         return f"spending has shape {spending.shape} and the least value {spending.min()}, expected {shape}, none < 0"
-    return None if "energy" in belief._fields else "the belief has no energy, from which spending could be taken"
+    return None if "energy" in belief._fields else "the belief has no field energy, the account for spending"
 
 
-def _information(system: Any, belief: Any, candidates: Array) -> str | None:
+def _most_information(system: Any, belief: Any, candidates: Array) -> str | None:
     actions, feasible = system.most_information(belief)
     least = system.information(belief, actions).min(axis=1)
     short = least < system.threshold * (1.0 - EXACT)
@@ -221,6 +221,6 @@ CHECKS: dict[type[Capability], Check] = {
     Gain: _gain,
     Delay: _delay,
     Spending: _spending,
-    MostInformation: _information,
+    MostInformation: _most_information,
     SensorBySensor: _sensor_by_sensor,
 }

@@ -1,11 +1,11 @@
-"""A public check for anyone's native vector environment: does it do what Gymnasium's own SyncVectorEnv does?
+"""A check for native vector environments: they must behave as Gymnasium's SyncVectorEnv over single environments.
 
-    >>> from wavegym.envs import check_vector_env
+    >>> from wavegym.testing import check_vector_env
     >>> check_vector_env("wavegym/KershawEvansPosition-v0")
 
-Known defects of native vector environments that it finds: terminal observations lost at an autoreset, truncations lost,
-a step lost by the others while one environment is reset, a reset mask popped from the caller's options, buffers reused,
-returned arrays that are the environment's own state.
+Defects that it finds: terminal observations lost at an autoreset, truncations lost, a step lost by the others while one
+environment is reset, a reset mask popped from the caller's options, buffers reused, returned arrays that are the
+environment's own state.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ __all__ = ["ConformanceError", "check_vector_env"]
 
 MODES = ("NextStep", "SameStep", "Disabled")
 SIZES = (1, 3)
-SHORT = 4  # steps of the episodes that are cut off by max_episode_steps
+SHORT = 4  # max_episode_steps of the truncated episodes
 CUT_OFF_STEPS = 24
-UNREST = 20  # steps with random partial resets, after which whole episodes are played
+UNREST = 20  # steps with random partial resets before whole episodes are played
 EPISODES = 2  # of every environment
 
 
@@ -42,22 +42,22 @@ def check_vector_env(
 ) -> None:
     """Compare a native vector environment bit for bit with SyncVectorEnv over single environments.
 
-    Whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments, integer and list
-    seeds, partial resets that bring the environments out of step, episodes cut off by ``max_episode_steps``, and an
-    unpickled copy that takes over in mid-episode. What is returned must be finite, and the caller's own: it is written
-    over. Of a wavegym system, ``predict``, ``cost`` and ``mask`` are tried too.
+    The check plays whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments,
+    integer and list seeds, partial resets, truncation by ``max_episode_steps``, and an unpickled copy that continues in
+    mid-episode. Returned values must be finite. Returned arrays must belong to the caller: the check overwrites them.
+    Of a wavegym system it also checks ``predict``, ``cost``, ``mask`` and the capabilities.
 
     Args:
-        env: an id, whose singles come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)`` that makes
-            the vector environment, in which case the single environment is a batch of one. If the function takes
-            ``max_episode_steps`` too, that is compared with Gymnasium's TimeLimit.
+        env: an id, whose single environments come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)``
+            that makes the vector environment, in which case a batch of one is the single environment. If the function
+            also takes ``max_episode_steps``, its truncation is compared with Gymnasium's TimeLimit.
         seed: of resets and actions.
-        max_steps: steps after which endless episodes are given up.
-        **settings: of the environment, such as a shorter horizon where steps are slow; with an id only.
+        max_steps: steps after which endless episodes are stopped.
+        **settings: settings of the environment, such as a shorter horizon where steps are slow; only with an id.
 
     Raises:
-        ConformanceError: on the first defect, which its one line names.
-        InputError: settings for a function, which makes the environment as it will.
+        ConformanceError: names the first defect, in one line.
+        InputError: settings together with a function.
     """
     if settings and not isinstance(env, str):
         raise InputError(f"settings of {env!r} are {settings}, expected none: only an id takes any")
@@ -75,17 +75,17 @@ def check_vector_env(
         pair = Lockstep(makers, SIZES[-1], mode, limits[0], seed, scribble=True)
         try:
             _play(pair, np.random.default_rng(seed), min(CUT_OFF_STEPS, max_steps))
-        except ConformanceError as defect:  # the same run went well above
+        except ConformanceError as defect:  # the same run passed above
             raise ConformanceError(f"state exposed, as writing into returned arrays changes it: {defect}") from defect
         finally:
             pair.close()
 
 
 def _check_system(makers: Makers) -> None:
-    """Where the environment is wavegym's, its system's promises to planners too."""
+    """Check the planning functions of the system, if the environment is wavegym's."""
     try:
         native = makers.native(num_envs=1, autoreset_mode=MODES[0])
-    except Exception:  # what is wrong here, the comparison below puts into words
+    except Exception:  # the comparison with single environments reports this error
         return
     system = getattr(native.unwrapped, "system", None)
     native.close()
@@ -117,7 +117,7 @@ def _by_factory(factory: Callable[..., VectorEnv]) -> tuple[Makers, list[dict[st
 
 
 def _play(pair: Lockstep, rng: np.random.Generator, steps: int) -> None:
-    """A restless beginning with partial resets, then whole episodes, then a full reset with a list of seeds."""
+    """Steps with partial resets, then whole episodes, then a full reset with a list of seeds."""
     n = len(pair.ended)
     pair.reset(seed=int(rng.integers(1000)))
     endings = np.zeros(n, np.int64)
@@ -171,7 +171,7 @@ class Unbatched(gym.Env):
 
 
 def _single_info(info: dict[str, Any]) -> dict[str, Any]:
-    """What a vector environment's info says of its only environment."""
+    """The info of a vector environment's only environment."""
     single: dict[str, Any] = {}
     for key, value in info.items():
         if key.startswith("_") or not info.get(f"_{key}", [True])[0]:

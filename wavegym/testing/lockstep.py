@@ -1,4 +1,4 @@
-"""A native vector environment in lockstep with Gymnasium's SyncVectorEnv over single ones, and what may differ."""
+"""A native vector environment in lockstep with Gymnasium's SyncVectorEnv over single environments."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from gymnasium.vector.utils import iterate
 from wavegym.core.arrays import Array
 from wavegym.testing.bitwise import difference
 
-HELD = 3  # returns kept to see whether a later step writes into them
+HELD = 3  # return values kept, to find later steps that write into them
 STEP_NAMES = ("observations", "rewards", "terminated", "truncated", "info")
 
 
 class ConformanceError(AssertionError):
-    """A vector environment does what Gymnasium's contract forbids; the message is one line that names the defect."""
+    """A vector environment violates Gymnasium's contract; the message names the defect in one line."""
 
 
 @dataclass(frozen=True)
 class Makers:
-    """How to make what is compared; ``limit`` is {} or {"max_episode_steps": k}."""
+    """Functions that make the environments to compare; ``limit`` is {} or {"max_episode_steps": k}."""
 
     name: str
     native: Callable[..., Any]  # a VectorEnv from (num_envs=, autoreset_mode=, **limit)
@@ -39,7 +39,7 @@ class Makers:
 class Lockstep:
     """Native environment and oracle, given the same seeds, masks and actions; raises at the first difference.
 
-    With ``scribble``, every array that the native environment returns is written over as soon as it is compared.
+    With ``scribble``, every array that the native environment returns is overwritten after its comparison.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Lockstep:
         rows, expected = self._split(got[0]), list(iterate(self.oracle.observation_space, want[0]))
         restarting = self.ended if self.mode is AutoresetMode.NEXT_STEP else np.zeros_like(self.ended)
         wrong = [i for i, row in enumerate(rows) if difference(row, expected[i])]
-        self._check_nobody_waited(rows, wrong, restarting)
+        self._check_no_step_lost(rows, wrong, restarting)
         self._check_endings(got, want)
         self.ended = want[2] | want[3]
         if self.mode is AutoresetMode.SAME_STEP:
@@ -108,7 +108,7 @@ class Lockstep:
         self._remember(f"step {self.steps}", got, rows)
 
     def continue_with_pickled_copy(self) -> None:
-        """Put an unpickled copy in the native environment's place."""
+        """Replace the native environment by an unpickled copy."""
         with self._attempt("pickling in mid-episode"):
             unpickled = pickle.loads(pickle.dumps(self.native))
         self.native.close()
@@ -121,18 +121,18 @@ class Lockstep:
         self.oracle.close()
 
     def fail(self, defect: str) -> NoReturn:
-        """Raise the error that names ``defect`` and where it was seen."""
+        """Raise the error that names ``defect``, the settings and the step."""
         raise ConformanceError(f"{self.where}, step {self.steps}: {defect}")
 
     @contextmanager
-    def _attempt(self, deed: str) -> Iterator[None]:
-        """Turn whatever the environment raises into a one-line defect."""
+    def _attempt(self, call: str) -> Iterator[None]:
+        """Turn any exception of the environment into a one-line defect."""
         try:
             yield
         except Exception as error:
             message = " ".join(str(error).split())
             raise ConformanceError(
-                f"{self.where}, step {self.steps}: {deed} raised {type(error).__name__}: {message}"
+                f"{self.where}, step {self.steps}: {call} raised {type(error).__name__}: {message}"
             ) from error
 
     def _check_attributes(self, num_envs: int) -> None:
@@ -155,8 +155,8 @@ class Lockstep:
         if wrong:
             self.fail(f"reset mask changed: after reset() the caller's options{wrong}")
 
-    def _check_nobody_waited(self, rows: list[Any], wrong: list[int], restarting: Array) -> None:
-        """NEXT_STEP: the others go on while one is reset."""
+    def _check_no_step_lost(self, rows: list[Any], wrong: list[int], restarting: Array) -> None:
+        """NEXT_STEP: the other environments advance while one is reset."""
         for i in wrong:
             if restarting.any() and not restarting[i] and difference(rows[i], self._rows[i]) is None:
                 others = np.flatnonzero(restarting).tolist()
@@ -174,7 +174,7 @@ class Lockstep:
             self._same("truncated" if name == "truncation" else "terminated", mine, theirs)
 
     def _check_final_observations(self, got: Any, want: Any, rows: list[Any]) -> None:
-        """SAME_STEP: ``final_obs`` holds the last observation of what ended, not the first of what follows."""
+        """SAME_STEP: ``final_obs`` holds the ended episode's last observation, not the next episode's first."""
         if "final_obs" not in want:
             return
         present = got.get("_final_obs", np.zeros_like(self.ended))
@@ -185,8 +185,8 @@ class Lockstep:
             wrong = difference(final, want["final_obs"][i])
             if wrong:
                 next_one = difference(final, rows[i]) is None
-                what = " is the first one of the next episode" if next_one else wrong
-                self.fail(f"terminal observation lost: info['final_obs'][{i}]{what}")
+                defect = " is the first one of the next episode" if next_one else wrong
+                self.fail(f"terminal observation lost: info['final_obs'][{i}]{defect}")
             if not self.native.single_observation_space.contains(final):
                 self.fail(f"info['final_obs'][{i}] is outside single_observation_space")
 
@@ -196,21 +196,21 @@ class Lockstep:
             self.fail(f"{name}{wrong} as from single environments")
 
     def _split(self, observations: Any) -> list[Any]:
-        """Each environment's observation; fails where the batch is outside the space."""
+        """The observation of each environment; fails where the batch is outside the space."""
         if not self.native.observation_space.contains(observations):
             self.fail("observations are outside observation_space")
         return list(iterate(self.native.observation_space, observations))
 
-    def _remember(self, deed: str, returned: Any, rows: list[Any]) -> None:
-        """Check that what was returned before still says the same, then keep the newest."""
+    def _remember(self, call: str, returned: Any, rows: list[Any]) -> None:
+        """Check that earlier return values are unchanged, then keep the newest."""
         for earlier, kept, snapshot in self._held:
             wrong = difference(kept, snapshot)
             if wrong:
                 self.fail(f"buffers reused: what {earlier} returned was overwritten later (return value{wrong})")
         self._rows = copy.deepcopy(rows)
         if self._scribble:
-            _write_over(returned)
-        self._held.append((deed, returned, copy.deepcopy(returned)))
+            _overwrite(returned)
+        self._held.append((call, returned, copy.deepcopy(returned)))
 
     def _sample(self) -> Any:
         """Random actions, allowed by ``action_masks()`` where the environment has them."""
@@ -226,14 +226,14 @@ class Lockstep:
         return chosen[:, 0] + space.start if isinstance(space, spaces.Discrete) else chosen
 
 
-def _write_over(returned: Any) -> None:
-    """Put something else into every array of numbers or flags in what an environment returned."""
+def _overwrite(returned: Any) -> None:
+    """Write other values into every array of numbers or flags in a return value."""
     if isinstance(returned, dict):
-        _write_over(list(returned.values()))
+        _overwrite(list(returned.values()))
     elif isinstance(returned, (tuple, list)):
         for part in returned:
-            _write_over(part)
+            _overwrite(part)
     elif isinstance(returned, np.ndarray) and returned.dtype == object:
-        _write_over(returned.ravel().tolist())
+        _overwrite(returned.ravel().tolist())
     elif isinstance(returned, np.ndarray) and returned.flags.writeable and returned.dtype.kind in "biufc":
         returned[...] = ~returned if returned.dtype.kind == "b" else 77

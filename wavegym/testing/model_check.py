@@ -1,4 +1,4 @@
-"""The part of the conformance check that looks at a system's functions: what planners and masks rely on."""
+"""The part of the conformance check that calls a system's functions, on which planners and masks rely."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from wavegym.core.system import System
 from wavegym.testing.capability_check import capability_defect
 
 WORLDS = 3
-FEW = 1000  # candidates tried, spread evenly over all
+FEW = 1000  # candidates tried, evenly spaced
 
 
 def prediction_defect(system: System, seed: int = 0) -> str | None:
-    """What is wrong with ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or a capability, in words.
+    """The first defect of ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or a capability, or None.
 
-    None where nothing is. A system without ``predict`` (NotImplementedError) cannot be planned for, which is no defect.
+    A system without ``predict`` (NotImplementedError) admits no planner, which is no defect.
     """
     generators = [np.random.default_rng([seed, i]) for i in range(WORLDS)]
     state = system.initial(trees.stack([system.draw_world(rng) for rng in generators]))
     for name, figure in system.state_info(state).items():
         if not np.isfinite(figure).all():
-            return f"state_info()[{name!r}] is not finite, expected 0 where a target is absent, and 'present' to tell"
+            return f"state_info()[{name!r}] is not finite, expected 0 for an absent target, and the key 'present'"
     belief = state.belief
     before, everything = trees.copied(belief), system.candidates()
     candidates = everything[:: -(-len(everything) // FEW)]

@@ -26,7 +26,7 @@ from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 SYSTEM = DelaySystem()
 SILENCE = CANDIDATES.index("silence")
-RULES = [
+EXAMPLES = [
     Greedy(3),
     AwareGreedy(0.5, 3),
     CostOfDelay(0.4, 2, 3),
@@ -39,7 +39,7 @@ RULES = [
 
 
 def beliefs(count=40, steps=5, system=SYSTEM, seed=0):
-    """Public states that random actions lead to."""
+    """Beliefs that random actions lead to."""
     worlds = delay_worlds(system, count, seed)
     state, policy = system.initial(worlds), RandomChoice()
     policy.begin(system, count, np.random.default_rng(seed))
@@ -48,9 +48,9 @@ def beliefs(count=40, steps=5, system=SYSTEM, seed=0):
     return state.belief
 
 
-def begun(rule, system=SYSTEM):
-    rule.begin(system, 1, np.random.default_rng(0))
-    return rule
+def begun(heuristic, system=SYSTEM):
+    heuristic.begin(system, 1, np.random.default_rng(0))
+    return heuristic
 
 
 def summed_cost(system, belief, first, ahead):
@@ -64,8 +64,8 @@ def summed_cost(system, belief, first, ahead):
 
 @pytest.mark.parametrize("ahead", [1, 2, 5])
 @pytest.mark.parametrize("wait", [0, 1, 3])
-def test_the_gain_of_a_look_is_what_repeated_imagining_says(ahead, wait):
-    """Set up for the target and after ``wait`` silent steps: what the toy's formula and horizon_weights promise."""
+def test_the_gain_of_a_pulse_is_that_of_repeated_prediction(ahead, wait):
+    """Set up for the target and after ``wait`` silent steps: the gain by the formula and horizon_weights."""
     system = DelaySystem(horizon=30)
     belief = beliefs(steps=4, system=system)
     for candidate, target in enumerate(TARGET[:SILENCE]):
@@ -148,36 +148,36 @@ def test_the_greatest_value_and_of_equals_the_least_burden(seed, masked):
         assert found == min(open_to, key=lambda k: (-values[row, k], burden[row, k], k))
 
 
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
-def test_a_batch_chooses_as_its_elements_do(rule):
+@pytest.mark.parametrize("heuristic", EXAMPLES, ids=lambda heuristic: type(heuristic).__name__)
+def test_a_batch_chooses_as_its_elements_do(heuristic):
     belief = beliefs(24)
     mask = SYSTEM.mask(belief)
-    begun(rule)
-    assert isinstance(rule, Policy)
-    together, settled = rule.act(belief, None, mask), rule.settle(belief)
+    begun(heuristic)
+    assert isinstance(heuristic, Policy)
+    together, settled = heuristic.act(belief, None, mask), heuristic.settle(belief)
     for env in range(24):
         one = trees.take(belief, np.array([env]))
-        assert rule.act(one, None, mask[env : env + 1])[0] == together[env]
+        assert heuristic.act(one, None, mask[env : env + 1])[0] == together[env]
         if settled is not None:
-            np.testing.assert_array_equal(rule.settle(one)[0], settled[env])
+            np.testing.assert_array_equal(heuristic.settle(one)[0], settled[env])
 
 
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: type(rule).__name__)
-def test_rules_keep_to_the_mask_and_choose_what_is_settled(rule):
+@pytest.mark.parametrize("heuristic", EXAMPLES, ids=lambda heuristic: type(heuristic).__name__)
+def test_heuristics_keep_to_the_mask_and_choose_what_is_settled(heuristic):
     belief, rng = beliefs(60), np.random.default_rng(1)
     mask = SYSTEM.mask(belief) & (rng.random((60, 5)) < 0.6) | (np.arange(5) == SILENCE)
-    begun(rule)
-    chosen = rule.choose(belief, mask, rule.settle(belief))
+    begun(heuristic)
+    chosen = heuristic.choose(belief, mask, heuristic.settle(belief))
     assert mask[np.arange(60), chosen].all()
-    np.testing.assert_array_equal(chosen, rule.act(belief, None, mask))
+    np.testing.assert_array_equal(chosen, heuristic.act(belief, None, mask))
 
 
-def test_after_the_end_rules_still_answer():
-    """As in a shell's step that only resets."""
+def test_after_the_end_heuristics_still_answer():
+    """As in an environment's step that only resets."""
     belief = beliefs(8, SYSTEM.horizon)
     assert SYSTEM.terminal(belief).all()
-    for rule in RULES:
-        assert begun(rule).act(belief, None, SYSTEM.mask(belief)).shape == (8,)
+    for heuristic in EXAMPLES:
+        assert begun(heuristic).act(belief, None, SYSTEM.mask(belief)).shape == (8,)
 
 
 def test_setups_are_told_apart_by_their_delays():
@@ -211,27 +211,27 @@ def test_coordinate_descent_finds_the_best_of_a_small_grid():
     assert tuned(AwareGreedy, grid, start, SYSTEM, worlds, budget=1)[0] == start  # nothing left to try others
 
 
-def test_until_seen_serves_first_what_is_about_to_hide():
+def test_hold_until_detected_serves_first_a_target_about_to_hide():
     system = DelaySystem(setup=0, budget=99.0)
     belief = system.initial(delay_worlds(system, 40)).belief
     same = belief._replace(noise=np.ones_like(belief.noise), visible=np.ones_like(belief.visible))
-    rule = HoldUntilDetected(4)
-    rule.begin(system, 40, np.random.default_rng(0))
+    heuristic = HoldUntilDetected(4)
+    heuristic.begin(system, 40, np.random.default_rng(0))
     greedy = Greedy(4)
     greedy.begin(system, 40, np.random.default_rng(0))
-    np.testing.assert_array_equal(rule.act(same, None, None), greedy.act(same, None, None))  # nothing ever hides
+    np.testing.assert_array_equal(heuristic.act(same, None, None), greedy.act(same, None, None))  # nothing ever hides
     hiding = same.visible.copy()
     hiding[:, 1:6, 1] = False  # target B, which costs as much as A, from the next step on
-    chosen = rule.act(same._replace(visible=hiding), None, None)
+    chosen = heuristic.act(same._replace(visible=hiding), None, None)
     assert set(chosen) == {3}  # B, with the better pulse
     longer = system.gain(same, 0, np.array([[4, 9]]))
     np.testing.assert_array_equal(chosen, longer.argmax(axis=1))  # until it is back, five steps later
 
 
 def test_best_simple_is_the_best_of_all(monkeypatch):
-    for name, family in HEURISTICS.items():  # grids of two values: quick
-        grid = {constant: (values[0], family.start[constant]) for constant, values in family.grid.items()}
-        monkeypatch.setitem(HEURISTICS, name, replace(family, grid=grid))
+    for name, heuristic in HEURISTICS.items():  # grids of two values: quick
+        grid = {constant: (values[0], heuristic.start[constant]) for constant, values in heuristic.grid.items()}
+        monkeypatch.setitem(HEURISTICS, name, replace(heuristic, grid=grid))
     system = DelaySystem(horizon=6)
     worlds = delay_worlds(system, 8)
     best, constants, costs = best_simple(system, worlds)
@@ -245,7 +245,7 @@ def test_best_simple_is_the_best_of_all(monkeypatch):
     "name",
     ["greedy", "aware-greedy", "cost-of-delay", "lagrangian-price", "adaptive-lagrangian-price", "constant-pace"],
 )
-def test_rules_that_a_system_cannot_have_are_refused(name):
+def test_heuristics_that_a_system_cannot_have_are_refused(name):
     system = KershawEvansPosition(horizon=3)
     with pytest.raises(InputError, match=f"'{name}' cannot be computed for KershawEvansPosition: it has no gain"):
         tune_heuristic(name, system, delay_worlds(system, 2))

@@ -14,20 +14,20 @@ from wavegym.schedulers.heuristics.price_policies import LADDER, AdaptiveLagrang
 SYSTEM = DelaySystem(horizon=10, setup=0, budget=4.0)
 
 
-def begun(rule, system=SYSTEM):
-    rule.begin(system, 1, np.random.default_rng(0))
-    return rule
+def begun(heuristic, system=SYSTEM):
+    heuristic.begin(system, 1, np.random.default_rng(0))
+    return heuristic
 
 
 def start(count, system=SYSTEM):
     return system.initial(delay_worlds(system, count)).belief
 
 
-def followed(system, belief, rule):
-    """What the rule spends to the end in the expected recursion, one belief at a time and without a purse."""
+def followed(system, belief, heuristic):
+    """The spending to the end in the expected recursion, one belief at a time, from an unlimited account."""
     total, belief = 0.0, belief._replace(energy=np.array([1e6]))
     while not system.terminal(belief).all():
-        action = rule.choose(belief, None, None)
+        action = heuristic.choose(belief, None, None)
         total += SPENDING[action[0]]
         belief = system.predict(belief, action)
     return total
@@ -44,7 +44,7 @@ def test_a_price_trades_gain_against_spending():
 
 @pytest.mark.parametrize("power", [0.5, 2.0])
 def test_a_price_with_feedback_rises_as_less_is_left_for_each_step(power):
-    """At one unit a step it is the price itself; with what is left cut to a fraction it is as if it had been dearer."""
+    """At one unit a step it is the price itself; with a fraction of the account it is higher."""
     belief = start(40)
     left = SYSTEM.horizon - belief.step
     for energy in (left * 1.0, (left + 1.0) / 4.0 - 1.0, (left + 1.0) * 3.0 - 1.0):
@@ -57,30 +57,32 @@ def test_a_price_with_feedback_rises_as_less_is_left_for_each_step(power):
 def test_without_a_price_it_is_greedy_and_at_a_high_one_silent():
     worlds = delay_worlds(SYSTEM, 20)
     belief = SYSTEM.initial(worlds).belief
-    greedy, free = (begun(rule).act(belief, None, None) for rule in (AwareGreedy(0.0, 3), LagrangianPrice(0.0, 3)))
+    greedy, free = (
+        begun(heuristic).act(belief, None, None) for heuristic in (AwareGreedy(0.0, 3), LagrangianPrice(0.0, 3))
+    )
     np.testing.assert_array_equal(greedy, free)
     assert (SPENDING[rollout(SYSTEM, LagrangianPrice(1e9, 3), worlds).actions] == 0.0).all()
 
 
 def test_predicted_spending_is_that_of_the_expected_recursion():
     belief = start(6)
-    rule, prices = begun(AdaptiveLagrangianPrice(3)), np.array([0.5, 3.0, 20.0])
-    spent = rule.spent(belief, np.tile(prices, (6, 1)))
+    heuristic, prices = begun(AdaptiveLagrangianPrice(3)), np.array([0.5, 3.0, 20.0])
+    spent = heuristic.spent(belief, np.tile(prices, (6, 1)))
     for env, (k, price) in itertools.product(range(6), enumerate(prices)):
         one = trees.take(belief, np.array([env]))
         assert spent[env, k] == pytest.approx(followed(SYSTEM, one, begun(LagrangianPrice(price, 3))), abs=1e-9)
 
 
 def test_the_settled_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
-    """Every rung of the ladder is followed to the end; where spending falls steadily, the first that fits is found."""
+    """Every price of the ladder is followed to the end; where spending falls steadily, the first that fits is found."""
     belief = start(5)
-    rule = begun(AdaptiveLagrangianPrice(3))
-    settled = rule.settle(belief)[:, 0]
-    scale = rule.scale(belief)
+    heuristic = begun(AdaptiveLagrangianPrice(3))
+    settled = heuristic.settle(belief)[:, 0]
+    scale = heuristic.scale(belief)
     for env in range(5):
         one = trees.take(belief, np.array([env]))
         rungs = scale[env] * LADDER[1:]
-        spent = rule.spent(trees.take(belief, np.full(len(rungs), env)), rungs[:, None])[:, 0]
+        spent = heuristic.spent(trees.take(belief, np.full(len(rungs), env)), rungs[:, None])[:, 0]
         fits = spent <= belief.energy[env]
         at = int(np.searchsorted(rungs, settled[env] * (1 - 1e-9)))
         assert fits[at]
@@ -100,13 +102,13 @@ def test_more_energy_is_a_lower_price_and_thrift_a_higher_one():
 
 
 @pytest.mark.parametrize(
-    "rule",
+    "heuristic",
     [LagrangianPrice(5.0, 3), AdaptiveLagrangianPrice(3), ConstantPace(3, 1.5)],
-    ids=lambda rule: type(rule).__name__,
+    ids=lambda heuristic: type(heuristic).__name__,
 )
-def test_budgets_are_kept(rule):
+def test_budgets_are_kept(heuristic):
     worlds = delay_worlds(SYSTEM, 30)
-    assert (SPENDING[rollout(SYSTEM, rule, worlds).actions].sum(axis=1) <= SYSTEM.budget + 1e-6).all()
+    assert (SPENDING[rollout(SYSTEM, heuristic, worlds).actions].sum(axis=1) <= SYSTEM.budget + 1e-6).all()
 
 
 def test_the_adaptive_price_uses_up_the_account_and_beats_greedy_spending():
@@ -121,16 +123,16 @@ def test_the_adaptive_price_uses_up_the_account_and_beats_greedy_spending():
 
 def test_what_is_left_is_worth_its_price():
     belief = start(4)
-    rule = begun(AdaptiveLagrangianPrice(3))
-    settled = rule.settle(belief)
-    np.testing.assert_array_equal(rule.leftover(belief, settled), -settled[:, 0] * belief.energy)
+    heuristic = begun(AdaptiveLagrangianPrice(3))
+    settled = heuristic.settle(belief)
+    np.testing.assert_array_equal(heuristic.leftover(belief, settled), -settled[:, 0] * belief.energy)
 
 
 def test_in_simulated_futures_the_price_follows_what_is_left():
-    """As predicted: the price of the root. Less left: dearer; more: cheaper."""
+    """With the account predicted: the price of the root. With less: a higher price; with more: a lower price."""
     belief = start(6)
-    rule = begun(AdaptiveLagrangianPrice(3))
-    settled = rule.settle(belief)
+    heuristic = begun(AdaptiveLagrangianPrice(3))
+    settled = heuristic.settle(belief)
     left = belief.energy
     for k in range(SYSTEM.horizon + 1):
         np.testing.assert_array_equal(settled[:, 1 + k] <= left, True)  # an account is never filled up
@@ -138,14 +140,14 @@ def test_in_simulated_futures_the_price_follows_what_is_left():
         worth = {}
         for name, energy in (("as predicted", left), ("less", 0.5 * left), ("more", left + 1.0)):
             at = belief._replace(step=np.full(6, k), energy=energy)
-            worth[name] = rule.price(at, settled)
+            worth[name] = heuristic.price(at, settled)
         spends = left > 0
         np.testing.assert_allclose(worth["as predicted"][spends], settled[spends, 0], rtol=1e-12)
         assert (worth["less"][spends] > worth["as predicted"][spends]).all()
         assert (worth["more"][spends] < worth["as predicted"][spends]).all()
 
 
-def test_paced_spends_no_more_than_its_share_of_an_even_pace():
+def test_constant_pace_spends_no_more_than_its_share():
     belief = start(10)
     gain = SYSTEM.gain(belief, 0, 3)
     for share, allowed in [(1.0, [0, 2, 4]), (3.0, range(5)), (0.1, [4])]:  # .4 a step: the short pulses and silence
@@ -155,7 +157,7 @@ def test_paced_spends_no_more_than_its_share_of_an_even_pace():
         np.testing.assert_array_equal(gain[np.arange(10), chosen], best)
 
 
-def test_paced_takes_the_least_spending_where_everything_is_too_dear():
+def test_constant_pace_takes_the_least_spending_where_everything_is_too_dear():
     belief = start(10)._replace(energy=np.full(10, 0.5))
     mask = SYSTEM.mask(belief) & (np.arange(5) != 4)  # no silence
     assert set(begun(ConstantPace(3, 0.1)).act(belief, None, mask)) <= {0, 2}

@@ -1,1 +1,1 @@
-"""Rules that do not simulate futures: indices, prices and cyclic schedules, for systems with delayed costs."""
+"""Heuristics, which simulate no futures: index and price policies and cyclic schedules, for delayed costs."""

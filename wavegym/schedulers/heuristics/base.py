@@ -1,4 +1,4 @@
-"""What all rules share: constants settled once, then a choice that planners may make for thousands of beliefs."""
+"""The base class of heuristics: a choice that planners may make for thousands of beliefs."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from wavegym.schedulers.myopic import require
 
 
 class Heuristic:
-    """The allowed candidate of the greatest value.
+    """Base class: a heuristic chooses the allowed candidate of the greatest value.
 
-    A planner that follows a rule in simulated futures calls ``settle`` once, at the belief it starts from, and
-    ``choose`` at every simulated one.
+    A planner that follows a heuristic in simulated futures calls ``settle`` once, at the root belief, and ``choose`` at
+    every simulated belief.
 
     Attributes:
-        name: what it is called on command lines.
-        needs: what the system must offer.
+        name: the name on command lines.
+        needs: the capabilities that the system must offer.
     """
 
-    name: str = "rule"
+    name: str = "heuristic"
     needs: tuple[type[Capability], ...] = ()
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError where the system lacks what the rule needs."""
+        """See ``Policy``. Raises an InputError where the system lacks a capability."""
         for kind in self.needs:
             require(self.name, system, kind)
         self.system: Any = system
@@ -39,7 +39,7 @@ class Heuristic:
         return self.choose(belief, mask, self.settle(belief))
 
     def settle(self, belief: Any) -> Array | None:
-        """What is settled at a belief and held in the futures simulated from it, (env, ...); None for nothing."""
+        """Values computed at a belief and kept in all futures simulated from it, (env, ...); None without any."""
         return None
 
     def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
@@ -48,16 +48,16 @@ class Heuristic:
         Args:
             belief: beliefs, axis 0 = environment.
             mask: allowed actions (env, candidate), or None.
-            settled: what ``settle`` returned, a row for each environment.
+            settled: the result of ``settle``, a row for each environment.
         """
         raise NotImplementedError
 
 
 class Held(Heuristic):
-    """Any policy that reads nothing but the belief, with the two methods of a rule.
+    """A policy that reads only the belief, as a heuristic.
 
     Args:
-        policy: whose choices are taken.
+        policy: makes the choices.
     """
 
     def __init__(self, policy: Policy) -> None:
@@ -73,12 +73,12 @@ class Held(Heuristic):
 
 
 def greatest(values: Array, mask: Array | None, burden: Array) -> Array:
-    """Index (env,) of the greatest value allowed; of equal ones that of least ``burden``, of those the first.
+    """Index (env,) of the greatest allowed value; among equals the one of least ``burden``, then the first.
 
     Args:
         values: (env, candidate).
         mask: (env, candidate) bool, or None.
-        burden: (env, candidate) or (candidate,), such as the delay: where nothing gains anything, nothing is changed.
+        burden: (env, candidate) or (candidate,), such as the delay: without any gain the set-up stays.
     """
     if mask is not None:
         values = np.where(mask, values, -np.inf)

@@ -1,4 +1,4 @@
-"""Cycles in which each set-up is held for a while."""
+"""Cycles in which each set-up is held for several steps."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from wavegym.schedulers.heuristics.tuning import log_cost
 from wavegym.schedulers.simple import Cycle
 
 DWELLS = tuple(range(1, 17))  # steps
-LONGEST = 64  # steps within which a set-up is taken to be complete
-HELD_ON = 16  # worlds on which set-ups are told apart
+LONGEST = 64  # steps after which a set-up is assumed to be complete
+SETUP_WORLDS = 16  # on which set-ups are identified
 
 
 def best_dwell(system: System, worlds: Any) -> Array:
     """The best cycle found: ``best_cycle``'s, or every set-up in turn, each held for some steps.
 
-    A cycle of set-ups has one slot for each set-up (``setups``), the same of its waveforms in all, held for 1 to 16
-    steps, the time of changing included. The cost compared is the geometric mean over worlds.
+    A cycle of set-ups has one slot for each set-up (``setups``), with the same index of its waveforms in all, held for
+    1 to 16 steps, the delay included. Cycles are compared by the geometric mean of the cost over worlds.
 
     Args:
         system: the closed loop.
@@ -42,16 +42,16 @@ def best_dwell(system: System, worlds: Any) -> Array:
 
 
 def setups(system: Any, worlds: Any) -> list[Array]:
-    """The candidates (k,) that need no change of set-up between them, for each set-up.
+    """The candidates (k,) of each set-up.
 
-    Each candidate is held until its delay is over; those with no delay then, in most worlds, are of its set-up.
-    Without delays every candidate is a set-up of its own.
+    Each candidate is held until its delay is over. The candidates without delay at that time, in most worlds, belong to
+    its set-up. Without delays every candidate is a set-up of its own.
     """
     candidates = system.candidates()
     count = len(candidates)
     if not offers(system, Delay):
         return list(candidates[:, None])
-    belief = system.initial(trees.first(worlds, HELD_ON)).belief
+    belief = system.initial(trees.first(worlds, SETUP_WORLDS)).belief
     held = np.tile(np.arange(count), len(belief.step))
     belief = trees.repeated(belief, count)
     for _ in range(min(LONGEST, system.horizon)):

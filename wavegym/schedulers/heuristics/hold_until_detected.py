@@ -1,4 +1,4 @@
-"""Looks that have to last: what a target's look is worth until the next one is possible."""
+"""Hold until detected: the gain of a measurement until the next one is possible."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from wavegym.core.capabilities import GainByTarget, delays
 from wavegym.core.errors import check_int
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
-FAR = 32  # steps out of sight that are told apart
+FAR = 32  # steps: longest time out of sight that is distinguished
 
 
 class HoldUntilDetected(Heuristic):
-    """The greatest gain, summed for each target over ``ahead`` steps and those in which it is hidden after the look.
+    """The greatest gain, summed for each target over ``ahead`` steps and the steps in which it is hidden afterwards.
 
-    A look at a target that stays in sight has to last until its next turn, one before it hides until it is back. For
-    systems that offer ``GainByTarget`` and whose belief has ``visible``, (env, H, target).
+    The measurement of a target that stays in sight must last until its next turn, or until it is visible again if it is
+    about to hide. For systems that offer ``GainByTarget`` and whose belief has ``visible``, (env, H, target).
 
     Args:
-        ahead: steps over which the gain of a look is summed where the target stays in sight.
+        ahead: steps over which the gain of a pulse is summed where the target stays in sight.
 
     Raises:
         InputError: fewer than one step.

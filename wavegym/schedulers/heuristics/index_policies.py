@@ -1,4 +1,4 @@
-"""Index rules: one number for each candidate, of what its pulse will be worth and of how long that takes."""
+"""Index policies: one number for each candidate, from the gain and the delay of its pulse."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
 
 class Greedy(Heuristic):
-    """The candidate of the greatest gain, as if every set-up took no time.
+    """The candidate of the greatest gain, delays ignored.
 
     Args:
-        ahead: steps over which the gain of a look is summed.
+        ahead: steps over which the gain of a pulse is summed.
 
     Raises:
         InputError: fewer than one step.
@@ -39,7 +39,7 @@ class AwareGreedy(Heuristic):
 
     Args:
         kappa: weight of a step of delay, >= 0.
-        ahead: steps over which the gain of a look is summed.
+        ahead: steps over which the gain of a pulse is summed.
 
     Raises:
         InputError: a kappa that is negative or not finite, fewer than one step.
@@ -59,21 +59,21 @@ class AwareGreedy(Heuristic):
 
 
 class CostOfDelay(Heuristic):
-    """What is lost if a candidate's pulse comes later, per time that it takes.
+    """The loss if a candidate's pulse is postponed, per step that it takes.
 
     The value is gain(delay) - alpha * gain(delay + later), divided by (1 + delay)^power, and times 1 + bonus where the
-    delay is 0, so that what is set up stays set up. A target about to hide gains nothing later, so it comes first; one
-    that can as well be served later waits.
+    delay is 0, which favours the present set-up. A target about to hide has no gain later, so it comes first. A target
+    that can be served later without loss waits.
 
     Args:
-        alpha: weight of the gain that the same pulse would have later.
-        later: steps by which it would be later.
-        ahead: steps over which the gain of a look is summed.
-        power: of the time that a candidate takes.
-        bonus: for staying with the set-up.
+        alpha: weight of the gain of the same pulse ``later`` steps later.
+        later: steps of the postponement.
+        ahead: steps over which the gain of a pulse is summed.
+        power: exponent of the steps that a candidate takes.
+        bonus: factor for the present set-up, less 1.
 
     Raises:
-        InputError: a constant that is negative or not finite, no step.
+        InputError: a constant that is negative or not finite, or fewer than one step.
     """
 
     name = "cost-of-delay"
@@ -89,7 +89,7 @@ class CostOfDelay(Heuristic):
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         super().begin(system, num_envs, rng)
-        # A table, because NumPy's powers of long and of short arrays may differ in the last bit.
+        # A table, because NumPy's powers of long and short arrays may differ in the last bit.
         self._scale = (1.0 + np.arange(system.horizon + 1)) ** -self.power
         self._scale[0] *= 1.0 + self.bonus
 

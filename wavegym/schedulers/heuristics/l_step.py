@@ -1,4 +1,4 @@
-"""L-step gain by one step of prediction: for any system with a linear motion model."""
+"""L-step gain from one step of prediction, for any system with a linear motion model."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.myopic import impossible
 
-BELIEFS = 200_000  # predicted at a time
+BELIEFS = 200_000  # in memory at a time
 
 
 class Gain(Heuristic):
-    """L-step gain: the candidate after which the ``ahead`` steps to come cost least if nothing else is ever measured.
+    """L-step gain: the candidate after which the next ``ahead`` steps cost least without further measurements.
 
-    That is the least trace(M P), with P as ``predict`` expects it after one step and M of ``horizon_weights``, summed
-    over the targets. All it needs is one ``predict``, so it suits every system with one covariance for each target and
-    a linear motion model. With ``ahead=1`` it is the myopic scheduler. A pulse that comes only after a delay shows no
-    gain here; see ``Greedy`` and its kin.
+    It minimises trace(M P) summed over the targets, with P as ``predict`` expects it after one step and M of
+    ``horizon_weights``. It needs one ``predict``, so it is for every system with one covariance for each target and a
+    linear motion model. With ``ahead=1`` it is the myopic scheduler. A pulse with a delay has no gain here; for delays
+    see ``AwareGreedy`` and ``CostOfDelay``.
 
     Args:
         ahead: L, steps.

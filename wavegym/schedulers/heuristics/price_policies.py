@@ -1,4 +1,4 @@
-"""Rules for systems whose pulses are paid from an account that must last to the episode's end."""
+"""Heuristics for systems whose pulses are paid from an account that must last to the episode's end."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from wavegym.core.errors import check_int, check_non_negative, check_positive
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
 PRICES = 8  # tried at a time
-STRIDES = (81, 9, 1)  # between them, on the ladder: each round divides one of the PRICES + 1 parts of the one before
-# Prices in units of what one look could gain at most, 2.9 % apart: a table, so that a batch equals its elements.
+STRIDES = (81, 9, 1)  # between prices on the ladder: each round divides one of the PRICES + 1 parts of the round before
+# Prices in units of the greatest possible gain of a pulse, 2.9 % apart. A table, so that a batch equals its elements.
 LADDER = np.geomspace(1e-8, 10.0, 9 * STRIDES[0] + 1)
-CUSHION = 1.0  # longest pulses, so that an account near its end sends the price neither to 0 nor to infinity
-ROWS = 100_000  # beliefs followed at a time
+CUSHION = 1.0  # longest pulses: keeps the price finite and positive when the account is nearly empty
+ROWS = 100_000  # beliefs predicted at a time
 
 
 class LagrangianPrice(Heuristic):
-    """The greatest gain less price times spending.
+    """The greatest gain minus price times spending.
 
-    The price rises where less is left than one unit for each step left, and falls where more is: a feedback, as cheap
-    in the futures that a planner simulates as in life.
+    The price rises where the account holds less than one unit for each remaining step, and falls where it holds more.
+    This feedback takes no simulation, so it also serves in the futures that a planner simulates.
 
     Args:
-        price: of one unit of spending where one is left for each step left, in units of the cost.
-        ahead: steps over which the gain of a look is summed.
-        power: of the steps left over what is left; 0 for a constant price.
+        price: of one unit of spending where the account holds one for each remaining step, in units of the cost.
+        ahead: steps over which the gain of a pulse is summed.
+        power: exponent of (remaining steps / account) in the price; 0 for a constant price.
 
     Raises:
         InputError: a price or a power that is negative or not finite, fewer than one step.
@@ -51,17 +51,17 @@ class LagrangianPrice(Heuristic):
 
 
 class AdaptiveLagrangianPrice(Heuristic):
-    """Priced, at the price with which what is left would last just to the end.
+    """A Lagrangian price at which the account is predicted to last just to the episode's end.
 
-    At each step the rule is followed to the episode's end in the recursion that ``predict`` expects, with a purse that
-    never empties, for a grid of prices at once; the interval in which the predicted spending comes down to what is left
-    is divided again and again. Inside futures that a planner simulates that would be too dear: there the price settled
-    at the root goes with the cube of what was predicted to be left by now over what is, so that the account does not
-    run dry, nor is it left over, as if nobody watched it.
+    At each step a search finds this price: the expected recursion of ``predict`` is followed to the episode's end with
+    an unlimited account, for several prices at once, and the interval in which the predicted spending falls to the
+    account is divided repeatedly. In the futures that a planner simulates this search would take too long. There the
+    price settled at the root is multiplied by the cube of (account predicted for this step / account), so that the
+    account is neither empty too early nor left over.
 
     Args:
-        ahead: steps over which the gain of a look is summed.
-        thrift: factor on what is left: the spending aimed at. Chance makes the spending differ from the prediction.
+        ahead: steps over which the gain of a pulse is summed.
+        thrift: share of the account to be spent by prediction; chance makes the spending differ from the prediction.
 
     Raises:
         InputError: fewer than one step, a thrift that is not positive.
@@ -74,7 +74,7 @@ class AdaptiveLagrangianPrice(Heuristic):
         self.ahead, self.thrift = check_int("ahead", ahead, 1), check_positive("thrift", thrift)
 
     def settle(self, belief: Any) -> Array:
-        """(env, 1 + H + 1): the lowest price, to 2.9 %, at which what is left lasts, and what is then left by step."""
+        """(env, 1 + H + 1): lowest price at which the account lasts, to 2.9 %, and the account predicted by step."""
         count, chunk = len(belief.step), max(1, ROWS // PRICES)
         parts = [trees.take(belief, np.arange(start, min(start + chunk, count))) for start in range(0, count, chunk)]
         return np.concatenate([self._settled(part) for part in parts])
@@ -84,11 +84,11 @@ class AdaptiveLagrangianPrice(Heuristic):
         return priced_choice(self, belief, mask, self.price(belief, settled))
 
     def leftover(self, belief: Any, settled: Array | None) -> Array:
-        """What the account still holds at the settled price where a simulated future is cut off, a cost (env,)."""
+        """Minus the value of the account at the settled price where a simulated future is cut off, a cost (env,)."""
         return -np.asarray(settled)[:, 0] * belief.energy
 
     def price(self, belief: Any, settled: Any) -> Array:
-        """The price at a belief, (env,): at the root the one settled."""
+        """The price at a belief, (env,); at the root it is the settled price."""
         predicted = settled[np.arange(len(settled)), 1 + np.minimum(belief.step, self.system.horizon)]
         ratio = (predicted + CUSHION) / (belief.energy + CUSHION)
         price: Array = settled[:, 0] * (ratio * ratio * ratio)
@@ -106,7 +106,7 @@ class AdaptiveLagrangianPrice(Heuristic):
         return np.concatenate([price[:, None], self._left(belief, price)], axis=1)
 
     def _left(self, belief: Any, price: Array) -> Array:
-        """What is predicted to be left at each step, (env, H + 1), of what is there now."""
+        """The account predicted at each step, (env, H + 1)."""
         left = np.repeat(belief.energy[:, None], self.system.horizon + 1, axis=1)
         rich = ample(self.system, belief)
         for here, rows in self._followed(rich, lambda here, rows: priced_choice(self, here, None, price[rows])):
@@ -115,7 +115,7 @@ class AdaptiveLagrangianPrice(Heuristic):
         return left
 
     def scale(self, belief: Any) -> Array:
-        """The cost (env,) at the episode's end if the least is spent, for ``ahead`` steps: no look gains much more."""
+        """The cost (env,) at the episode's end under the least spending, times ``ahead``: no gain is much greater."""
         cheapest = int(np.argmin(self.system.spending))
         cost = np.zeros(len(belief.step))
 
@@ -127,7 +127,7 @@ class AdaptiveLagrangianPrice(Heuristic):
         return np.maximum(cost, self.system.cost(belief)) * self.ahead
 
     def spent(self, belief: Any, prices: Array) -> Array:
-        """What each price (env, price) is predicted to take from a full purse to the episode's end, (env, price)."""
+        """The predicted spending to the episode's end at each price (env, price), from an unlimited account."""
         count = prices.shape[1]
         belief = ample(self.system, trees.repeated(belief, count))
         paid, held = np.zeros(prices.size), prices.ravel()
@@ -136,7 +136,7 @@ class AdaptiveLagrangianPrice(Heuristic):
         return paid.reshape(prices.shape)
 
     def _followed(self, belief: Any, choose: Callable[[Any, Array], Array]) -> Iterator[tuple[Any, Array]]:
-        """The beliefs after each step of the expected recursion, to the episode's end, and which rows they are of."""
+        """The beliefs after each step of the expected recursion to the episode's end, and their rows in ``belief``."""
         rows = np.arange(len(belief.step))
         while True:
             is_on = ~self.system.terminal(belief)
@@ -149,11 +149,11 @@ class AdaptiveLagrangianPrice(Heuristic):
 
 
 class ConstantPace(Heuristic):
-    """The greatest gain among the candidates that spend at most ``share`` of an even pace, or the least spending.
+    """The greatest gain among the candidates that spend at most ``share`` of a constant pace, or the least spending.
 
     Args:
-        ahead: steps over which the gain of a look is summed.
-        share: factor on what is left for each of the steps left.
+        ahead: steps over which the gain of a pulse is summed.
+        share: factor on the constant pace, which is the account over the remaining steps.
 
     Raises:
         InputError: fewer than one step, a share that is not positive.
@@ -173,20 +173,20 @@ class ConstantPace(Heuristic):
         if mask is not None:
             within = within & mask
         gain = self.system.gain(belief, delays(self.system, belief), self.ahead)
-        none = ~within.any(axis=1, keepdims=True)  # then the least spending that the mask allows
+        none = ~within.any(axis=1, keepdims=True)  # in this case the least spending that the mask allows
         values = np.where(none, -np.broadcast_to(spending, gain.shape), gain)
         open_to = np.where(none, True if mask is None else mask, within)
         return self.candidates[greatest(values, open_to, spending)]
 
 
 def ample(system: Any, belief: Any) -> Any:
-    """Beliefs with a purse that never empties."""
+    """The beliefs with an unlimited account."""
     return belief._replace(energy=np.full(len(belief.step), 2.0 * system.horizon * float(np.max(system.spending))))
 
 
-def priced_choice(rule: Any, belief: Any, mask: Array | None, prices: Array | None) -> Array:
-    """The greatest gain less spending times ``prices`` (env,); of equals the one that spends least."""
-    spending = rule.system.spending
-    gain = rule.system.gain(belief, delays(rule.system, belief), rule.ahead)
+def priced_choice(heuristic: Any, belief: Any, mask: Array | None, prices: Array | None) -> Array:
+    """The greatest gain minus spending times ``prices`` (env,); among equals the one that spends least."""
+    spending = heuristic.system.spending
+    gain = heuristic.system.gain(belief, delays(heuristic.system, belief), heuristic.ahead)
     values = gain - np.asarray(prices)[:, None] * spending
-    return rule.candidates[greatest(values, mask, spending)]
+    return heuristic.candidates[greatest(values, mask, spending)]

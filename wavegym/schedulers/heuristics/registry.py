@@ -1,4 +1,4 @@
-"""The rules by name, each with the grid over which its constants are tuned."""
+"""The heuristics by name, each with the grid over which its constants are tuned."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from wavegym.schedulers.simple import Cycle
 
 AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
 FAR = (1, 2, 4, 6, 8, 11, 14, 20, 25, 32, 40, 60)  # for accounts that must last
-MOST = 50_000  # beliefs that tuning may have predicted one by one in an episode
-DEARLY = 16  # worlds on which a rule that looks to the episode's end is tuned
+MOST = 50_000  # beliefs predicted in an episode, so that tuning "gain" takes a reasonable time
+FEW_WORLDS = 16  # for a heuristic that predicts to the episode's end
 
 
 @dataclass(frozen=True)
 class TunableHeuristic:
-    """A rule whose constants are to be tuned.
+    """A heuristic with the search for its constants.
 
     Args:
-        make: the rule of given constants.
+        make: makes the heuristic from its constants.
         grid: values of each constant.
         start: the constants from which tuning starts.
-        worlds: at most so many are used.
-        budget: rollouts, of each descent.
-        also: where further descents start.
+        worlds: largest number of tuning worlds; None for all.
+        budget: rollouts of each descent.
+        also: starts of further descents.
     """
 
     make: Callable[..., Heuristic]
@@ -96,7 +96,7 @@ HEURISTICS: dict[str, TunableHeuristic] = {
         AdaptiveLagrangianPrice,
         {"ahead": (4, 8, 14, 25, 40), "thrift": (0.8, 1.0, 1.25)},
         {"ahead": 8, "thrift": 1.0},
-        DEARLY,
+        FEW_WORLDS,
         12,
     ),
     "constant-pace": TunableHeuristic(
@@ -106,28 +106,30 @@ HEURISTICS: dict[str, TunableHeuristic] = {
 
 
 def tune_heuristic(name: str, system: System, worlds: Any) -> Constants:
-    """The constants of the rule ``name``, found on ``worlds``.
+    """The constants of the heuristic ``name``, found on ``worlds``.
 
     Raises:
-        InputError: the system cannot have this rule.
+        InputError: the heuristic cannot be computed for this system.
     """
-    family = HEURISTICS[name]
+    heuristic = HEURISTICS[name]
     if name == "cycle":
         return {"actions": best_dwell(system, worlds).tolist()}
     check(name, system, worlds)
-    few = trees.first(worlds, family.worlds)
-    starts = (family.start, *family.also)
-    ends = [tuned(family.make, family.grid, start, system, few, family.budget) for start in starts]
+    few = trees.first(worlds, heuristic.worlds)
+    starts = (heuristic.start, *heuristic.also)
+    ends = [tuned(heuristic.make, heuristic.grid, start, system, few, heuristic.budget) for start in starts]
     return min(ends, key=lambda end: end[1])[0]
 
 
 def check(name: str, system: System, worlds: Any) -> None:
-    """Raise an InputError where the system cannot have the rule ``name``, or not be tuned for it in reasonable time."""
+    """Raise an InputError where the heuristic ``name`` cannot be computed, or not be tuned in reasonable time."""
     if name == "cycle":
         return
     if name == "gain" and len(system.candidates()) * system.horizon > MOST:
-        wanted = f"at most {MOST} beliefs foreseen in an episode (nearest: 'gain:L' with an L of your own)"
-        raise InputError(f"rule 'gain' tries {len(system.candidates())} candidates at each step, expected {wanted}")
+        wanted = f"at most {MOST} beliefs predicted in an episode (nearest: 'gain:L')"
+        raise InputError(
+            f"heuristic 'gain' tries {len(system.candidates())} candidates at each step, expected {wanted}"
+        )
     policy: Policy = HEURISTICS[name].make(**HEURISTICS[name].start)
     belief = system.initial(trees.first(worlds, 1)).belief
     policy.begin(system, 1, np.random.default_rng(0))
@@ -135,16 +137,16 @@ def check(name: str, system: System, worlds: Any) -> None:
 
 
 def best_simple(system: System, worlds: Any) -> tuple[str, dict[str, Constants], dict[str, float]]:
-    """Every rule that the system admits, tuned on ``worlds`` and compared there.
+    """Every heuristic that the system admits, tuned on ``worlds`` and compared there.
 
     Returns:
-        The name of the best rule, the constants of all, and the ``log_cost`` of all.
+        The name of the best heuristic, the constants of all, and the ``log_cost`` of all.
     """
     constants, costs = {}, {}
-    for name, family in HEURISTICS.items():
+    for name, heuristic in HEURISTICS.items():
         try:
             constants[name] = tune_heuristic(name, system, worlds)
         except (InputError, NotImplementedError):
             continue
-        costs[name] = log_cost(system, family.make(**constants[name]), worlds)
+        costs[name] = log_cost(system, heuristic.make(**constants[name]), worlds)
     return min(costs, key=lambda name: costs[name]), constants, costs

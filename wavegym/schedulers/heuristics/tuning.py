@@ -1,4 +1,4 @@
-"""The constants of rules, found on worlds that are for tuning."""
+"""Tuning of the constants of heuristics, on tuning worlds."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ BUDGET = 150  # rollouts
 
 
 def log_cost(system: System, policy: Policy, worlds: Any) -> float:
-    """Mean over worlds of the logarithm of the mean cost per step; infinite where that is no finite number.
+    """Mean over worlds of the logarithm of the mean cost per step; infinite where that is not finite.
 
-    Policies are compared by geometric means of paired ratios, so this is what constants are tuned for: no world counts
-    more because its costs are high.
+    Policies are compared by geometric means of paired ratios, and constants are tuned for the same quantity: a world
+    with high costs counts no more than another.
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         mean = float(np.log(rollout(system, policy, worlds).mean_cost).mean())
@@ -38,12 +38,12 @@ def tuned(
     nothing, or the budget is spent.
 
     Args:
-        make: the policy of given constants.
+        make: makes the policy from its constants.
         grid: values of each constant.
-        start: where the descent starts.
+        start: constants at which the descent starts.
         system: the closed loop.
         worlds: tapes for tuning, axis 0 = world.
-        budget: rollouts.
+        budget: largest number of rollouts.
 
     Returns:
         The constants, and their ``log_cost``.
