@@ -30,17 +30,17 @@ def overview(results: list[dict[str, Any]]) -> str:
     head = ["environment", "best simple heuristic", *STEPS[:-1], "best planner", "95 %"]
     rows = []
     for result in results:
-        policies, settled = result["policies"], result["tuned_constants"]
+        policies, prepared = result["policies"], result["tuned_constants"]
         cells = [_percent(policies.get(name)) for name in STEPS]
         ends = interval(policies[PLANNER]["vs_simple_ci"], signed)
-        rows.append([_short(result), settled.get(SIMPLE, SIMPLE), *cells, ends])
+        rows.append([_short(result), prepared.get(SIMPLE, SIMPLE), *cells, ends])
     return tabulated(head, rows)
 
 
 def chapter(result: dict[str, Any]) -> str:
     """One environment's ladder, the dearest first."""
-    settled = result["tuned_constants"]
-    names = {SIMPLE: settled.get(SIMPLE), PLANNER: settled.get(PLANNER)}
+    prepared = result["tuned_constants"]
+    names = {SIMPLE: prepared.get(SIMPLE), PLANNER: prepared.get(PLANNER)}
     rows = []
     for name, row in sorted(result["policies"].items(), key=lambda item: -item[1]["mean"]):
         label = f"**{name}**: {names[name]}" if names.get(name) else name

@@ -154,20 +154,20 @@ def test_a_batch_chooses_as_its_elements_do(heuristic):
     mask = SYSTEM.mask(belief)
     begun(heuristic)
     assert isinstance(heuristic, Policy)
-    together, settled = heuristic.act(belief, None, mask), heuristic.settle(belief)
+    together, prepared = heuristic.act(belief, None, mask), heuristic.prepare(belief)
     for env in range(24):
         one = trees.take(belief, np.array([env]))
         assert heuristic.act(one, None, mask[env : env + 1])[0] == together[env]
-        if settled is not None:
-            np.testing.assert_array_equal(heuristic.settle(one)[0], settled[env])
+        if prepared is not None:
+            np.testing.assert_array_equal(heuristic.prepare(one)[0], prepared[env])
 
 
 @pytest.mark.parametrize("heuristic", EXAMPLES, ids=lambda heuristic: type(heuristic).__name__)
-def test_heuristics_keep_to_the_mask_and_choose_what_is_settled(heuristic):
+def test_heuristics_keep_to_the_mask_and_choose_from_what_is_prepared(heuristic):
     belief, rng = beliefs(60), np.random.default_rng(1)
     mask = SYSTEM.mask(belief) & (rng.random((60, 5)) < 0.6) | (np.arange(5) == SILENCE)
     begun(heuristic)
-    chosen = heuristic.choose(belief, mask, heuristic.settle(belief))
+    chosen = heuristic.choose(belief, mask, heuristic.prepare(belief))
     assert mask[np.arange(60), chosen].all()
     np.testing.assert_array_equal(chosen, heuristic.act(belief, None, mask))
 

@@ -73,32 +73,32 @@ def test_predicted_spending_is_that_of_the_expected_recursion():
         assert spent[env, k] == pytest.approx(followed(SYSTEM, one, begun(LagrangianPrice(price, 3))), abs=1e-9)
 
 
-def test_the_settled_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
+def test_the_prepared_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
     """Every price of the ladder is followed to the end; where spending falls steadily, the first that fits is found."""
     belief = start(5)
     heuristic = begun(AdaptiveLagrangianPrice(3))
-    settled = heuristic.settle(belief)[:, 0]
+    prepared = heuristic.prepare(belief)[:, 0]
     scale = heuristic.scale(belief)
     for env in range(5):
         one = trees.take(belief, np.array([env]))
         rungs = scale[env] * LADDER[1:]
         spent = heuristic.spent(trees.take(belief, np.full(len(rungs), env)), rungs[:, None])[:, 0]
         fits = spent <= belief.energy[env]
-        at = int(np.searchsorted(rungs, settled[env] * (1 - 1e-9)))
+        at = int(np.searchsorted(rungs, prepared[env] * (1 - 1e-9)))
         assert fits[at]
         assert not fits[at - 1]
         if (np.diff(spent) <= 1e-9).all():
             assert at == int(np.argmax(fits))
-        assert followed(SYSTEM, one, begun(LagrangianPrice(settled[env], 3))) <= belief.energy[env]
+        assert followed(SYSTEM, one, begun(LagrangianPrice(prepared[env], 3))) <= belief.energy[env]
 
 
 def test_more_energy_is_a_lower_price_and_thrift_a_higher_one():
     belief = start(20)
     rich = belief._replace(energy=2.0 * belief.energy)
-    plain = begun(AdaptiveLagrangianPrice(3)).settle(belief)[:, 0]
-    assert (begun(AdaptiveLagrangianPrice(3)).settle(rich)[:, 0] <= plain).all()
-    assert (begun(AdaptiveLagrangianPrice(3, 0.5)).settle(belief)[:, 0] >= plain).all()
-    assert (begun(AdaptiveLagrangianPrice(3)).settle(rich)[:, 0] < plain).any()
+    plain = begun(AdaptiveLagrangianPrice(3)).prepare(belief)[:, 0]
+    assert (begun(AdaptiveLagrangianPrice(3)).prepare(rich)[:, 0] <= plain).all()
+    assert (begun(AdaptiveLagrangianPrice(3, 0.5)).prepare(belief)[:, 0] >= plain).all()
+    assert (begun(AdaptiveLagrangianPrice(3)).prepare(rich)[:, 0] < plain).any()
 
 
 @pytest.mark.parametrize(
@@ -124,25 +124,25 @@ def test_the_adaptive_price_uses_up_the_account_and_beats_greedy_spending():
 def test_what_is_left_is_worth_its_price():
     belief = start(4)
     heuristic = begun(AdaptiveLagrangianPrice(3))
-    settled = heuristic.settle(belief)
-    np.testing.assert_array_equal(heuristic.leftover(belief, settled), -settled[:, 0] * belief.energy)
+    prepared = heuristic.prepare(belief)
+    np.testing.assert_array_equal(heuristic.leftover(belief, prepared), -prepared[:, 0] * belief.energy)
 
 
 def test_in_simulated_futures_the_price_follows_what_is_left():
     """With the account predicted: the price of the root. With less: a higher price; with more: a lower price."""
     belief = start(6)
     heuristic = begun(AdaptiveLagrangianPrice(3))
-    settled = heuristic.settle(belief)
+    prepared = heuristic.prepare(belief)
     left = belief.energy
     for k in range(SYSTEM.horizon + 1):
-        np.testing.assert_array_equal(settled[:, 1 + k] <= left, True)  # an account is never filled up
-        left = settled[:, 1 + k]
+        np.testing.assert_array_equal(prepared[:, 1 + k] <= left, True)  # an account is never filled up
+        left = prepared[:, 1 + k]
         worth = {}
         for name, energy in (("as predicted", left), ("less", 0.5 * left), ("more", left + 1.0)):
             at = belief._replace(step=np.full(6, k), energy=energy)
-            worth[name] = heuristic.price(at, settled)
+            worth[name] = heuristic.price(at, prepared)
         spends = left > 0
-        np.testing.assert_allclose(worth["as predicted"][spends], settled[spends, 0], rtol=1e-12)
+        np.testing.assert_allclose(worth["as predicted"][spends], prepared[spends, 0], rtol=1e-12)
         assert (worth["less"][spends] > worth["as predicted"][spends]).all()
         assert (worth["more"][spends] < worth["as predicted"][spends]).all()
 

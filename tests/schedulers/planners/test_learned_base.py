@@ -35,7 +35,7 @@ class BaseAlone:
         self.base.begin(system, num_envs, rng)
 
     def act(self, belief, observation, mask):
-        return self.base.choose(belief, mask, self.base.settle(belief))
+        return self.base.choose(belief, mask, self.base.prepare(belief))
 
 
 def same(one, other):

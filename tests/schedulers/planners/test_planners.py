@@ -127,7 +127,7 @@ def test_no_planner_is_worse_than_its_base(planner):
     assert ratio.mean() + 2 * ratio.std() / np.sqrt(len(ratio)) < 0
 
 
-def test_a_policy_without_settle_can_be_a_base():
+def test_a_policy_without_prepare_can_be_a_base():
     system = DelaySystem(horizon=5)
     worlds = delay_worlds(system, 20)
     fixed = Fixed(1)

@@ -16,8 +16,8 @@ from wavegym.schedulers.myopic import require
 class Heuristic:
     """Base class: a heuristic chooses the allowed candidate of the greatest value.
 
-    A planner that follows a heuristic in simulated futures calls ``settle`` once, at the root belief, and ``choose`` at
-    every simulated belief.
+    A planner that follows a heuristic in simulated futures calls ``prepare`` once, at the root belief, and ``choose``
+    at every simulated belief.
 
     Attributes:
         name: the name on command lines.
@@ -36,19 +36,19 @@ class Heuristic:
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        return self.choose(belief, mask, self.settle(belief))
+        return self.choose(belief, mask, self.prepare(belief))
 
-    def settle(self, belief: Any) -> Array | None:
+    def prepare(self, belief: Any) -> Array | None:
         """Values computed at a belief and kept in all futures simulated from it, (env, ...); None without any."""
         return None
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """Actions (env, ...).
 
         Args:
             belief: beliefs, axis 0 = environment.
             mask: allowed actions (env, candidate), or None.
-            settled: the result of ``settle``, a row for each environment.
+            prepared: the result of ``prepare``, a row for each environment.
         """
         raise NotImplementedError
 
@@ -67,7 +67,7 @@ class Held(Heuristic):
         """See ``Policy``."""
         self.policy.begin(system, num_envs, rng)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         return self.policy.act(belief, None, mask)
 

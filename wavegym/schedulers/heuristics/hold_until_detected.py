@@ -33,7 +33,7 @@ class HoldUntilDetected(Heuristic):
     def __init__(self, ahead: int = 4) -> None:
         self.ahead = check_int("ahead", ahead, 1)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         visible, rows = belief.visible, np.arange(len(belief.step))[:, None]
         when = belief.step[:, None] + np.arange(1, FAR + 1)

@@ -29,7 +29,7 @@ class Greedy(Heuristic):
     def __init__(self, ahead: int = 1) -> None:
         self.ahead = check_int("ahead", ahead, 1)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         return self.candidates[greatest(self.system.gain(belief, 0, self.ahead), mask, delays(self.system, belief))]
 
@@ -51,7 +51,7 @@ class AwareGreedy(Heuristic):
     def __init__(self, kappa: float = 0.4, ahead: int = 1) -> None:
         self.kappa, self.ahead = check_non_negative("kappa", kappa), check_int("ahead", ahead, 1)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         delay = self.system.delay(belief)
         values = self.system.gain(belief, delay, self.ahead) / (1.0 + self.kappa * delay)
@@ -93,7 +93,7 @@ class CostOfDelay(Heuristic):
         self._scale = (1.0 + np.arange(system.horizon + 1)) ** -self.power
         self._scale[0] *= 1.0 + self.bonus
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         delay = delays(self.system, belief)
         gain = self.system.gain(belief, delay, self.ahead)

@@ -44,7 +44,7 @@ class Gain(Heuristic):
         super().begin(system, num_envs, rng)
         self._weights = horizon_weights(self.system.transition_matrix, self.system.weights, self.ahead)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``. Raises an InputError where the belief has no covariance."""
         if not hasattr(belief, "covariance"):
             raise impossible(self.name, self.system, "its belief has no single covariance")

@@ -43,7 +43,7 @@ class LagrangianPrice(Heuristic):
         self.price, self.ahead = check_non_negative("price", price), check_int("ahead", ahead, 1)
         self.power = check_non_negative("power", power)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         left = np.maximum(self.system.horizon - belief.step, 0)
         scarcity = (left + CUSHION) / (belief.energy + CUSHION)
@@ -56,7 +56,7 @@ class AdaptiveLagrangianPrice(Heuristic):
     At each step a search finds this price: the expected recursion of ``predict`` is followed to the episode's end with
     an unlimited account, for several prices at once, and the interval in which the predicted spending falls to the
     account is divided repeatedly. In the futures that a planner simulates this search would take too long. There the
-    price settled at the root is multiplied by the cube of (account predicted for this step / account), so that the
+    price prepared at the root is multiplied by the cube of (account predicted for this step / account), so that the
     account is neither empty too early nor left over.
 
     Args:
@@ -73,28 +73,28 @@ class AdaptiveLagrangianPrice(Heuristic):
     def __init__(self, ahead: int = 8, thrift: float = 1.0) -> None:
         self.ahead, self.thrift = check_int("ahead", ahead, 1), check_positive("thrift", thrift)
 
-    def settle(self, belief: Any) -> Array:
+    def prepare(self, belief: Any) -> Array:
         """(env, 1 + H + 1): lowest price at which the account lasts, to 2.9 %, and the account predicted by step."""
         count, chunk = len(belief.step), max(1, ROWS // PRICES)
         parts = [trees.take(belief, np.arange(start, min(start + chunk, count))) for start in range(0, count, chunk)]
-        return np.concatenate([self._settled(part) for part in parts])
+        return np.concatenate([self._prepared(part) for part in parts])
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
-        """See ``Heuristic``; ``settled`` as ``settle`` returns it."""
-        return priced_choice(self, belief, mask, self.price(belief, settled))
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``; ``prepared`` as ``prepare`` returns it."""
+        return priced_choice(self, belief, mask, self.price(belief, prepared))
 
-    def leftover(self, belief: Any, settled: Array | None) -> Array:
-        """Minus the value of the account at the settled price where a simulated future is cut off, a cost (env,)."""
-        return -np.asarray(settled)[:, 0] * belief.energy
+    def leftover(self, belief: Any, prepared: Array | None) -> Array:
+        """Minus the value of the account at the prepared price where a simulated future is cut off, a cost (env,)."""
+        return -np.asarray(prepared)[:, 0] * belief.energy
 
-    def price(self, belief: Any, settled: Any) -> Array:
-        """The price at a belief, (env,); at the root it is the settled price."""
-        predicted = settled[np.arange(len(settled)), 1 + np.minimum(belief.step, self.system.horizon)]
+    def price(self, belief: Any, prepared: Any) -> Array:
+        """The price at a belief, (env,); at the root it is the prepared price."""
+        predicted = prepared[np.arange(len(prepared)), 1 + np.minimum(belief.step, self.system.horizon)]
         ratio = (predicted + CUSHION) / (belief.energy + CUSHION)
-        price: Array = settled[:, 0] * (ratio * ratio * ratio)
+        price: Array = prepared[:, 0] * (ratio * ratio * ratio)
         return price
 
-    def _settled(self, belief: Any) -> Array:
+    def _prepared(self, belief: Any) -> Array:
         aim, scale = self.thrift * belief.energy[:, None], self.scale(belief)[:, None]
         low = np.zeros((len(aim), 1), np.int64)
         for stride in STRIDES:
@@ -165,7 +165,7 @@ class ConstantPace(Heuristic):
     def __init__(self, ahead: int = 1, share: float = 1.0) -> None:
         self.ahead, self.share = check_int("ahead", ahead, 1), check_positive("share", share)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         spending = self.system.spending
         left = np.maximum(self.system.horizon - belief.step, 1)

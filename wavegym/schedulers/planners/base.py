@@ -54,27 +54,27 @@ class Planner:
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        settled = self.futures.base.settle(belief)
-        action: Array = self.futures.base.choose(belief, mask, settled)
+        prepared = self.futures.base.prepare(belief)
+        action: Array = self.futures.base.choose(belief, mask, prepared)
         live = ~self.system.terminal(belief)
         if live.any():
             if not live.all():
                 belief = trees.take(belief, live)
-                settled = None if settled is None else settled[live]
+                prepared = None if prepared is None else prepared[live]
                 mask = None if mask is None else mask[live]
-            better = self.improved(belief, action[live], mask, settled, np.flatnonzero(live))
+            better = self.improved(belief, action[live], mask, prepared, np.flatnonzero(live))
             action = action.astype(np.result_type(action, better))
             action[live] = better
         return action
 
-    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, prepared: Array | None, rows: Array) -> Array:
         """Actions (env, ...) for beliefs whose episodes go on.
 
         Args:
             belief: the beliefs.
             own: the base policy's actions.
             mask: allowed actions, or None.
-            settled: result of the base's ``settle``.
+            prepared: result of the base's ``prepare``.
             rows: indices of these environments in the batch.
         """
         raise NotImplementedError
@@ -92,12 +92,12 @@ class Planner:
         return self.candidates[best], np.isfinite(np.take_along_axis(costs, best, axis=1))
 
     def chosen(
-        self, belief: Any, own: Array, plans: Array, permitted: Array, settled: Array | None, few: int = 0
+        self, belief: Any, own: Array, plans: Array, permitted: Array, prepared: Array | None, few: int = 0
     ) -> Array:
         """First actions of the plans that beat the base significantly, or the base's own, (env, ...).
 
         Args:
-            belief, own, settled: see ``improved``.
+            belief, own, prepared: see ``improved``.
             plans: (env, plan, steps, ...).
             permitted: whether each plan is allowed, (env, plan).
             few: if not 0, only the ``few`` best plans of the first quarter of the futures are simulated in all of them.
@@ -105,22 +105,22 @@ class Planner:
         draws = self.futures.draw(len(belief.step))
         futures = 1 if draws is None else draws.shape[2]
         if few and draws is not None and futures >= QUICK and plans.shape[1] > few:
-            quick = self.futures.costs(belief, plans, settled, draws[:, :, : futures // 4]).mean(axis=2)
+            quick = self.futures.costs(belief, plans, prepared, draws[:, :, : futures // 4]).mean(axis=2)
             best = np.argsort(np.where(permitted, quick, np.inf), axis=1, kind="stable")[:, :few]
             at = np.arange(len(best))[:, None]
             plans, permitted = plans[at, best], permitted[at, best]
-        base, costs = self._beside_base(belief, plans, settled, draws)
+        base, costs = self._beside_base(belief, plans, prepared, draws)
         taken = significant(np.where(permitted[:, :, None], costs, np.inf), base, self.errors)
         first = plans[np.arange(len(taken)), np.maximum(taken, 0), 0]
         shape = (-1,) + (1,) * (first.ndim - 1)
         return np.where((taken >= 0).reshape(shape), first, own)
 
     def _beside_base(
-        self, belief: Any, plans: Array, settled: Array | None, draws: Array | None
+        self, belief: Any, plans: Array, prepared: Array | None, draws: Array | None
     ) -> tuple[Array, Array]:
         """Costs of the base, (env, 1, future), and of the plans, (env, plan, future), with the same outcomes."""
         if plans.ndim > 3:
-            return self.futures.costs(belief, None, settled, draws), self.futures.costs(belief, plans, settled, draws)
+            return self.futures.costs(belief, None, prepared, draws), self.futures.costs(belief, plans, prepared, draws)
         nothing = np.full((len(plans), 1, plans.shape[2]), -1)
-        together = self.futures.costs(belief, np.concatenate([nothing, plans], axis=1), settled, draws)
+        together = self.futures.costs(belief, np.concatenate([nothing, plans], axis=1), prepared, draws)
         return together[:, :1], together[:, 1:]

@@ -34,7 +34,7 @@ class BeamSearch(Planner):
             sampled,
         )
 
-    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, prepared: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, permitted = self.options(belief, mask)
         draws = self.futures.draw(len(rows), self.sampled) if self.sampled else None
@@ -42,7 +42,7 @@ class BeamSearch(Planner):
         plans, first = options[:, :, None], np.broadcast_to(np.arange(count), (len(rows), count))
         allowed = permitted
         for level in range(1, self.levels + 1):
-            values = self.futures.costs(belief, plans, settled, draws).mean(axis=2)
+            values = self.futures.costs(belief, plans, prepared, draws).mean(axis=2)
             kept = _diverse(np.where(allowed, values, np.inf), first, self.width)
             plans, first, allowed = plans[at, kept], first[at, kept], allowed[at, kept]
             if level < self.levels:
@@ -50,7 +50,7 @@ class BeamSearch(Planner):
                 ends = np.tile(options, (1, plans.shape[1], *(1,) * (options.ndim - 2)))
                 plans = np.concatenate([grown, ends[:, :, None]], axis=2)
                 first, allowed = np.repeat(first, count, axis=1), np.repeat(allowed, count, axis=1)
-        return self.chosen(belief, own, plans, allowed, settled)
+        return self.chosen(belief, own, plans, allowed, prepared)
 
 
 def _diverse(values: Array, first: Array, width: int) -> Array:

@@ -85,20 +85,22 @@ class MonteCarloTree(Planner):
             raise impossible("mcts", system, "its actions are no single indices")
         super().begin(system, num_envs, rng)
 
-    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, prepared: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, permitted = self.options(belief, mask)
         roots = [_Node(row) for row in permitted]
         returns: list[Array] = []
         for _ in range(self.simulations):
             spread = np.std(returns, axis=0) if len(returns) > 1 else np.zeros(len(roots))
-            returns.append(self._simulate(belief, options, settled, roots, self.exploration * spread))
+            returns.append(self._simulate(belief, options, prepared, roots, self.exploration * spread))
         lines = np.stack([_line(root, own) for root, own in zip(roots, options, strict=True)])
         first = np.where(np.arange(LINE) == 0, lines, -1)
         may = np.take_along_axis(permitted, (options == lines[:, :1]).argmax(axis=1)[:, None], axis=1)
-        return self.chosen(belief, own, np.stack([first, lines], axis=1), np.repeat(may, 2, axis=1), settled)
+        return self.chosen(belief, own, np.stack([first, lines], axis=1), np.repeat(may, 2, axis=1), prepared)
 
-    def _simulate(self, belief: Any, options: Array, settled: Array | None, roots: list[_Node], spread: Array) -> Array:
+    def _simulate(
+        self, belief: Any, options: Array, prepared: Array | None, roots: list[_Node], spread: Array
+    ) -> Array:
         """Summed costs (env,) of one future of every environment; adds their nodes and returns to the trees."""
         system, base, draws = self.system, self.futures.base, self.futures.draw(len(roots), 1)
         here, total = belief, np.zeros(len(roots))
@@ -109,7 +111,7 @@ class MonteCarloTree(Planner):
             if over.all():
                 break
             mask = allowed(system, here)
-            action = base.choose(here, mask, settled)
+            action = base.choose(here, mask, prepared)
             inside = [e for e, node in enumerate(nodes) if node is not None and not over[e]]
             picked = {e: self._picked(nodes[e], options[e], action[e], spread[e]) for e in inside}
             for e, option in picked.items():

@@ -24,7 +24,7 @@ def exchanged(
     belief: Any,
     plan: Array,
     options: Array,
-    settled: Array | None,
+    prepared: Array | None,
     draws: Array | None,
     rounds: int,
 ) -> Array:
@@ -39,7 +39,7 @@ def exchanged(
         belief: beliefs, axis 0 = environment.
         plan: actions to begin with, (env, depth).
         options: actions to choose from, (env, option).
-        settled: result of the base's ``settle``.
+        prepared: result of the base's ``prepare``.
         draws: of ``SampledFutures.draw``; None: the expected recursion.
         rounds: greatest number of rounds.
     """
@@ -47,7 +47,7 @@ def exchanged(
     for env in range(len(plan)):
         at = slice(env, env + 1)
         one = trees.take(belief, np.array([env]))
-        own, drawn = None if settled is None else settled[at], None if draws is None else draws[:, at]
+        own, drawn = None if prepared is None else prepared[at], None if draws is None else draws[:, at]
         found[env] = _exchanged_one(futures, one, plan[env], options[env], own, drawn, rounds)
     return found
 
@@ -57,7 +57,7 @@ def _exchanged_one(
     belief: Any,
     plan: Array,
     options: Array,
-    settled: Array | None,
+    prepared: Array | None,
     draws: Array | None,
     rounds: int,
 ) -> Array:
@@ -67,7 +67,7 @@ def _exchanged_one(
     rich = ample(system, belief)
 
     def judged(purse: Any, plans: Array) -> Array:
-        costs: Array = futures.costs(purse, plans[None], settled, draws)[0].mean(axis=1)
+        costs: Array = futures.costs(purse, plans[None], prepared, draws)[0].mean(axis=1)
         return costs
 
     for _ in range(rounds):

@@ -61,7 +61,7 @@ def _moved(plans: Array, options: Array, steps: Array, rng: np.random.Generator)
 
 
 def searched(
-    futures: SampledFutures, belief: Any, plan: Array, options: Array, settled: Array | None, draws: Array | None,
+    futures: SampledFutures, belief: Any, plan: Array, options: Array, prepared: Array | None, draws: Array | None,
     rounds: int, rng: np.random.Generator,
 ) -> Array:  # fmt: skip
     """The plan (env, depth, ...) after a local search.
@@ -70,13 +70,13 @@ def searched(
     ``exchanged`` comes first: random changes rarely both fit the account and save cost.
     """
     if hasattr(futures.system, "spending"):
-        plan = exchanged(futures, belief, plan, options, settled, draws, rounds)
+        plan = exchanged(futures, belief, plan, options, prepared, draws, rounds)
     steps = np.maximum(futures.system.horizon - belief.step, 1)
     rows = np.arange(len(plan))
-    cost = futures.costs(belief, plan[:, None], settled, draws)[:, 0].mean(axis=1)
+    cost = futures.costs(belief, plan[:, None], prepared, draws)[:, 0].mean(axis=1)
     for _ in range(rounds):
         tried = neighbours(plan, options, steps, MOVES, rng)
-        values = futures.costs(belief, tried, settled, draws).mean(axis=2)
+        values = futures.costs(belief, tried, prepared, draws).mean(axis=2)
         best = values.argmin(axis=1)
         is_less = values[rows, best] < cost
         cost = np.where(is_less, values[rows, best], cost)
@@ -119,21 +119,21 @@ class RecedingHorizon(Planner):
         self._plan: Array | None = None
         self._made = np.full(num_envs, -2)  # the step at which each plan begins
 
-    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, prepared: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, _ = self.options(belief, mask)
         draws = self.futures.draw(len(rows), self.sampled) if self.sampled else None
-        plan = self.futures.nominal(belief, None, settled)
+        plan = self.futures.nominal(belief, None, prepared)
         is_old = self._made[rows] == belief.step - 1
         if self._plan is not None and is_old.any():
-            kept = self.futures.nominal(belief, np.where(_as(is_old, plan), self._plan[rows], plan)[:, 1:], settled)
-            pair = self.futures.costs(belief, np.stack([plan, kept], axis=1), settled, draws).mean(axis=2)
+            kept = self.futures.nominal(belief, np.where(_as(is_old, plan), self._plan[rows], plan)[:, 1:], prepared)
+            pair = self.futures.costs(belief, np.stack([plan, kept], axis=1), prepared, draws).mean(axis=2)
             plan = np.where(_as(is_old & (pair[:, 1] <= pair[:, 0]), plan), kept, plan)
-        plan = searched(self.futures, belief, plan, options, settled, draws, self.rounds, self.rng)
+        plan = searched(self.futures, belief, plan, options, prepared, draws, self.rounds, self.rng)
         if not is_old.all() and self.first > self.rounds:
             fresh = ~is_old
             part = trees.take(belief, fresh)
-            some = None if settled is None else settled[fresh]
+            some = None if prepared is None else prepared[fresh]
             drawn = None if draws is None else draws[:, fresh]
             more = self.first - self.rounds
             plan[fresh] = searched(self.futures, part, plan[fresh], options[fresh], some, drawn, more, self.rng)
@@ -145,7 +145,7 @@ class RecedingHorizon(Planner):
             may = np.take_along_axis(mask, plan[:, :1], axis=1)
         if not self.asks:
             return np.where(_as(may[:, 0], own), plan[:, 0], own)
-        return self.chosen(belief, own, plan[:, None], may, settled)
+        return self.chosen(belief, own, plan[:, None], may, prepared)
 
 
 class PlanOnce:
@@ -181,15 +181,15 @@ class PlanOnce:
         if mask is None or not self._system.strict or wanted.ndim > 1:
             return wanted
         base = self._planner.futures.base
-        return possible(wanted, base.choose(belief, mask, base.settle(belief)), mask)
+        return possible(wanted, base.choose(belief, mask, base.prepare(belief)), mask)
 
     def _planned(self, belief: Any, mask: Array | None) -> Array:
         """Plans (env, horizon, ...) indexed by step; before its first step a plan holds its first action."""
         planner, futures = self._planner, self._planner.futures
-        settled = futures.base.settle(belief)
-        plan = futures.nominal(belief, None, settled)
+        prepared = futures.base.prepare(belief)
+        plan = futures.nominal(belief, None, prepared)
         options, _ = planner.options(belief, mask)
-        found = searched(futures, belief, plan, options, settled, None, self.rounds, self._rng)
+        found = searched(futures, belief, plan, options, prepared, None, self.rounds, self._rng)
         late = np.maximum(np.arange(self._system.horizon) - belief.step[:, None], 0)
         return found[np.arange(len(found))[:, None], late]
 

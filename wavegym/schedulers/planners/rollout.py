@@ -33,11 +33,11 @@ class RolloutPlanner(Planner):
             raise InputError("holds is empty, expected numbers of steps (nearest: (1,))")
         self.holds = tuple(check_int("holds", steps, 1) for steps in holds)
 
-    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, prepared: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, permitted = self.options(belief, mask)
         allowed = permitted.repeat(len(self.holds), axis=1)
-        return self.chosen(belief, own, self._plans(options), allowed, settled, FINALISTS)
+        return self.chosen(belief, own, self._plans(options), allowed, prepared, FINALISTS)
 
     def advantages(self, belief: Any, mask: Array | None) -> Array:
         """The saving of each option over the mean cost of all options, as a share of that mean, (env, option).
@@ -47,7 +47,7 @@ class RolloutPlanner(Planner):
         """
         options, permitted = self.options(belief, mask)
         draws = self.futures.draw(len(options))
-        costs = self.futures.costs(belief, self._plans(options), self.futures.base.settle(belief), draws).mean(axis=2)
+        costs = self.futures.costs(belief, self._plans(options), self.futures.base.prepare(belief), draws).mean(axis=2)
         least = costs.reshape(*permitted.shape, -1).min(axis=2)
         least = np.where(permitted, least, np.nan)
         mean = np.nanmean(least, axis=1, keepdims=True)
@@ -76,9 +76,9 @@ class TreeSearch(Planner):
         self.levels = check_int("levels", levels, 1)
         self.shortlist = min(self.shortlist, int(self.MOST ** (1.0 / self.levels) + 1e-9))
 
-    def improved(self, belief: Any, own: Array, mask: Array | None, settled: Array | None, rows: Array) -> Array:
+    def improved(self, belief: Any, own: Array, mask: Array | None, prepared: Array | None, rows: Array) -> Array:
         """See ``Planner``."""
         options, permitted = self.options(belief, mask)
         count = options.shape[1]
         places = np.indices((count,) * self.levels).reshape(self.levels, -1).T
-        return self.chosen(belief, own, options[:, places], permitted[:, places[:, 0]], settled, FINALISTS)
+        return self.chosen(belief, own, options[:, places], permitted[:, places[:, 0]], prepared, FINALISTS)

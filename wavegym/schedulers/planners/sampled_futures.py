@@ -34,7 +34,7 @@ class Observing(Heuristic):
         self.policy.begin(system, num_envs, rng)
         self._observer = Observer(system)
 
-    def choose(self, belief: Any, mask: Array | None, settled: Array | None) -> Array:
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         return np.array(self.policy.act(belief, self._observer(belief)[0], mask))  # a planner may write to it
 
@@ -43,9 +43,10 @@ class SampledFutures:
     """Follows plans, and after them a base policy, through ``predict``.
 
     Args:
-        base: chooses where a plan has ended. Of a heuristic (``wavegym.schedulers.heuristics``), ``settle`` is called
+        base: chooses where a plan has ended. Of a heuristic (``wavegym.schedulers.heuristics``), ``prepare`` is called
             at the belief that the futures start from and ``choose`` in them. Any other policy is asked to ``act``, with
-            the observation of each belief. ``leftover(belief, settled)``, (env,), of a base that has it is added to the
+            the observation of each belief. ``leftover(belief, prepared)``, (env,), of a base that has it is added to
+            the
             cost at the end of a truncated future: minus the value of the resources left.
         depth: steps of a future, fewer where the episode ends.
         count: number of futures; a single one where no outcome is random.
@@ -55,7 +56,7 @@ class SampledFutures:
     """
 
     def __init__(self, base: Policy, depth: int, count: int) -> None:
-        is_heuristic = hasattr(base, "settle") and hasattr(base, "choose")
+        is_heuristic = hasattr(base, "prepare") and hasattr(base, "choose")
         self.base: Any = base if is_heuristic else Observing(base)
         self.depth, self.count = check_int("depth", depth, 1), check_int("futures", count, 1)
 
@@ -72,14 +73,14 @@ class SampledFutures:
             return None
         return self._rng.random((self.depth, envs, count or self.count, *self.system.outcome_shape))
 
-    def costs(self, belief: Any, plans: Array | None, settled: Array | None, draws: Array | None) -> Array:
+    def costs(self, belief: Any, plans: Array | None, prepared: Array | None, draws: Array | None) -> Array:
         """Summed cost of each plan in each future.
 
         Args:
             belief: beliefs, axis 0 = environment.
             plans: first actions, (env, plan, steps, ...); None: the base policy alone, as one plan. Indices below 0, or
                 masked where the system is strict, leave the choice to the base.
-            settled: result of the base's ``settle`` at these beliefs.
+            prepared: result of the base's ``prepare`` at these beliefs.
             draws: of ``draw``; None: the expected recursion, one future.
 
         Returns:
@@ -89,17 +90,17 @@ class SampledFutures:
         futures = 1 if draws is None else draws.shape[2]
         chunk = max(1, ROWS // (count * futures))
         if envs <= chunk:
-            return self._followed(belief, plans, settled, draws).reshape(-1, count, futures)
+            return self._followed(belief, plans, prepared, draws).reshape(-1, count, futures)
         parts = []
         for at in range(0, envs, chunk):
             part = slice(at, at + chunk)
-            here, its_plans, its_settled = (
-                trees.tree_map(lambda leaf, part=part: leaf[part], each) for each in (belief, plans, settled)
+            here, its_plans, its_prepared = (
+                trees.tree_map(lambda leaf, part=part: leaf[part], each) for each in (belief, plans, prepared)
             )
-            parts.append(self.costs(here, its_plans, its_settled, None if draws is None else draws[:, part]))
+            parts.append(self.costs(here, its_plans, its_prepared, None if draws is None else draws[:, part]))
         return np.concatenate(parts)
 
-    def nominal(self, belief: Any, plan: Array | None, settled: Array | None) -> Array:
+    def nominal(self, belief: Any, plan: Array | None, prepared: Array | None) -> Array:
         """Actions (env, depth, ...) in the expected recursion: of the plan (env, steps, ...), then of the base.
 
         After the end of an episode its last action is repeated.
@@ -107,7 +108,7 @@ class SampledFutures:
         here, actions = belief, []
         for t in range(self.depth):
             mask = allowed(self.system, here)
-            action = self.base.choose(here, mask, settled)
+            action = self.base.choose(here, mask, prepared)
             if plan is not None and t < plan.shape[1]:
                 action = possible(plan[:, t], action, mask if self.system.strict else None)
             actions.append(action)
@@ -118,7 +119,7 @@ class SampledFutures:
         actions += [actions[-1]] * (self.depth - len(actions))
         return np.stack(actions, axis=1)
 
-    def _followed(self, belief: Any, plans: Array | None, settled: Array | None, draws: Array | None) -> Array:
+    def _followed(self, belief: Any, plans: Array | None, prepared: Array | None, draws: Array | None) -> Array:
         """Summed costs, flat (env, plan, future)."""
         envs, count = len(belief.step), 1 if plans is None else plans.shape[1]
         futures = 1 if draws is None else draws.shape[2]
@@ -126,7 +127,7 @@ class SampledFutures:
         live = np.arange(envs * each)  # rows whose episode goes on
         env, future = live // each, live % futures
         here = trees.repeated(belief, each)
-        held = None if settled is None else np.repeat(settled, each, axis=0)
+        held = None if prepared is None else np.repeat(prepared, each, axis=0)
         total = np.zeros(envs * each)
         for t in range(self.depth):
             over = self.system.terminal(here)
@@ -143,13 +144,13 @@ class SampledFutures:
             total[live] += np.where(self.system.terminal(here), 0.0, self.base.leftover(here, held))
         return total
 
-    def _step(self, belief: Any, action: Array | None, settled: Array | None, outcome: Array | None) -> Any:
+    def _step(self, belief: Any, action: Array | None, prepared: Array | None, outcome: Array | None) -> Any:
         if action is None:
-            action = self.base.choose(belief, allowed(self.system, belief), settled)
+            action = self.base.choose(belief, allowed(self.system, belief), prepared)
         elif action.ndim == 1:
             mask = allowed(self.system, belief) if self.system.strict else None
             if (action < 0).any() or (mask is not None and not mask[np.arange(len(action)), action].all()):
-                action = possible(action, self.base.choose(belief, allowed(self.system, belief), settled), mask)
+                action = possible(action, self.base.choose(belief, allowed(self.system, belief), prepared), mask)
         return self.system.predict(belief, action, outcome)
 
 
