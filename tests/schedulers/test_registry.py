@@ -138,8 +138,8 @@ DELAYED = [
     "adaptive-lagrangian-price",
     "constant-pace",
 ]  # need a gain
-LONG = ["best-simple", "best-planner", "receding-horizon", "plan-once", "cycle"]  # tuned on the spot; see
-test_tuned_constants NUMBERED = [name for name in FORMS if re.fullmatch("[a-z-]+:[A-Z]+", name)]
+LONG = ["best-simple", "best-planner", "receding-horizon", "plan-once", "cycle"]  # tuned on the spot
+NUMBERED = [name for name in FORMS if re.fullmatch("[a-z-]+:[A-Z]+", name)]
 PLAIN = [name for name in FORMS if name not in (*NUMBERED, *OTHERS, *DELAYED, *LONG)]
 BOX = ("myopic:closed-form", "myopic:slsqp", "myopic:polish")
 
