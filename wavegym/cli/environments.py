@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import wavegym
 from wavegym.core.command_line import Parser, settings
+from wavegym.registration import list_envs
 
 
 def parser(name: str, description: str, takes_environment: bool = True) -> Parser:
@@ -21,15 +21,16 @@ def parser(name: str, description: str, takes_environment: bool = True) -> Parse
 def list_ids(arguments: Sequence[str]) -> None:
     """Print every id, one a line."""
     parser("list", "List the ids of all environments.", takes_environment=False).read(arguments)
-    print("\n".join(wavegym.list_envs()))
+    print("\n".join(list_envs()))
 
 
 def describe(arguments: Sequence[str]) -> None:
     """Print the page of an environment, Markdown."""
     options = parser("describe", "Show actions, observations and parameters of an environment.").read(arguments)
+    from wavegym.envs.describe import describe as page
     from wavegym.evaluation import full_id
 
-    print(wavegym.describe(full_id(options.env), **settings(options.set)))
+    print(page(full_id(options.env), **settings(options.set)))
 
 
 def check(arguments: Sequence[str]) -> None:
