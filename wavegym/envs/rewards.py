@@ -20,7 +20,7 @@ from wavegym.core.system import State, System
 from wavegym.schedulers import Myopic, rollout
 from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.registry import check_not_renamed
-from wavegym.schedulers.tuned_constants import SIMPLE, recorded, rule
+from wavegym.schedulers.tuned_constants import SIMPLE, recorded, tuned_heuristic
 
 
 class Transition(NamedTuple):
@@ -126,7 +126,7 @@ class Relative:
             if reference not in recorded(system):
                 wanted = "a system at its defaults with such a record (nearest: reward='relative')"
                 raise InputError(f"reward is relative to {reference!r}, expected {wanted}")
-            reference = rule(reference, system, None)
+            reference = tuned_heuristic(reference, system, None)
         played = rollout(system, reference, world)
         step = np.minimum(np.arange(played.cost.shape[1]), played.steps[:, None] - 1)
         return ReferenceCosts(np.take_along_axis(played.cost, step, axis=1), played.mean_cost)

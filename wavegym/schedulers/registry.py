@@ -28,7 +28,7 @@ from wavegym.schedulers.planners.receding_horizon import PlanOnce, RecedingHoriz
 from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
 from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
-from wavegym.schedulers.tuned_constants import BASE, PLANNER, SIMPLE, planner_name, recorded, rule
+from wavegym.schedulers.tuned_constants import BASE, PLANNER, SIMPLE, planner_name, recorded, tuned_heuristic
 from wavegym.schedulers.tuning import best_constant, best_fixed
 
 
@@ -157,7 +157,7 @@ def _gate(system: System, worlds: Any) -> Policy:
 
 
 def _heuristic(name: str) -> Callable[[System, Any], Policy]:
-    return lambda system, worlds: _ready(rule(name, system, worlds), system)
+    return lambda system, worlds: _ready(tuned_heuristic(name, system, worlds), system)
 
 
 def _planner(name: str, system: System, worlds: Any, base: Policy | None) -> Policy:
@@ -167,7 +167,7 @@ def _planner(name: str, system: System, worlds: Any, base: Policy | None) -> Pol
     if base is None and at:
         base = make_policy(followed, system, worlds)
     elif base is None:
-        base = rule(record.get(BASE, SIMPLE), system, worlds)
+        base = tuned_heuristic(record.get(BASE, SIMPLE), system, worlds)
     return build(base, **record.get(planner.partition(":")[0], {}))
 
 

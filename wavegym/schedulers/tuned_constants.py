@@ -39,7 +39,7 @@ def recorded(system: System) -> dict[str, Any]:
     return {}
 
 
-def rule(name: str, system: System, worlds: Any) -> Heuristic:
+def tuned_heuristic(name: str, system: System, worlds: Any) -> Heuristic:
     """The heuristic ``name``, or "best-simple", with recorded constants, or else with constants tuned on ``worlds``.
 
     Args:

@@ -13,7 +13,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.policy import Policy
 from wavegym.schedulers import Myopic, RandomChoice, rollout
-from wavegym.schedulers.heuristics.base import Held, greatest
+from wavegym.schedulers.heuristics.base import PolicyAsHeuristic, greatest
 from wavegym.schedulers.heuristics.dwell import best_dwell, setups
 from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Greedy
@@ -34,7 +34,7 @@ EXAMPLES = [
     LagrangianPrice(5.0, 3),
     AdaptiveLagrangianPrice(3),
     ConstantPace(3),
-    Held(Cycle([0, 2])),
+    PolicyAsHeuristic(Cycle([0, 2])),
 ]
 
 

@@ -53,7 +53,7 @@ class Heuristic:
         raise NotImplementedError
 
 
-class Held(Heuristic):
+class PolicyAsHeuristic(Heuristic):
     """A policy that reads only the belief, as a heuristic.
 
     Args:

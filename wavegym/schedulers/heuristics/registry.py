@@ -12,7 +12,7 @@ from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.schedulers.heuristics.base import Held, Heuristic
+from wavegym.schedulers.heuristics.base import Heuristic, PolicyAsHeuristic
 from wavegym.schedulers.heuristics.dwell import best_dwell
 from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Greedy
@@ -51,11 +51,11 @@ class TunableHeuristic:
 
 
 def _cycle(actions: Any) -> Heuristic:
-    return Held(Cycle(np.asarray(actions)))
+    return PolicyAsHeuristic(Cycle(np.asarray(actions)))
 
 
 def _myopic() -> Heuristic:
-    return Held(Myopic())
+    return PolicyAsHeuristic(Myopic())
 
 
 HEURISTICS: dict[str, TunableHeuristic] = {
