@@ -123,14 +123,6 @@ def test_the_parameter_table_has_every_parameter_with_a_meaning(id):
     assert settings["`max_episode_steps`"] == "truncate after this many steps, before the system's own end"
 
 
-@pytest.mark.parametrize("id", IDS)
-def test_no_meaning_has_swallowed_the_next_one(id):
-    table = [(name.strip("`"), meaning) for name, _, _, meaning in rows(describe(id), "parameter | value")]
-    names = "|".join(re.escape(name) for name, _ in table)
-    for name, meaning in table:
-        assert not re.search(rf"\b(?:{names})(?: \([^)]*\))?:", meaning), name
-
-
 def test_sections_come_from_the_class_or_else_from_its_base():
     assert summary(KershawEvansPosition).startswith("Kershaw & Evans's loop where looking ahead pays")
     assert "position-only cost" in section(KershawEvansPosition, "Description")

@@ -74,11 +74,13 @@ def _declaration_defect(system: System) -> str | None:
 
 
 def _episodes(system: System, candidates: Array, seed: int) -> Iterator[tuple[Any, Any]]:
-    """States of a batch of worlds at ``STEPS``, reached by random candidates, and the worlds."""
+    """States of a batch of worlds at ``STEPS``, reached by random candidates, and the worlds; up to an early end."""
     rng = np.random.default_rng(seed)
     world = trees.stack([system.draw_world(np.random.default_rng([seed, i])) for i in range(WORLDS)])
     state = system.initial(world)
     for step in range(min(max(STEPS), system.horizon - 1) + 1):
+        if system.terminal(state.belief).any():
+            return
         if step in STEPS:
             yield state, world
         mask = system.mask(state.belief) if candidates.ndim == 1 and candidates.dtype.kind in "iu" else None

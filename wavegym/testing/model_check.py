@@ -24,7 +24,7 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
     state = system.initial(trees.stack([system.draw_world(rng) for rng in generators]))
     for name, figure in system.state_info(state).items():
         if not np.isfinite(figure).all():
-            return f"state_info()[{name!r}] is not finite, expected 0 for an absent target, and the key 'present'"
+            return f"state_info()[{name!r}] is not finite, expected 0 where a target is absent, and the key 'present'"
     belief = state.belief
     before, everything = trees.copied(belief), system.candidates()
     candidates = everything[:: -(-len(everything) // FEW)]
@@ -34,21 +34,20 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
         "(1, candidate)": (candidates[None], (WORLDS, count)),
         "(env, candidate)": (np.repeat(candidates[None], WORLDS, axis=0), (WORLDS, count)),
     }
+    predicts = True
     for form, (actions, shape) in forms.items():
         try:
             predicted = system.predict(belief, actions)
         except NotImplementedError:
+            predicts = False
             break
         defect = _predicted_defect(system, belief, predicted, shape)
         if defect:
             return f"predict() with actions {form}: {defect}"
-    else:
-        defect = capability_defect(system, seed)
-        if defect:
-            return defect
     if not _same(before, belief):
         return "predict() changed the belief that it was given"
-    return _constants_defect(system, everything) or _mask_defect(system, belief, len(everything))
+    defect = capability_defect(system, seed) if predicts else None
+    return defect or _constants_defect(system, everything) or _mask_defect(system, belief, len(everything))
 
 
 def _predicted_defect(system: System, belief: Any, predicted: Any, shape: tuple[int, ...]) -> str | None:
