@@ -27,7 +27,9 @@ def run(page: str, namespace: dict) -> None:
         exec(compile(block, page, "exec"), namespace)
 
 
-@pytest.mark.parametrize("page", ["index.md", "how_to/compare_policies.md", "how_to/train_with_sb3.md"])
+@pytest.mark.parametrize(
+    "page", ["index.md", "how_to/compare_policies.md", "how_to/train_with_sb3.md", "how_to/trained_agents.md"]
+)
 def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run(page, {})
@@ -42,6 +44,6 @@ def test_the_registrations_and_the_pulse_of_your_own_work(monkeypatch):
     monkeypatch.setattr("wavegym.testing.check_vector_env", made.append)  # of the example, which has its own test
     namespace = {"gym": gym}
     run("how_to/own_environment.md", namespace)
-    assert made == ["mine/ShipRadar-v0", "own/ScalarDwell-v0"]
-    assert {"own/ShipRadar-v0", "own/NarrowBand-v0"} <= set(wavegym.list_envs())
+    assert made == ["mine/ShipRadar-v0", "mine/Own-v0"]
+    assert {"mine/ShipRadar-v0", "mine/NarrowBand-v0"} <= set(wavegym.list_envs())
     assert namespace["R"].shape == (2, 2, 2)

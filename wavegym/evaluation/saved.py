@@ -33,8 +33,8 @@ def saved_agent(name: str, env_id: str) -> Path:
     own = SAVED / stem(env_id) / name
     folder = own if own.is_dir() else pretrained_folder(env_id, name)
     if folder is None:
-        environment = stem(env_id)
-        wanted = f"the folder of a run (nearest: wavegym train {environment}-v0 --algo {name} --out runs/{name})"
+        command = f"wavegym train {env_id.removeprefix('wavegym/')} --algo {name} --out runs/{name}"
+        wanted = f"the folder of a run (nearest: {command})"
         raise InputError(f"policy is {name!r}, of which none is saved for {env_id}, expected {wanted}")
     return folder
 
