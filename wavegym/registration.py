@@ -7,8 +7,10 @@ from typing import Any
 
 import gymnasium as gym
 
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_choice
+from wavegym.core.registry import import_package
 
+NAMESPACE = "wavegym/"
 SYSTEMS = {
     "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans.system:KershawEvans",
     "wavegym/KershawEvansPosition-v0": "wavegym.systems.kershaw_evans.system:KershawEvansPosition",
@@ -82,3 +84,15 @@ def register_suite() -> None:
 def list_envs() -> list[str]:
     """The ids of the suite and of every environment registered with ``wavegym.register``."""
     return [id for id, spec in gym.registry.items() if "wavegym.envs" in str(spec.vector_entry_point)]
+
+
+def full_id(env_id: str) -> str:
+    """The registered id of ``env_id``, with or without ``wavegym/``; ``package:id`` imports the package first.
+
+    Raises:
+        InputError: there is none; the nearest is named.
+    """
+    package, colon, rest = env_id.rpartition(":")
+    if colon:
+        import_package(package)
+    return check_choice("environment", rest if "/" in rest else NAMESPACE + rest, list_envs())

@@ -74,7 +74,7 @@ def test_each_subcommand_has_a_help(name, capsys):
         (["play", "UrbanSignal-v0", "--policy", "ppo"], "nearest: wavegym train UrbanSignal-v0 --algo ppo"),
         (["train", "KershawEvans-v0", "--algo", "pp", "--out", "nowhere"], "did you mean 'ppo'?"),
         (["evaluate", "KershawEvans-v0", "--polices", "random", "--out", "nowhere"], "did you mean '--policies'"),
-        (["export", "no/such", "--onnx", "nowhere"], "wavegym/no"),
+        (["export", "no/such", "--onnx", "nowhere"], "no/such"),
         (["export", "Urban-v0/po", "--onnx", "nowhere"], "expected the folder of a run, or ENV/ALGO"),
         (["export", "Urban-v0/ppo"], "--onnx"),
     ],

@@ -137,7 +137,7 @@ def test_sections_come_from_the_class_or_else_from_its_base():
 def test_an_unknown_environment_is_refused_with_the_nearest_named():
     with pytest.raises(InputError, match="did you mean 'wavegym/KershawEvans-v0'"):
         wavegym.describe("wavegym/KershawEvan-v0")
-    with pytest.raises(InputError, match="environment is 'CartPole-v1'"):
+    with pytest.raises(InputError, match="environment is 'wavegym/CartPole-v1'"):
         wavegym.describe("CartPole-v1")
 
 

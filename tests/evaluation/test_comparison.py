@@ -163,3 +163,10 @@ def test_a_foreign_package_is_imported_for_its_id():
     with pytest.raises(InputError, match="package is 'no_such_package', expected an importable one"):
         make_task("no_such_package:Some/Env-v0", {})
     assert make_task("wavegym.envs:wavegym/KershawEvans-v0", {}).env_id == "wavegym/KershawEvans-v0"
+
+
+def test_names_alone_are_short_for_schedulers():
+    comparison = compare("tests/Uneven-v0", ["random"], worlds=2, jobs=1, progress=False)
+    assert list(comparison.played) == ["myopic", "random"]
+    with pytest.raises(InputError, match=r"policies is 'random', expected names such as \['myopic'\] or a dictionary"):
+        compare("tests/Uneven-v0", "random", worlds=2, jobs=1, progress=False)

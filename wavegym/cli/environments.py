@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wavegym.core.command_line import Parser, settings
-from wavegym.registration import list_envs
+from wavegym.registration import full_id, list_envs
 
 
 def parser(name: str, description: str, takes_environment: bool = True) -> Parser:
@@ -28,16 +28,14 @@ def describe(arguments: Sequence[str]) -> None:
     """Print the page of an environment, Markdown."""
     options = parser("describe", "Show actions, observations and parameters of an environment.").read(arguments)
     from wavegym.envs.describe import describe as page
-    from wavegym.evaluation import full_id
 
-    print(page(full_id(options.env), **settings(options.set)))
+    print(page(options.env, **settings(options.set)))
 
 
 def check(arguments: Sequence[str]) -> None:
     """Check an environment; the first defect is an error."""
     text = "Check that the native vector environment does exactly what Gymnasium's SyncVectorEnv does."
     options = parser("check", text).read(arguments)
-    from wavegym.evaluation import full_id
     from wavegym.testing import check_vector_env
 
     env_id = full_id(options.env)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError
+from wavegym.registration import NAMESPACE
 
 
 def parser() -> Parser:
@@ -30,11 +31,11 @@ def export(arguments: Sequence[str]) -> None:
 def _folder(policy: str) -> Path:
     if Path(policy).is_dir():
         return Path(policy)
-    from wavegym.evaluation import full_id
     from wavegym.policies.pretrained import pretrained_folder
 
-    env_id, slash, algo = policy.rpartition("/")
-    folder = pretrained_folder(full_id(env_id), algo) if slash else None
+    env_id, _, algo = policy.removeprefix(NAMESPACE).rpartition("/")
+    folder = pretrained_folder(NAMESPACE + env_id, algo)
     if folder is None:
-        raise InputError(f"policy is {policy!r}, expected the folder of a run, or ENV/ALGO such as RfEo-v0/ppo")
+        wanted = "the folder of a run, or ENV/ALGO such as RfEo-v0/ppo"
+        raise InputError(f"policy is {policy!r}, neither a folder nor an agent of the package, expected {wanted}")
     return folder

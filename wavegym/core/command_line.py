@@ -74,6 +74,9 @@ def guarded(main: Callable[[], None]) -> int:
     try:
         with _one_line_warnings():
             main()
+    except BrokenPipeError:  # the reader of our output, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (InputError, OSError) as error:
         text = f"{error.strerror}: {error.filename}" if isinstance(error, OSError) and error.filename else str(error)
         return _told(text or type(error).__name__, FAILED)

@@ -17,13 +17,12 @@ import gymnasium as gym
 import numpy as np
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.errors import check_choice
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import System
 from wavegym.envs.build import SETTINGS
 from wavegym.observations.scaling import LIMIT
-from wavegym.registration import list_envs
+from wavegym.registration import full_id
 
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
@@ -54,7 +53,8 @@ def describe(id: str, /, **parameters: Any) -> str:
     Raises:
         InputError: no such environment or parameter (nearest named), or a value out of range.
     """
-    env = gym.make(check_choice("environment", id, list_envs()), **parameters).unwrapped
+    id = full_id(id)
+    env = gym.make(id, **parameters).unwrapped
     given = "".join(f", {name}={value!r}" for name, value in parameters.items())
     assert isinstance(env.system, System)  # type: ignore[attr-defined]
     system: System = env.system  # type: ignore[attr-defined]

@@ -47,7 +47,7 @@ class Comparison:
 
 def compare(
     env_id: str,
-    policies: Mapping[str, Given | None],
+    policies: Mapping[str, Given | None] | Sequence[str],
     *,
     worlds: int = 200,
     root: int = 0,
@@ -64,8 +64,8 @@ def compare(
     Args:
         env_id: a registered id.
         policies: by name, each whatever ``as_policy`` takes, or a sequence of it: the training runs of one learner.
-            None stands for the scheduler, the saved agent, or the system's baseline, of that name. The baseline
-            ``myopic`` is added if absent.
+            None stands for the scheduler, the saved agent, or the system's baseline, of that name; a list of names
+            is short for that. The baseline ``myopic`` is added if absent.
         worlds: how many.
         root: the seed from which worlds, tuning worlds and the policies' own randomness follow.
         jobs: processes; -1 = one for each core.
@@ -82,7 +82,7 @@ def compare(
         check_int("jobs", jobs, 1)
     seeds = world_seeds(root, "test", worlds)
     task = make_task(env_id, settings)
-    members = _members(task, policies if BASELINE in policies else {BASELINE: None, **policies}, root, trust)
+    members = _members(task, _by_name(policies), root, trust)
     laws = dict(CHIRP_LAWS.added)
     work = [
         (own, name, policy, seeds[start : start + CHUNK], laws)
@@ -97,6 +97,15 @@ def compare(
     comparison = Comparison(task, root, seeds, played)
     _check_finite(comparison)
     return comparison
+
+
+def _by_name(policies: Any) -> Mapping[str, Given | None]:
+    """The policies by name, the baseline among them. InputError for anything but a dictionary or names."""
+    if isinstance(policies, (list, tuple)) and all(isinstance(name, str) for name in policies):
+        policies = dict.fromkeys(policies)
+    if not isinstance(policies, Mapping):
+        raise InputError(f"policies is {policies!r}, expected names such as ['myopic'] or a dictionary by name")
+    return policies if BASELINE in policies else {BASELINE: None, **policies}
 
 
 def _check_finite(comparison: Comparison) -> None:

@@ -8,13 +8,9 @@ from typing import Any
 
 import gymnasium as gym
 
-from wavegym.core.errors import check_choice
-from wavegym.core.registry import import_package
 from wavegym.core.system import System
 from wavegym.envs.build import build_system
-from wavegym.registration import SHELL, list_envs
-
-NAMESPACE = "wavegym/"
+from wavegym.registration import SHELL, full_id
 
 
 @dataclass(frozen=True)
@@ -45,15 +41,3 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
     registered = {key: value for key, value in spec.kwargs.items() if key not in SHELL}  # the cost itself is reported
     system, limit = registered.pop("system"), registered.pop("max_episode_steps", spec.max_episode_steps)
     return Task(env_id, build_system(system, {**registered, **settings}), limit, dict(settings))
-
-
-def full_id(env_id: str) -> str:
-    """The registered id of ``env_id``, with or without ``wavegym/``; ``package:id`` imports the package first.
-
-    Raises:
-        InputError: there is none; the nearest is named.
-    """
-    package, colon, rest = env_id.rpartition(":")
-    if colon:
-        import_package(package)
-    return check_choice("environment", rest if "/" in rest else NAMESPACE + rest, list_envs())
