@@ -1,4 +1,4 @@
-"""No number changes unnoticed: tapes exactly, costs to 1e-9 (processors differ), saved agents load and play alike."""
+"""No number changes unnoticed: tapes exactly, costs to 1e-9 (processors differ), saved agents alike."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import pytest
 RECORDED = json.loads(Path(__file__).with_name("golden.json").read_text("utf-8"))
 QUICK = ("random", "round-robin", "myopic", "best-simple")
 FEW = 2  # worlds of the quick test; the slow one plays the agents
+NETWORK = 1e-6  # a network is float32: on another processor its point of a box differs by some 1e-7
 
 
-def close(got: list[str], want: list[str]) -> None:
+def close(got: list[str], want: list[str], rtol: float = 1e-9) -> None:
     played, recorded = ([float.fromhex(cost) for cost in costs] for costs in (got, want))
-    np.testing.assert_allclose(played, recorded[: len(played)], rtol=1e-9)
+    np.testing.assert_allclose(played, recorded[: len(played)], rtol=rtol)
 
 
 @pytest.mark.parametrize("name", RECORDED)
@@ -31,10 +32,10 @@ def test_tapes_and_costs_are_those_recorded(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDED)
 def test_saved_agents_play_as_recorded(name):
-    found = golden.record(name, ("random",), 1, saved=1)
+    found = golden.record(name, ("random",), 1)
     assert found["saved"].keys() == RECORDED[name]["saved"].keys()
     for agent, costs in found["saved"].items():
-        close(costs, RECORDED[name]["saved"][agent])
+        close(costs, RECORDED[name]["saved"][agent], NETWORK)
 
 
 def test_every_environment_is_recorded():
