@@ -57,6 +57,17 @@ def test_a_cost_of_ones_own_is_searched_by_the_generic_functions():
         make_policy("optimum", system, worlds).begin(system, 10, np.random.default_rng(0))
 
 
+def test_a_prediction_of_ones_own_has_no_inherited_gate():
+    class Drifting(KershawEvansPosition):
+        def predict(self, belief, actions, outcome=None):
+            return super().predict(belief, actions)
+
+    with pytest.raises(
+        InputError, match="'myopic:gate' cannot be computed for Drifting: it overrides predict, but inherits"
+    ):
+        make_policy("myopic:gate", Drifting(), None)
+
+
 def test_the_checker_names_the_override():
     wanted = "it overrides cost, but inherits best_sequence from KershawEvans, which knows nothing of it"
     assert capability_defect(VelocityMatters()) == f"BestSequence: {wanted}"

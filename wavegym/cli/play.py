@@ -10,6 +10,7 @@ import numpy as np
 
 from wavegym.core.command_line import Parser, settings
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.policy import Clairvoyant
 
 FRAME_MS = 200  # how long a GIF shows each step
 
@@ -68,7 +69,7 @@ def _episode(task: Any, policy: Any, seed: int, draw: bool) -> tuple[list[float]
     )
     observation, _ = env.reset(seed=[seed])
     policy.begin(task.system, 1, np.random.default_rng([word("policy"), seed]))
-    if hasattr(policy, "reveal"):
+    if isinstance(policy, Clairvoyant):
         policy.reveal(env.world)
     costs: list[float] = []
     frames = [env.render()[0]] if draw else []  # type: ignore[index]

@@ -12,7 +12,7 @@ from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.policy import Policy
+from wavegym.core.policy import Clairvoyant, Policy
 from wavegym.core.system import System
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.task import Task
@@ -69,7 +69,7 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
     account = _Account(task, len(seeds))
     start = perf_counter()
     policy.begin(task.system, len(seeds), np.random.default_rng([word("policy"), seeds[0]]))
-    if hasattr(policy, "reveal"):
+    if isinstance(policy, Clairvoyant):
         policy.reveal(env.world)
     while account.running.any() and len(account.costs) != max_steps:
         action = policy.act(env.belief, observation, allowed(task.system, env.belief))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core.capabilities import InnovationCovariance
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
@@ -20,7 +21,7 @@ from wavegym.schedulers.cycle import best_cycle
 from wavegym.schedulers.heuristics.l_step import Gain
 from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.lookahead import Lookahead
-from wavegym.schedulers.myopic import Myopic, impossible
+from wavegym.schedulers.myopic import Myopic, impossible, require
 from wavegym.schedulers.optimum import Optimum
 from wavegym.schedulers.planners.beam import BeamSearch
 from wavegym.schedulers.planners.mcts import MonteCarloTree
@@ -151,8 +152,7 @@ def _determinant(system: System, worlds: Any) -> Policy:
 
 
 def _gate(system: System, worlds: Any) -> Policy:
-    if not hasattr(system, "innovation_covariance"):
-        raise impossible("myopic:gate", system, "it has no innovation_covariance")
+    require("myopic:gate", system, InnovationCovariance)
     return Myopic("gate")
 
 

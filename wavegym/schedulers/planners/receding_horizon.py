@@ -8,6 +8,7 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import Spending, offers
 from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -69,7 +70,7 @@ def searched(
     In every round the best of ``MOVES`` neighbours is taken if it costs less. Where actions are paid from an account,
     ``exchanged`` comes first: random changes rarely both fit the account and save cost.
     """
-    if hasattr(futures.system, "spending"):
+    if offers(futures.system, Spending):
         plan = exchanged(futures, belief, plan, options, prepared, draws, rounds)
     steps = np.maximum(futures.system.horizon - belief.step, 1)
     rows = np.arange(len(plan))
