@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.trackers.test_rbpf import DENSITY, PG, SCENES, SENSORS, F, Q, every_history, exact, scene
+from tests.trackers.test_rbpf import (
+    DENSITY,
+    NOISE,
+    PG,
+    SCENES,
+    SENSORS,
+    F,
+    Q,
+    every_history,
+    exact,
+    predict_ahead,
+    scene,
+)
 from wavegym.core.errors import InputError
 from wavegym.trackers import GaussianMixture, jpda_update, mixture_update, predict, single_gaussian
 from wavegym.trackers import gaussian_mixture_kernels as kernels
@@ -172,9 +184,9 @@ def test_the_lightest_joins_the_component_that_costs_least():
 
 def test_similar_components_are_merged_where_places_are_free():
     w, x = np.array([0.6, 0.4]), np.array([[0.0] * 4, [0.1, 0.0, 0.0, 0.0]])
-    P = np.tile(np.eye(4), (2, 1, 1))
+    P = np.tile(np.diag([0.5, 0.5, 2.0, 3.0]), (2, 1, 1))
     cost = merging_cost(w, x, P, 0, 1)
-    assert cost == pytest.approx(0.5 * np.log1p(0.24 * 0.01))
+    assert cost == pytest.approx(0.5 * np.log1p(0.24 * 0.02))
     assert (reduced(w, x, P, 3, 1.01 * cost).weight > 0.0).sum() == 1
     assert (reduced(w, x, P, 3, 0.99 * cost).weight > 0.0).sum() == 2
 
@@ -193,13 +205,16 @@ def test_light_hypotheses_are_merged_into_their_parents():
 def test_gates_are_those_of_the_components():
     """A return in no component's gate is clutter, though the gate of the mixture's moments holds it."""
     s = scene([[(), ()]], targets=1)
-    mean = np.stack([s.mean[0] - [0.0, 1500.0, 0.0, 0.0], s.mean[0] + [0.0, 1500.0, 0.0, 0.0]])
+    mean = s.mean + np.array([[0.0, -600.0, 0.0, 0.0], [0.0, 600.0, 0.0, 0.0]])
     covariance = np.tile(s.covariance[0], (2, 1, 1))
     mixture = GaussianMixture(np.array([[0.5, 0.5]]), mean[None], covariance[None])
-    between = np.array([[np.hypot(*(s.mean[0, :2] - SENSORS[0])), 800.0]])
-    done = mixture_update(mixture, [between], s.pd[:1], s.noise[:1], SENSORS[:1], DENSITY, 4.0, PG)
+    centre, S, _ = predict_ahead(mean[0], covariance[0], NOISE, SENSORS[0])
+    outside = centre + np.linalg.cholesky(S) @ [5.0, 0.0]  # 5 standard deviations away
+    done = mixture_update(mixture, [outside[None]], s.pd[:1], s.noise[:1], SENSORS[:1], DENSITY, 4.0, PG)
     assert_equal_moments(done, *(a[None] for a in moments(mixture.weight[0], mean, covariance)), 1e-12)
     assert done.log_evidence == pytest.approx(np.log(1.0 - s.pd[0, 0] * PG))
+    wider = mixture_update(mixture, [outside[None]], s.pd[:1], s.noise[:1], SENSORS[:1], DENSITY, 5.1, PG)
+    assert wider.log_evidence > done.log_evidence
 
 
 def test_no_sensor_and_no_return_are_fine():
