@@ -18,7 +18,7 @@ SETTINGS = {  # of every environment, with their meaning
     "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
     "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "
     '{"q": 4.0}; the parameters that may differ are marked',
-    "measurements": "whether the info of a step holds what the sensors reported, one key for each kind",
+    "measurements": "whether the info of a step holds what the sensors reported: `measured_z` and so on",
     "max_episode_steps": "truncate after this many steps, before the system's own end",
     "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
 }

@@ -39,7 +39,6 @@ INFO_BOX = {
     "action_clipped": "box actions: whether the action lay outside [-1, 1] and was clipped",
 }
 INFO_AT_TIMES = {
-    "measured_NAME": "what the sensors reported in the step, with `measurements=True`",
     "reference_cost": 'with `reward="relative"`: cost of the reference policy at the same step of the same world',
     "final_obs": 'with `autoreset_mode="SameStep"`: last observation of an episode that ended in this step',
     "final_info": 'with `autoreset_mode="SameStep"`: last info of that episode',
