@@ -46,10 +46,6 @@ from wavegym.trackers.kalman import check_positive_definite
 
 STATES = 4  # [x y xdot ydot]
 SIZES = (0,) * STATES
-LEAST = 0.1
-"""A hypothesis of less than this share of 1 / C is merged into its parent's (docs/consistency_in_clutter.md)."""
-SIMILAR = 0.01
-"""Two components are merged even where places are free if this costs at most so many nats (the same page)."""
 
 
 class GaussianMixture(NamedTuple):
@@ -104,8 +100,8 @@ def mixture_update(
     clutter_density: float,
     gate: float = math.inf,
     gate_probability: float = 1.0,
-    least: float = LEAST,
-    similar: float = SIMILAR,
+    least: float = kernels.LEAST,
+    similar: float = kernels.SIMILAR,
 ) -> MixtureUpdate:
     """Update each target's mixture with one scan of every sensor: range and range-rate, in m and m/s.
 
@@ -131,8 +127,8 @@ def mixture_update(
         InputError: shapes that do not fit, values out of range, weights that do not sum to 1, covariances that are not
             positive definite, or more than ten targets that share measurements.
     """
-    weight, X, V = _check_mixture(mixture)
-    targets, most = weight.shape
+    own = _check_mixture(mixture)
+    targets, most = own.weight.shape
     scans, Pd, N, place = check_scans(measurements, pd, noise, sensors, targets)
     check_association_terms(Pd, clutter_density, gate_probability)
     if not gate > 0.0:
@@ -143,16 +139,16 @@ def mixture_update(
     lit, opened, log_evidence = np.ones(targets, np.bool_), np.empty(targets * most, np.bool_), 0.0
     bank = kernels.workspace(targets * most, SIZES)
     for i, z in enumerate(scans):
-        kernels.predict_bank(weight, X, V, lit, N[i], place[i, 0], place[i, 1], bank, opened, SIZES)
+        kernels.predict_bank(own, lit, N[i], place[i, 0], place[i, 1], bank, opened, SIZES)
         log_evidence += kernels.update_mixtures(
-            lit, weight, X, V, z, len(z), Pd[i], bank, float(gate), float(gate_probability), float(clutter_density),
-            limits, SIZES,
+            lit, own, z, len(z), Pd[i], bank, float(gate), float(gate_probability), float(clutter_density), limits,
+            SIZES,
         )  # fmt: skip
         if not np.isfinite(log_evidence):
             raise_without_evidence(i, targets, clutter_density)
     mean, covariance = np.empty((targets, STATES)), np.empty((targets, STATES, STATES))
-    kernels.moments(weight, X, V, lit, mean, covariance, SIZES)
-    return MixtureUpdate(mean, covariance, GaussianMixture(weight, X, V), float(log_evidence))
+    kernels.moments(own, lit, mean, covariance, SIZES)
+    return MixtureUpdate(mean, covariance, own, float(log_evidence))
 
 
 def _check_mixture(mixture: GaussianMixture) -> GaussianMixture:

@@ -1,6 +1,6 @@
 """Gaussian-mixture tracking in clutter, in compiled form; ``gaussian_mixture.py`` describes the method.
 
-Arrays are those of one environment: weight (t, c), X (t, c, n), V (t, c, n, n) of target t and component c. The
+``mixtures`` = (weight (t, c), X (t, c, n), V (t, c, n, n)): the mixture of each target t of one environment. The
 components in use come first; the others have the weight 0. In flat arrays component c of target t is row g = t C + c.
 ``bank`` = (centre (g, 2), L (g, 2, 2), G (g, n, 2), S, A): each component's predicted measurement, the factor L of its
 innovation covariance, its cross-covariance, and scratch space. ``limits`` = (least weight of a hypothesis, greatest
@@ -19,6 +19,11 @@ from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rbpf_kernels import fetch_one, moments_one, weigh_row, whiten
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
+LEAST = 0.1
+"""A hypothesis of less than this share of 1 / C is merged into its parent's (docs/consistency_in_clutter.md)."""
+SIMILAR = 0.01
+"""Two components are merged even where places are free if this costs at most so many nats (the same page)."""
+
 
 @inlined
 def in_use(t, weight):
@@ -30,8 +35,9 @@ def in_use(t, weight):
 
 
 @kernel
-def predict_mixtures(weight, X, V, present, F, Q, weight_out, X_out, V_out, nn):
+def predict_mixtures(mixtures, present, F, Q, mixtures_out, nn):
     """F X and F V F' + Q of all components of the present targets; those of the others are copied."""
+    (weight, X, V), (weight_out, X_out, V_out) = mixtures, mixtures_out
     n, most = len(nn), weight.shape[1]
     x, P, x_out, P_out = X.reshape(-1, n), V.reshape(-1, n, n), X_out.reshape(-1, n), V_out.reshape(-1, n, n)
     T = np.empty((n, n))
@@ -57,9 +63,9 @@ def workspace(rows, nn):
 
 
 @kernel
-def predict_bank(weight, X, V, lit, noise, sx, sy, bank, opened, nn):
+def predict_bank(mixtures, lit, noise, sx, sy, bank, opened, nn):
     """Fill ``bank``, and opened (g,): whether a row is a component of a lit target. noise (t, 2, 2)."""
-    centre, L, G, S, A = bank
+    (weight, X, V), (centre, L, G, S, A) = mixtures, bank
     n, most = len(nn), weight.shape[1]
     x, P = X.reshape(-1, n), V.reshape(-1, n, n)
     for g in range(len(opened)):
@@ -74,12 +80,13 @@ def predict_bank(weight, X, V, lit, noise, sx, sy, bank, opened, nn):
 
 
 @kernel
-def update_mixtures(lit, weight, X, V, z, count, pd, bank, gate, gate_probability, density, limits, nn):
+def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, density, limits, nn):
     """Update the mixtures of all lit targets by one sensor's scan z[: count]; return its log evidence.
 
-    The predicted weight, X and V are overwritten. pd (t,). A return is associated with the components in whose gate it
+    The predicted mixtures are overwritten. pd (t,). A return is associated with the components in whose gate it
     lies.
     """
+    weight, X, V = mixtures
     most, T, row = weight.shape[1], np.sum(lit), 0
     terms = np.empty((len(lit) * most, count + 1))
     W, beta = np.zeros((T, count + 1)), np.empty((T, count + 1))
@@ -228,17 +235,13 @@ def merge_one(v, i, x, P, w, j, y, R, o, x_out, P_out, nn):
 
 
 @kernel
-def moments(weight, X, V, present, mean, covariance, nn):
-    """Fill mean (t, n) and covariance (t, n, n) of the present targets' mixtures."""
+def moments(mixtures, present, mean, covariance, nn):
+    """Fill mean (t, n) and covariance (t, n, n) of the present targets' mixtures; NaN for one without components."""
+    weight, X, V = mixtures
     n, most = len(nn), weight.shape[1]
     x, P = X.reshape(-1, n), V.reshape(-1, n, n)
     for t in range(len(present)):
         if present[t]:
             moments_one(t, weight[t], in_use(t, weight), x, P, t * most, 1, mean, covariance, nn)
-
-
-@kernel
-def restart(t, first, weight, X, V, nn):
-    """Set the mean of target t's only component to first[t]; its covariance stays."""
-    for a in range(len(nn)):
-        X[t, 0, a] = first[t, a]
+            if not weight[t, 0] > 0.0:
+                mean[t, :], covariance[t, :, :] = np.nan, np.nan

@@ -14,7 +14,15 @@ from wavegym.core.capabilities import Delay, Gain, Spending
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
-from wavegym.systems.agile_clutter.state import NN, NonNegativeState, PlanarState, PositiveState, Pulse, drawn_around
+from wavegym.systems.agile_clutter.state import (
+    NN,
+    NonNegativeState,
+    PlanarState,
+    PositiveState,
+    Pulse,
+    TrackerName,
+    drawn_around,
+)
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget.actions import PulseActions
@@ -94,8 +102,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", ge=1, le=1e6)
     mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", ge=1, le=1e6)
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
-    tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
-    particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
+    tracker: TrackerName = changed_default(AgileClutter, "tracker", "jpda")
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -163,7 +170,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
 
     def _belief(self, base: Any, energy: Array, occlusion: Array) -> Any:
         """AgileClutter's belief with the energy left and the field of the occlusion."""
-        return Belief(base.step, base.mean, base.covariance, None, energy, occlusion)
+        return Belief(base.step, base.mean, base.covariance, base.hypotheses, energy, occlusion)
 
     def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: pay, transmit, detect unless the slot is occluded, update."""
@@ -235,7 +242,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         rows = np.broadcast_to(actions, shape).reshape(-1)
         if outcome is not None:
             outcome = np.broadcast_to(outcome, shape + self.outcome_shape).reshape(-1, *self.outcome_shape)
-        after = self._predict_one(trees.repeated(belief, shape[1]), rows, outcome)
+        after = self._predict_one(trees.repeated(belief._replace(hypotheses=None), shape[1]), rows, outcome)
         return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after)
 
     def _predict_one(self, belief: Any, actions: Array, outcome: Array | None) -> Any:
