@@ -72,7 +72,13 @@ def test_first_estimates_and_true_paths_have_their_distributions():
 def test_worlds_are_the_same_whatever_is_transmitted_or_tracked():
     want = AgileClutter().draw_world(np.random.default_rng(3))
     changed = [{"action": form} for form in FORMS] + [{"laws": ("lfm",)}, {"clutter_density": 0.0}, {"gate": 2.0}]
-    for settings in [*changed, {"tracker": "particle"}, {"tracker": "mixture"}, {"durations": (1e-4,)}, {"reference_range": 2e4}]:
+    for settings in [
+        *changed,
+        {"tracker": "particle"},
+        {"tracker": "mixture"},
+        {"durations": (1e-4,)},
+        {"reference_range": 2e4},
+    ]:
         world = AgileClutter(**settings).draw_world(np.random.default_rng(3))
         assert all(np.array_equal(a, b) for a, b in zip(world, want, strict=True))
     other = AgileClutter().draw_world(np.random.default_rng(4))
