@@ -15,9 +15,9 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.clutter_kernels import add_clutter, room
+from wavegym.sensors.clutter_kernels import add_clutter, most_load, room
 from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
+from wavegym.sensors.gate_kernels import in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers.jpda_kernels import factor_one, update_targets
@@ -26,7 +26,7 @@ from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 MOST_CLUTTER = 1e6
-"""Expected points in one gate; a step that exceeds this limit stops, and its clutter count is NaN."""
+"""Greatest load of one gate, in points or cells (``most_load``); beyond it a step stops, its clutter count NaN."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
@@ -170,7 +170,7 @@ def transition(step, mean, covariance, X, V, path, first, uniform, error, key, p
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             z = room(z, count_t)
             returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan)
-            if not most_clutter(lit, work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
+            if not most_load(lit, work[0], work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
                 scan[e, 1] = np.nan
                 break
             z, count = add_clutter(stream(own, i), work[0], work[2], lit, radar[5], radar[4], z, returns)
@@ -195,17 +195,6 @@ def hand_over(e, t, first, mean, X, nn):
         mean[e, t, a] = first[e, t, a]
         for j in range(X.shape[1]):
             X[e, j, t, a] = first[e, t, a]
-
-
-@kernel
-def most_clutter(present, L, gate, density):
-    """The greatest expected number of clutter points in an open gate; NaN if a gate's volume is NaN."""
-    most = 0.0
-    for t in range(len(present)):
-        if present[t]:
-            expected = density * gate_volume_one(t, L, gate)
-            most = expected if expected > most or np.isnan(expected) else most
-    return most
 
 
 @kernel

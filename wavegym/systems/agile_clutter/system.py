@@ -52,7 +52,8 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         Each target's state is [x y xdot ydot] (m, m/s), x_k = F x_{k-1} + w_k, white acceleration of density q (eqs. 1
         and 2). Sensor i measures range and range-rate of every target with covariance N = C / eta (section 3.2), where
         C is the inverse Fisher information of its chirp at unit SNR and eta = (r0 / r)^4. A target is detected with
-        probability Pd = Pf^(1 / (1 + eta)); clutter is Poisson, uniform in the union of the validation gates, so a
+        probability Pd = Pf^(1 / (1 + eta)). Clutter is a Poisson field over range and range-rate, new at every step and
+        sensor and the same for all pulses and trackers; the tracker takes the returns inside its validation gates, so a
         pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
         at the predicted one. Sensor by sensor, an unscented filter with joint probabilistic data association updates
         all targets. ``tracker="particle"``: a Rao-Blackwellised particle filter samples joint associations from their
