@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_last_axes
+from wavegym.core.array_checks import check_elements, check_finite, check_last_axes
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_positive
 from wavegym.sensors import gate_kernels as kernels
@@ -37,7 +37,7 @@ def gate_volume(S: ArrayLike, gate: ArrayLike) -> Array:
 def inside_gate(innovation: ArrayLike, S: ArrayLike, gate: ArrayLike) -> NDArray[np.bool_]:
     """Whether an innovation z - centre, (..., 2), lies in the gate: (...). S, gate, errors: see ``gate_volume``."""
     g = check_elements(check_positive, "gate", gate)
-    squared = kernels.distance(check_last_axes("innovation", innovation, 2), np.zeros(2), cholesky(S))
+    squared = kernels.distance(check_finite("innovation", innovation, 2), np.zeros(2), cholesky(S))
     return np.asarray(squared <= g * g)
 
 

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
+from wavegym.core.errors import InputError, check_choice, check_int, check_non_negative, check_positive
 from wavegym.targets.kernels import scan, scan_batch
 
 SUFFIXES = ("", "dot", "ddot")
@@ -108,15 +109,16 @@ def random_path(
         The paths with their start, (..., steps + 1, n); leading axes broadcast.
 
     Raises:
-        InputError: a last axis that is not n, leading axes that do not broadcast, or steps < 1 with a Generator.
+        InputError: a last axis that is not n, leading axes that do not broadcast, numbers that are not finite, or with
+            a Generator steps that are no integer >= 1.
     """
-    x0 = np.asarray(start, np.float64, "C")
+    x0 = np.asarray(check_finite("start", start), order="C")
     n = len(model.names)
     if isinstance(noise, np.random.Generator):
-        check_positive("steps", steps)
+        check_int("steps", steps, 1)
         w = noise.standard_normal((*x0.shape[:-1], steps, n))
     else:
-        w = np.asarray(noise, np.float64, "C")
+        w = np.asarray(check_finite("noise", noise), order="C")
     if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without broadcasting
         single: FloatArray = scan(model._step, x0, w, (0,) * n)
         return single

@@ -251,7 +251,7 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
         """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
         F, Q, _ = self._model
         mean, P = predict(belief.mean, belief.covariance, F[0], Q[0])
-        return P, range_law_snr(mean[:, 0], self.reference_range, self.nearest_range)
+        return P, range_law_snr(abs(mean[:, 0]), self.reference_range, self.nearest_range)
 
     def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
         """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
@@ -268,7 +268,7 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
     def deterministic_recursion(self, world: World) -> Recursion:
         """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone."""
         state = self.initial(world)
-        eta = range_law_snr(state.truth.path[:, 1:, 0], self.reference_range, self.nearest_range)
+        eta = range_law_snr(abs(state.truth.path[:, 1:, 0]), self.reference_range, self.nearest_range)
         (F, Q, M), C = self._model, self.unit_covariance(self.candidates())
         return Recursion(state.belief.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
 

@@ -28,7 +28,8 @@ from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.sensors.visibility import Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.targets.motion import MotionModel
-from wavegym.trackers.imm import imm_combine, variable_structure
+from wavegym.trackers import imm_kernels
+from wavegym.trackers.imm import variable_structure
 from wavegym.trackers.multilateration import check_triangle
 from wavegym.trackers.urban import kernels, scan_kernels
 
@@ -52,7 +53,7 @@ class Tracks(NamedTuple):
 
     def combined(self) -> tuple[Array, Array]:
         """Mean (env, slot, 6) and covariance (env, slot, 6, 6) over each track's models."""
-        return imm_combine(self.x, self.P, self.mu)
+        return imm_kernels.combine(self.x, self.P, self.mu)  # unchecked: empty slots hold no distribution
 
 
 @in_one_line
