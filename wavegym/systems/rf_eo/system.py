@@ -27,6 +27,7 @@ from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.search_kernels import best_settings
 from wavegym.systems.rf_eo.state import Belief, Truth, World, platform_fields
 from wavegym.targets import MotionModel, constant_velocity
+from wavegym.trackers.checks import MOST_RATIO
 from wavegym.waveforms import SPEED_OF_LIGHT
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
@@ -36,7 +37,6 @@ PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 MOST = 64  # targets, and platforms
 FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
 GREATEST = 1e12  # PRF and bandwidth in Hz, pixel angle in rad
-MOST_RATIO = 1e12  # of the prior variance to a measurement variance
 
 Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 Position = tuple[Coordinate, Coordinate]
@@ -159,7 +159,7 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         """InputError for a range variance below the filter's precision, or pulses that do not fit into a step."""
         finest = 0.5 * SPEED_OF_LIGHT / self.bandwidth[1]
         ratio = max(self.prior_variance) / (finest * finest / 12.0)
-        if ratio > MOST_RATIO:  # an update loses this ratio times 1e-16 of its precision
+        if ratio > MOST_RATIO:
             least = max(self.prior_variance) * MOST_RATIO / ratio
             wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
             raise InputError(f"prior_variance is up to {max(self.prior_variance):g}, expected {wanted}")
