@@ -21,7 +21,14 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core.array_checks import check_elements, check_last_axes
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_int, check_positive, check_probability, check_within
+from wavegym.core.errors import (
+    InputError,
+    check_int,
+    check_non_negative,
+    check_positive,
+    check_probability,
+    check_within,
+)
 from wavegym.core.parameters import in_one_line
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.urban_map import Point, UrbanMap
@@ -132,6 +139,8 @@ class UrbanTracker:
             check_probability(name, getattr(self, name))
         for name in ("survival", "birth", "confirm"):
             check_within(name, getattr(self, name), 0.0, 1.0)
+        check_elements(lambda name, value: check_within(name, value, 0.0, 1.0), "drop", self.drop)
+        check_elements(check_non_negative, "merge", self.merge)
         _ = self.constants
 
     @cached_property
