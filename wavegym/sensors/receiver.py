@@ -29,6 +29,7 @@ ComplexArray = NDArray[np.complex128]
 DELAY_CELLS = 2  # per sample
 DOPPLER_CELLS = 4  # per resolution cell
 BEAMS_PER_ELEMENT = 3
+MOST_SAMPLES = 1e8  # of a scan: 1.6 GB
 MOST = 64  # peaks of an image; weaker ones are lost
 CUT_OFF = 1e-3  # of the peak amplitude: below it the simulated pulse ends
 BANDWIDTHS = 6.0  # rms bandwidths within the sample rate: all but .3 % of the energy of a Gaussian pulse
@@ -55,7 +56,7 @@ class ArrayReceiver:
         elements: number of elements L.
 
     Raises:
-        InputError: no pulse train, or a number out of range.
+        InputError: no pulse train, a number out of range, or more than 1e8 samples in a scan.
     """
 
     train: PulseTrain
@@ -74,6 +75,10 @@ class ArrayReceiver:
         if self.sample_rate < BANDWIDTHS * bandwidth:
             wanted = f"{BANDWIDTHS:g} times the pulses' rms bandwidth (nearest: {BANDWIDTHS * bandwidth:.6g})"
             raise InputError(f"sample_rate is {self.sample_rate!r} Hz, expected at least {wanted}")
+        low, high = self.train.pulse.support
+        longest = (high - low + 2.0 * self.reach / SPEED_OF_LIGHT) * self.sample_rate
+        samples = float(self.train.count) * self.elements * longest
+        check_within("samples of a scan (pulses x elements x samples of a pulse)", samples, 0.0, MOST_SAMPLES)
 
     @property
     def offsets(self) -> Array:

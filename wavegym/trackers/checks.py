@@ -9,12 +9,6 @@ from wavegym.core.array_checks import check_each
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
 
-MOST_RATIO = 1e12
-"""Greatest useful ratio of a predicted variance to a measurement variance.
-
-In double precision an update loses this ratio times 1e-16 of its precision.
-"""
-
 
 def check_association_terms(
     pd: ArrayLike, clutter_density: ArrayLike, gate_probability: float

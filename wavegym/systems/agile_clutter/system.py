@@ -18,7 +18,7 @@ from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors import gate_probability
+from wavegym.sensors import gate_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
@@ -35,6 +35,7 @@ from wavegym.systems.agile_clutter.state import (
     greatest_gate_volume,
     target_fields,
 )
+from wavegym.systems.precision import check_precision
 from wavegym.targets import MotionModel, constant_velocity, random_path
 from wavegym.trackers import Particles, predict_covariance
 from wavegym.trackers.information_reduction import reduction_table
@@ -123,6 +124,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         check_positive("sum of weights", sum(self.weights))
         self._check_targets()
         self._check_clutter()
+        self._check_precision()
 
     def _check_targets(self) -> None:
         """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
@@ -152,6 +154,14 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
                 f"{most:g}): a target of prior_variance {self.prior_variance} that is not detected in {self.lifetime} "
                 f"steps of {self.dt:g} s would have over {kernels.MOST_CLUTTER:g} false returns in its gate"
             )
+
+    def _check_precision(self) -> None:
+        """InputError for pulses too fine for the tracker; see ``check_precision``."""
+        starts, places = np.array(self.starts), np.array(self.sensors)[:, None]
+        H = range_and_rate_jacobian(starts, places)  # (sensor, target, 2, 4)
+        P = H @ predict_covariance(np.diag(self.prior_variance), self.motion.F, self.motion.Q) @ np.swapaxes(H, -1, -2)
+        eta = range_law_snr(range_and_rate(starts, places)[..., 0], self.reference_range, self.nearest_range)
+        check_precision(P, self.action_set.sensor_covariances, eta, self.reference_range)
 
     def farthest_starts(self) -> Array:
         """First states of the targets that stand for all possible ones, (state, 4)."""

@@ -26,6 +26,7 @@ from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
 from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
 from wavegym.systems.kershaw_evans.state import Belief, Truth, World, covariance_fields
+from wavegym.systems.precision import check_precision
 from wavegym.targets import (
     MotionModel,
     Segment,
@@ -36,8 +37,6 @@ from wavegym.targets import (
     windows,
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
-from wavegym.trackers.checks import MOST_RATIO
-from wavegym.waveforms import SPEED_OF_LIGHT
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -132,22 +131,11 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
         self._paths  # noqa: B018  (an invalid recording is reported here)
 
     def _check_precision(self) -> None:
-        """InputError for pulses so much finer than the first prediction that the filter loses all digits."""
-        # R^-1 of every pulse at unit SNR from the Fisher information, which does not cancel as C^-1 would.
-        units = np.array([2.0, -2.0 * self.carrier_hz]) / SPEED_OF_LIGHT  # s per m of delay, Hz per m/s
-        information = np.stack([pulse.fisher_information() for pulse in self.library]) * np.outer(units, units)
-        eta = range_law_snr(np.mean(self.start_range), self.reference_range, self.nearest_range)
+        """InputError for pulses too fine for the filter; see ``check_precision``."""
         widest = np.diag(self.prior_variance) * (10.0 if self.start_covariance == "random" else 1.0)
         P = predict_covariance(widest, self.motion.F, self.motion.Q)[:MEASURED, :MEASURED]
-        ratio = float(eta * (information * P).sum(axis=(1, 2)).max())  # trace(R^-1 P): at least the greatest ratio
-        if not ratio <= MOST_RATIO:
-            nearest = self.reference_range * (MOST_RATIO / ratio) ** 0.25
-            raise InputError(
-                f"reference_range is {self.reference_range!r} m: the first predicted variance is up to {ratio:.3g} "
-                f"times a pulse's, expected at most {MOST_RATIO:g}, the limit of double precision (nearest: "
-                f"{nearest:.3g} m; or a smaller dt, q, prior_variance or carrier_hz, or less extreme durations and "
-                "sweeps)"
-            )
+        eta = range_law_snr(np.mean(self.start_range), self.reference_range, self.nearest_range)
+        check_precision(P, self.action_set.covariances, eta, self.reference_range)
 
     @cached_property
     def motion(self) -> MotionModel:

@@ -18,6 +18,7 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
+from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.actions import PlatformActions
@@ -27,7 +28,6 @@ from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.search_kernels import best_settings
 from wavegym.systems.rf_eo.state import Belief, Truth, World, platform_fields
 from wavegym.targets import MotionModel, constant_velocity
-from wavegym.trackers.checks import MOST_RATIO
 from wavegym.waveforms import SPEED_OF_LIGHT
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
