@@ -250,6 +250,9 @@ GOOD: dict[str, dict[str, Argument]] = {
     "zero_delay_cut": {"waveform": given_as(CHIRP), "dopplers": finite(np.zeros(2))},
     "zero_doppler_cut": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2))},
 }  # fmt: skip
+ALIASES = {  # how messages call an argument
+    "covariance": "P", "matrix": "P", "measurement": "innovation", "sigma_acceleration": "sigma",
+}  # fmt: skip
 ROOMS = (trackers, sensors, targets, waveforms)
 NO_NUMBERS = {
     # results, which functions of this package make
@@ -335,6 +338,7 @@ def test_a_bad_value_is_refused_in_one_line(function: str, name: str, data: st.D
         call(function, **{name: bad})
     message = str(caught.value)
     assert "\n" not in message
+    assert name.rstrip("s") in message or ALIASES[name] in message
     assert "expected" in message or "should be" in message  # the latter: of pydantic
 
 
@@ -368,3 +372,48 @@ def test_a_shape_that_does_not_fit_is_refused_in_one_line(function: str, name: s
 def test_mistakes_that_users_made(refused: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         refused()
+
+
+RECEIVER = sensors.ArrayReceiver(TRAIN, 4e9, 4e7, 300.0)
+PAIR = sensors.Multistatic(*(sensors.Antenna(CITY, places[0]) for places in PLACES.values()))
+DELAYS, SAMPLES = np.full((1, *RECEIVER.shape[:2]), 1e-6), np.ones(RECEIVER.shape, complex)
+IMAGE = RECEIVER.image(SAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("method", "arguments", "names"),
+    [
+        (RECEIVER.receive, (DELAYS, np.ones(1, complex)), ("delay", "amplitudes")),
+        (RECEIVER.image, (SAMPLES,), ("samples",)),
+        (RECEIVER.peaks, (IMAGE, 10.0), ("image", "threshold")),
+        (RECEIVER.false_returns, (10.0,), ("threshold",)),
+        (RECEIVER.threshold, (1e-4,), ("density",)),
+        (PAIR.visible, (PLANAR[:2],), ("points",)),
+        (PAIR.measure, (PLANAR,), ("state",)),
+        (PAIR.delays, (SIX[None], np.zeros(1), 0.0, 0.0), ("state", "path", "times", "offsets")),
+        (PAIR.transmitter.bounces, (PLANAR[:2],), ("points",)),
+        (CITY.indoors, (PLANAR[:2],), ("points",)),
+        (CITY.on_road, (PLANAR[:2],), ("points",)),
+        (TRACK.resample, (1.0, 30.0, 0.0), ("dt", "max_gap", "smoothing")),
+        (TRACK.pieces, (30.0,), ("max_gap",)),
+        (targets.ScriptedPath((0.0, 0.0), (1.0, 0.0)).sample, (np.ones(3),), ("times",)),
+        (CHIRP.measurement_covariance, (1e10, 10.0), ("carrier_hz", "snr")),
+        (CHIRP.fisher_factors().measurement_covariance, (1e10,), ("carrier_hz",)),
+    ],
+    ids=lambda value: getattr(value, "__qualname__", None),
+)
+@pytest.mark.parametrize("bad", [NAN, INF])
+def test_methods_refuse_numbers_that_are_not_finite(method: Any, arguments: Any, names: Any, bad: float) -> None:
+    method(*arguments)
+    for k, name in enumerate(names):
+        spoiled = np.array(arguments[k])
+        spoiled[(0,) * spoiled.ndim] = bad
+        with pytest.raises(InputError, match=name) as caught:
+            method(*arguments[:k], spoiled if spoiled.ndim else spoiled.item(), *arguments[k + 1 :])
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["position", "axis"])
+def test_an_antenna_stands_in_a_plane(name: str) -> None:
+    with pytest.raises(InputError, match=rf"antenna's {name} has shape \(3,\), expected \(2,\)"):
+        call("Antenna", **{name: (0.6, 0.8, 0.0)})

@@ -39,7 +39,7 @@ class Antenna:
     def __post_init__(self) -> None:
         check_shape("the antenna's position", check_finite("the antenna's position", self.position), (2,))
         self.urban_map.check_outdoors("the antenna's position", self.position)
-        check_shape("the antenna's axis", check_finite("the antenna's axis", self.axis), (2,))
+        check_shape("the antenna's axis", np.asarray(self.axis), (2,))
         if not abs(np.hypot(*self.axis) - 1.0) <= 1e-9:
             raise InputError(f"the antenna's axis is {self.axis}, expected a unit vector such as (1.0, 0.0)")
 

@@ -33,7 +33,8 @@ def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receive
     Raises:
         InputError: a wrong shape, or numbers that are not finite.
     """
-    return (range_and_rate(state, transmitter) + range_and_rate(state, receiver)) / 2.0
+    ends = check_finite("transmitter", transmitter, 2), check_finite("receiver", receiver, 2)
+    return (range_and_rate(state, ends[0]) + range_and_rate(state, ends[1])) / 2.0
 
 
 class Echoes(NamedTuple):
