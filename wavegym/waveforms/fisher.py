@@ -60,10 +60,18 @@ class FisherFactors:
         """
         carrier = check_elements(check_positive, "carrier_hz", carrier_hz)
         r, b, v = np.asarray(self.residual), np.asarray(self.slope), np.asarray(self.spread)
-        metres = 0.5 * SPEED_OF_LIGHT  # per second of delay
-        rate = metres / (_TWO_PI * carrier)  # m/s per rad/s of Doppler
-        delay = metres / r
-        return _symmetric(metres * delay, -rate * (delay * b), rate * rate * (1.0 / v + b * b / r))
+        return unchecked_covariance(r, b, v, carrier)
+
+
+def unchecked_covariance(r: FloatArray, b: FloatArray, v: FloatArray, carrier: FloatArray) -> FloatArray:
+    """``FisherFactors.measurement_covariance`` of a residual, slope and spread without checks, for the systems' steps.
+
+    An action is a point of a box whose bounds were checked when the system was made.
+    """
+    metres = 0.5 * SPEED_OF_LIGHT  # per second of delay
+    rate = metres / (_TWO_PI * carrier)  # m/s per rad/s of Doppler
+    delay = metres / r
+    return _symmetric(metres * delay, -rate * (delay * b), rate * rate * (1.0 / v + b * b / r))
 
 
 def _symmetric(first: FloatArray, off: FloatArray, second: FloatArray) -> FloatArray:

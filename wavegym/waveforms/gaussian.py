@@ -100,8 +100,13 @@ def gaussian_fisher_factors(duration: ArrayLike, signed_chirp_rate: ArrayLike) -
     """
     k, rate = check_elements(check_positive, "duration", duration), check_finite("signed_chirp_rate", signed_chirp_rate)
     check_broadcast(duration=k, signed_chirp_rate=rate)
+    return FisherFactors(*unchecked_gaussian_factors(k, rate))
+
+
+def unchecked_gaussian_factors(k: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The fields of ``gaussian_fisher_factors`` without checks, for ``unchecked_covariance``."""
     square = k * k
-    return FisherFactors(0.5 / square, 2.0 * rate, 0.5 * square)
+    return 0.5 / square, 2.0 * rate, 0.5 * square
 
 
 def gaussian_measurement_covariance(

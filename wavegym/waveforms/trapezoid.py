@@ -135,12 +135,19 @@ def trapezoid_fisher_factors(moments: ArrayLike, duration: ArrayLike, signed_swe
     m, length = check_finite("moments", moments, 4), check_elements(check_positive, "duration", duration)
     sweep = check_finite("signed_sweep", signed_sweep)
     check_broadcast(moments=m[..., 0], duration=length, signed_sweep=sweep)
+    return FisherFactors(*unchecked_trapezoid_factors(m, length, sweep))
+
+
+def unchecked_trapezoid_factors(
+    m: FloatArray, length: FloatArray, sweep: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The fields of ``trapezoid_fisher_factors`` without checks, for ``unchecked_covariance``."""
     swing = _TWO_PI * sweep  # rad/s
     square = length * length
-    return FisherFactors(
-        residual=m[..., 3] / square + (swing * swing) * m[..., 2],
-        slope=swing * m[..., 1] / length,
-        spread=m[..., 0] * square,
+    return (
+        m[..., 3] / square + (swing * swing) * m[..., 2],
+        swing * m[..., 1] / length,
+        m[..., 0] * square,
     )
 
 
