@@ -63,7 +63,7 @@ class FisherFactors:
         return unchecked_covariance(r, b, v, carrier)
 
 
-def unchecked_covariance(r: FloatArray, b: FloatArray, v: FloatArray, carrier: FloatArray) -> FloatArray:
+def unchecked_covariance(r: FloatArray, b: FloatArray, v: FloatArray, carrier: FloatArray | float) -> FloatArray:
     """``FisherFactors.measurement_covariance`` of a residual, slope and spread without checks, for the systems' steps.
 
     An action is a point of a box whose bounds were checked when the system was made.

@@ -137,7 +137,7 @@ class ChirpActions:
     def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:
         """C (..., 2, 2) of any chirps: index of the law, duration (s) and signed sweep (Hz), each (...)."""
         factors = unchecked_trapezoid_factors(self._moments[law], duration, sweep)
-        return unchecked_covariance(*factors, np.float64(self.carrier_hz))
+        return unchecked_covariance(*factors, self.carrier_hz)
 
     @cached_property
     def _moments(self) -> Array:

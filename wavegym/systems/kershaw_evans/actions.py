@@ -71,4 +71,4 @@ class GaussianActions:
         values = self.box.decode(actions)
         duration, sweep = values[..., 0], values[..., 1]
         rate = np.pi * sweep / (2.0 * duration)
-        return unchecked_covariance(*unchecked_gaussian_factors(duration, rate), np.float64(self.carrier_hz))
+        return unchecked_covariance(*unchecked_gaussian_factors(duration, rate), self.carrier_hz)
