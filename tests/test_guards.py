@@ -208,6 +208,7 @@ GOOD: dict[str, dict[str, Argument]] = {
     # targets
     "constant_velocity": WHITE,
     "constant_acceleration": WHITE,
+    "constant_turn": WHITE | {"turn_rate": finite(0.1)},
     "nearly_constant_velocity": STEP | {"sigma": non_negative(0.5), "acceleration": non_negative(0.5)},
     "nearly_constant_acceleration": STEP | {"sigma": non_negative(0.5)},
     "coordinated_turn": STEP
