@@ -8,7 +8,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_each
+from wavegym.core.array_checks import check_each, check_finite
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
@@ -37,7 +37,7 @@ def check_distribution(name: str, values: FloatArray, row: str = "") -> None:
     """
     check_each(name, values, (values >= 0.0) & (values <= 1.0), "probabilities")
     total = values.sum(axis=-1)
-    check_each(f"the sum of {row}{name}", total, abs(total - 1.0) < 1e-9, "1")
+    check_each(f"the sum of {row}{name}", total, abs(total - 1.0) < 1e-9, "1 (nearest: divide by the sum)")
 
 
 def check_scans(
@@ -56,8 +56,7 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> F
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         wanted = ", ".join("any" if n is None else str(n) for n in shape)
         raise InputError(f"{name} has the shape {array.shape}, expected ({wanted})")
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} has values that are not finite, the first at {np.argwhere(~np.isfinite(array))[0]}")
+    check_finite(name, array)
     return array
 
 

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import FloatArray
+from wavegym.core.covariance_checks import check_positive_definite
 from wavegym.core.errors import InputError, check_int, check_non_negative
 from wavegym.trackers import gaussian_mixture_kernels as kernels
 from wavegym.trackers.checks import (
@@ -42,7 +43,6 @@ from wavegym.trackers.checks import (
     check_scans,
     raise_without_evidence,
 )
-from wavegym.trackers.kalman import check_positive_definite
 
 STATES = 4  # [x y xdot ydot]
 SIZES = (0,) * STATES

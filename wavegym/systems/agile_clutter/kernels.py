@@ -18,9 +18,9 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.clutter_kernels import add_clutter, room
+from wavegym.sensors.clutter_kernels import add_clutter, most_load, room
 from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
+from wavegym.sensors.gate_kernels import in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers import gaussian_mixture_kernels as gaussian_mixture
@@ -30,7 +30,7 @@ from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 MOST_CLUTTER = 1e6
-"""Expected points in one gate; a step that exceeds this limit stops, and its clutter count is NaN."""
+"""Greatest load of one gate, in points or cells (``most_load``); beyond it a step stops, its clutter count NaN."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
@@ -179,7 +179,7 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
                 gates = opened, bank[0], bank[1]
             z = room(z, count_t)
             returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, gates, z, outside, scan)
-            if not most_clutter(gates, radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
+            if not most_load(gates[0], gates[1], gates[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
                 scan[e, 1] = np.nan
                 break
             z, count = add_clutter(stream(own, i), gates[1], gates[2], gates[0], radar[5], radar[4], z, returns)
@@ -215,17 +215,6 @@ def hand_over(e, t, first, mean, X, mixtures, nn):
             X[e, j, t, a] = first[e, t, a]
         for c in range(mixtures[1].shape[2]):
             mixtures[1][e, t, c, a] = first[e, t, a]
-
-
-@kernel
-def most_clutter(gates, gate, density):
-    """The greatest expected number of clutter points in an open gate; NaN if a gate's volume is NaN."""
-    (opened, _, L), most = gates, 0.0
-    for g in range(len(opened)):
-        if opened[g]:
-            expected = density * gate_volume_one(g, L, gate)
-            most = expected if expected > most or np.isnan(expected) else most
-    return most
 
 
 @kernel

@@ -20,6 +20,7 @@ from wavegym.systems.agile_clutter.state import (
     PositiveState,
     Pulse,
     TrackerName,
+    corners,
     drawn_around,
     target_fields,
 )
@@ -126,6 +127,10 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         truth, base = super().initial(world)
         visible = visibility(self, world.window, len(self.starts))
         return State(truth, Belief(base.step, base.mean, base.covariance, base.hypotheses, visible))
+
+    def farthest_starts(self) -> Array:
+        """The corners of the boxes in which targets start, (state, 4)."""
+        return corners(self.starts, self.spread)
 
     def first_states(self, world: Any) -> Array:
         """The true states at birth, drawn around ``starts``."""

@@ -21,6 +21,7 @@ from wavegym.systems.agile_clutter.state import (
     PositiveState,
     Pulse,
     TrackerName,
+    corners,
     drawn_around,
 )
 from wavegym.systems.agile_clutter.system import AgileClutter
@@ -159,6 +160,10 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         none = np.zeros(count, np.bool_)
         truth = Truth(**base._asdict(), spent=np.zeros(count), occluded=none, replaced=none.copy())
         return State(truth, self._belief(belief, np.full(count, self.total), self._first_occlusion(world)))
+
+    def farthest_starts(self) -> Array:
+        """The corners of the boxes in which targets start, (state, 4)."""
+        return corners(self.starts, self.spread)
 
     def first_states(self, world: Any) -> Array:
         """The true states at birth, drawn around ``starts``."""
