@@ -23,7 +23,7 @@ from wavegym.trackers import GaussianMixture, jpda_update, mixture_update, predi
 from wavegym.trackers import gaussian_mixture_kernels as kernels
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
-EVERY = {"least": 0.0, "similar": 0.0}  # no hypothesis is merged while places are free
+EVERY = {"negligible": 0.0}  # no hypothesis is merged while places are free
 NN = (0,) * 4
 
 
@@ -32,12 +32,12 @@ def ahead(mixture):
     return GaussianMixture(mixture.weight, *predict(mixture.mean, mixture.covariance, F, Q))
 
 
-def filtered(s, components, **limits):
+def filtered(s, components, **settings):
     """Each step's ``MixtureUpdate``."""
     mixture = single_gaussian(s.mean, s.covariance, components)
     for k, scans in enumerate(s.scans):
         mixture = mixture if k == 0 else ahead(mixture)
-        done = mixture_update(mixture, scans, s.pd, s.noise, SENSORS, DENSITY, gate_probability=PG, **limits)
+        done = mixture_update(mixture, scans, s.pd, s.noise, SENSORS, DENSITY, gate_probability=PG, **settings)
         yield done
         mixture = done.mixture
 
@@ -192,10 +192,10 @@ def test_similar_components_are_merged_where_places_are_free():
 
 
 def test_light_hypotheses_are_merged_into_their_parents():
-    """With ``least`` above every weight each component is updated by PDA, and no moment is lost."""
+    """Where every weight is negligible each component is updated by PDA, and no moment is lost."""
     s = SCENES["one target, three steps"]
     z, mixture = s.scans[0][:1], single_gaussian(s.mean, s.covariance, 10)
-    done = mixture_update(mixture, z, s.pd[:1], s.noise[:1], SENSORS[:1], DENSITY, gate_probability=PG, least=20.0)
+    done = mixture_update(mixture, z, s.pd[:1], s.noise[:1], SENSORS[:1], DENSITY, gate_probability=PG, negligible=20.0)
     assert (done.mixture.weight > 0.0).sum() == 1
     mean, covariance, log_evidence = exact(s._replace(scans=[z]))
     assert_equal_moments(done, mean, covariance)
@@ -240,12 +240,12 @@ BAD = {
     "clutter_density": (0.0, "clutter_density is 0.0, expected finite numbers > 0"),
     "clutter_density too small": (1e-320, "expected more: the evidence of sensor 0 overflows"),
     "pd": (np.ones((2, 2)), r"pd\[0, 0\] is 1.0, expected probabilities in \(0, 1\)"),
-    "noise": (-good()["noise"], "noise has the eigenvalue"),
+    "noise": (-good()["noise"], r"noise\[0, 0\] has the eigenvalue"),
     "gate": (0.0, r"gate is 0.0, expected a number > 0"),
     "gate not a number": (np.nan, r"gate is nan, expected a number > 0"),
     "gate_probability": (0.0, "gate_probability is 0.0"),
-    "least": (-1.0, "least is -1.0, expected a finite number >= 0"),
-    "similar": (np.inf, "similar is inf, expected a finite number >= 0"),
+    "negligible": (-1.0, "negligible is -1.0, expected a finite number >= 0"),
+    "negligible not finite": (np.inf, "negligible is inf, expected a finite number >= 0"),
     "mixture of half weight": (MIXTURE._replace(weight=0.5 * MIXTURE.weight), "the sum of a row of weight"),
     "mixture with a gap": (
         MIXTURE._replace(weight=MIXTURE.weight[:, ::-1]),
@@ -253,7 +253,7 @@ BAD = {
     ),
     "mixture without a covariance": (
         MIXTURE._replace(covariance=0.0 * MIXTURE.covariance),
-        "covariance has the eigenvalue 0",
+        r"covariance\[0\] has the eigenvalue 0",
     ),
     "mixture of another shape": (MIXTURE._replace(mean=MIXTURE.mean[..., :3]), r"mean has the shape \(2, 2, 3\)"),
 }

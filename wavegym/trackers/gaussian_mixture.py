@@ -6,10 +6,11 @@ multiplies the histories by the returns in their gates. The tracker keeps at mos
 1. Every component predicts its own measurement (unscented transform) and opens its own gate.
 2. Each target's likelihood of a return is the sum over its components. The joint association of all targets is exact
    (``joint_association``): a return belongs to one target at most.
-3. Every component branches: a hypothesis for each return in its gate, and one for the miss. Hypotheses below a least
+3. Every component branches: a hypothesis for each return in its gate, and one for the miss. Hypotheses of negligible
    weight are merged with the miss of their parent, as in probabilistic data association: nothing is cut off.
 4. The hypotheses are merged down to C components. From the heaviest down, each joins the component with which merging
-   costs least by Runnalls's bound on the Kullback-Leibler divergence, or takes a free place.
+   costs least by Runnalls's bound on the Kullback-Leibler divergence, if that cost is negligible or no place is free;
+   else it becomes a component.
 
 Merging preserves the mean and the covariance of the mixture. So the covariance of the belief counts the hypotheses
 that disagree, and an unlikely one costs until the scans refute it. With one component the tracker is JPDA. With one
@@ -100,8 +101,7 @@ def mixture_update(
     clutter_density: float,
     gate: float = math.inf,
     gate_probability: float = 1.0,
-    least: float = kernels.LEAST,
-    similar: float = kernels.SIMILAR,
+    negligible: float = kernels.NEGLIGIBLE,
 ) -> MixtureUpdate:
     """Update each target's mixture with one scan of every sensor: range and range-rate, in m and m/s.
 
@@ -117,8 +117,8 @@ def mixture_update(
         clutter_density: false returns per m x m/s, > 0.
         gate: radius of each component's gate in standard deviations; inf: no gates.
         gate_probability: probability that a detected target's return lies in its component's gate.
-        least: a hypothesis whose weight is below ``least`` / C is merged into its parent's; 0 merges none.
-        similar: nats; components that merge at this cost or less are merged though places are free; 0 merges none.
+        negligible: a hypothesis whose weight is below ``negligible`` / C is merged into its parent's, and components
+            that merge at a cost of at most ``negligible`` / C nats are merged though places are free; 0 merges none.
 
     Returns:
         See ``MixtureUpdate``.
@@ -135,14 +135,14 @@ def mixture_update(
         raise InputError(f"gate is {gate!r}, expected a number > 0 (inf: no gates)")
     if N.size:
         check_positive_definite("noise", N)
-    limits = check_non_negative("least", least) / most, check_non_negative("similar", similar)
+    check_non_negative("negligible", negligible)
     lit, opened, log_evidence = np.ones(targets, np.bool_), np.empty(targets * most, np.bool_), 0.0
     bank = kernels.workspace(targets * most, SIZES)
     for i, z in enumerate(scans):
         kernels.predict_bank(own, lit, N[i], place[i, 0], place[i, 1], bank, opened, SIZES)
         log_evidence += kernels.update_mixtures(
-            lit, own, z, len(z), Pd[i], bank, float(gate), float(gate_probability), float(clutter_density), limits,
-            SIZES,
+            lit, own, z, len(z), Pd[i], bank, float(gate), float(gate_probability), float(clutter_density),
+            float(negligible), SIZES,
         )  # fmt: skip
         if not np.isfinite(log_evidence):
             raise_without_evidence(i, targets, clutter_density)

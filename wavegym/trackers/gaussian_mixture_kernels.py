@@ -3,8 +3,7 @@
 ``mixtures`` = (weight (t, c), X (t, c, n), V (t, c, n, n)): the mixture of each target t of one environment. The
 components in use come first; the others have the weight 0. In flat arrays component c of target t is row g = t C + c.
 ``bank`` = (centre (g, 2), L (g, 2, 2), G (g, n, 2), S, A): each component's predicted measurement, the factor L of its
-innovation covariance, its cross-covariance, and scratch space. ``limits`` = (least weight of a hypothesis, greatest
-cost of a merger where places are free).
+innovation covariance, its cross-covariance, and scratch space.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -19,10 +18,8 @@ from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rbpf_kernels import fetch_one, moments_one, weigh_row, whiten
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
-LEAST = 0.1
-"""A hypothesis of less than this share of 1 / C is merged into its parent's (docs/consistency_in_clutter.md)."""
-SIMILAR = 0.01
-"""Two components are merged even where places are free if this costs at most so many nats (the same page)."""
+NEGLIGIBLE = 0.1
+"""A weight, or a merger's cost in nats, below this share of 1 / C is negligible (docs/consistency_in_clutter.md)."""
 
 
 @inlined
@@ -80,7 +77,7 @@ def predict_bank(mixtures, lit, noise, sx, sy, bank, opened, nn):
 
 
 @kernel
-def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, density, limits, nn):
+def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, density, negligible, nn):
     """Update the mixtures of all lit targets by one sensor's scan z[: count]; return its log evidence.
 
     The predicted mixtures are overwritten. pd (t,). A return is associated with the components in whose gate it
@@ -88,6 +85,7 @@ def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, d
     """
     weight, X, V = mixtures
     most, T, row = weight.shape[1], np.sum(lit), 0
+    limit = negligible / most
     terms = np.empty((len(lit) * most, count + 1))
     W, beta = np.zeros((T, count + 1)), np.empty((T, count + 1))
     for t in range(len(lit)):
@@ -105,8 +103,8 @@ def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, d
         if lit[t]:
             for m in range(count + 1):
                 beta[row, m] = beta[row, m] / W[row, m] if W[row, m] > 0.0 else 0.0
-            w, x, P, children = branch(t, weight, X, V, z, count, terms, beta, row, bank, limits[0], nn)
-            reduce(w, x, P, children, limits[1], weight[t], X[t], V[t], nn)
+            w, x, P, children = branch(t, weight, X, V, z, count, terms, beta, row, bank, limit, nn)
+            reduce(w, x, P, children, limit, weight[t], X[t], V[t], nn)
             row += 1
     return log_evidence
 

@@ -237,8 +237,7 @@ def track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar,
 def track_mixtures(present, lit, x, P, mixtures, z, count, radar, work, bank, nn):
     """Update the mixtures of one environment, and their moments x (t, n), P (t, n, n), with a scan z[: count]."""
     density, gate, gate_probability = max(radar[4], LEAST_DENSITY), radar[5], radar[6]
-    limits = gaussian_mixture.LEAST / mixtures[0].shape[1], gaussian_mixture.SIMILAR
     gaussian_mixture.update_mixtures(
-        lit, mixtures, z, count, work[5], bank, gate, gate_probability, density, limits, nn
+        lit, mixtures, z, count, work[5], bank, gate, gate_probability, density, gaussian_mixture.NEGLIGIBLE, nn
     )
     gaussian_mixture.moments(mixtures, present, x, P, nn)
