@@ -31,6 +31,8 @@ PARAMETER = {"mixture": "components", "particle": "particles"}
 POLICIES = ("random", "myopic", "best-planner")  # beside the best simple one
 SLOW = {("particle", 10_000): 5, "best-planner": 12}  # are played on so many times fewer worlds
 
+SHOWN = {"nees": "NEES", "nees_kept": "NEES, kept", "true_over_believed": "true / believed", "error": "true error"}
+
 
 class Case(NamedTuple):
     """One row: what is played."""
@@ -125,6 +127,16 @@ def row(case: Case, count: int) -> dict[str, Any]:
     return found | {"lost_percent": f"{100.0 * f.lost.sum() / f.tracks.sum():.3g}", "us_per_step": f"{us:.3g}"}
 
 
+def table(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """The lines of the page's table in Markdown."""
+    yield f"| environment | policy | worlds | tracker | {' | '.join(SHOWN.values())} | lost % | us a step |"
+    yield "|" + " --- |" * 10
+    for r in rows:
+        cells = [r["environment"], r["policy"], r["worlds"], f"{r['tracker']} {r['size']}".removesuffix(" 0")]
+        cells += [f"{r[name]} [{r[f'{name}_low']}, {r[f'{name}_high']}]" for name in SHOWN]
+        yield f"| {' | '.join(map(str, [*cells, r['lost_percent'], r['us_per_step']]))} |"
+
+
 def main() -> None:
     """Play all cases; after an interruption the same command plays those that the file lacks."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -144,7 +156,7 @@ def main() -> None:
                 writer = csv.DictWriter(file, list(rows[0]))
                 writer.writeheader()
                 writer.writerows(rows)
-            print(" | ".join(str(value) for value in rows[-1].values()), flush=True)
+    print("\n".join(table(rows)))
 
 
 if __name__ == "__main__":
