@@ -27,7 +27,7 @@ from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 MOST_CLUTTER = 1e6
-"""Greatest load of one gate, in points or cells (``most_load``); beyond it a step stops, its clutter count NaN."""
+"""Expected points in one gate; a step that exceeds this limit stops, and its clutter count is NaN."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 

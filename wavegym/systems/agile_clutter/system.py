@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -11,7 +12,7 @@ import numpy as np
 from pydantic import NonNegativeInt
 
 from wavegym.core import trees
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import BestAction, LinearCost, SensorBySensor
 from wavegym.core.errors import InputError, check_positive, check_within
@@ -121,6 +122,9 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         "sweeps of the library, which holds every law with every duration and sweep, up and down",
         unit="Hz",
     )
+    library: Library | None = parameter(
+        None, "a Library of waveforms of your own, in place of ``laws``, ``durations`` and ``sweeps``", unit=""
+    )
     action: Literal["library", "joint", "box"] = parameter(
         "library",
         "a waveform per sensor; one index for all sensors (every law up and down, at the longest duration and the "
@@ -136,9 +140,23 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
+        self._check_library()
         self._check_targets()
         self._check_clutter()
         self._check_precision()
+
+    def _check_library(self) -> None:
+        """InputError for a library of one's own together with what describes the built-in one."""
+        if self.library is None:
+            return
+        if self.action == "box":
+            raise InputError(
+                "library is given with action='box', expected action='library' or 'joint': a box spans built-in chirps"
+            )
+        for field in dataclasses.fields(self):
+            if field.name in ("laws", "durations", "sweeps") and getattr(self, field.name) != field.default:
+                given = f"{field.name} is {getattr(self, field.name)} with library="
+                raise InputError(f"{given}, expected one of the two: the library takes the place of the chirps")
 
     def _check_targets(self) -> None:
         """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
@@ -192,7 +210,8 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     @cached_property
     def action_set(self) -> ChirpActions:
         """The chirps of all sensors in the form that ``action`` names."""
-        return ChirpActions(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
+        chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
+        return ChirpActions(*chirps, len(self.sensors), self.action, own=self.library)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:

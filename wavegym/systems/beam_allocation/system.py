@@ -87,6 +87,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         "sweep of each chirp, as many as durations; every law with every pair, rising, can be sent at every target",
         unit="Hz",
     )
+    library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
     tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
     particles: int = parameter(1000, "not used", ge=2, le=1_000_000)

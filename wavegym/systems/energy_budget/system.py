@@ -106,6 +106,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     )
     mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", truth=True, ge=1, le=1e6)
     mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
+    library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
     tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
     particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
