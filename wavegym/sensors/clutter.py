@@ -12,7 +12,7 @@ from wavegym.sensors import clutter_kernels as kernels
 from wavegym.sensors.gates import cholesky, gate_volume
 
 MOST_POINTS = 1e7
-"""Greatest number of points expected, and of cells spanned, in one call."""
+"""Greatest expected number of clutter points in one call."""
 
 
 def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, density: float) -> Array:
@@ -45,7 +45,8 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
     expected = check_non_negative("density", density) * float(gate_volume(S, check_positive("gate", gate)).sum())
     check_within("expected number of clutter points (density x gate volumes)", expected, 0.0, MOST_POINTS)
     present = np.ones(len(points), dtype=np.bool_)
-    load = kernels.most_load(present, points, L, float(gate), float(density))
-    check_within("number of clutter cells (area 1 / density) that a gate spans", load, 0.0, MOST_POINTS)
+    if not kernels.most_load(present, points, L, float(gate), float(density)) < np.inf:
+        wanted = f"within {kernels.FARTHEST:.0g} and sizes up to {0.5 * kernels.LONGEST:.0g} clutter cells"
+        raise InputError(f"density is {density!r} with cells of area 1 / density, expected gates {wanted}")
     z, count = kernels.add_clutter(own, points, L, present, float(gate), float(density), np.empty((64, 2)), 0)
     return z[:count].copy()

@@ -19,12 +19,14 @@ ASPECT = 0.2
 """First side of a cell over its second one, s for range and range-rate: about that of a gate, which saves cells."""
 THINNEST = 1e-20
 """Density below which cells do not grow any more and hold less than one expected point each."""
-FARTHEST = 2.0**30
-"""Greatest distance of a gate from the origin, in cells: a point's place keeps at least 22 bits within its cell."""
+FARTHEST = 2.0**40
+"""Greatest distance of a gate from the origin, in cells: a point's place keeps at least 12 bits within its cell."""
+LONGEST = 1e8
+"""Greatest number of columns and rows of cells that a gate spans."""
 MOST_IN_CELL = 20
 """Most points of a cell: of a Poisson number with mean 1, more have probability 2e-20, below a draw's resolution."""
-SLACK = 1e-6
-"""Widens a gate's rows by this share of a cell, so that rounding loses no point at the border of a cell."""
+SLACK = 2.0**-10
+"""Widens a gate by this share of a cell, more than the rounding of places, so that no cell at its border is lost."""
 
 
 @kernel
@@ -53,16 +55,15 @@ def reach_one(t, L, gate):
 
 @kernel
 def gate_load(t, centre, L, gate, density):
-    """The expected points of gate t, or the columns and rows of cells that it spans, whichever are more.
-
-    inf for a gate whose centre is no number or lies beyond FARTHEST cells, NaN or inf for one without a finite volume.
+    """The expected points of gate t; inf if its centre is beyond FARTHEST cells or no number, or if it spans more than
+    LONGEST columns and rows; NaN or inf without a finite volume.
     """
     sides, reach = cell_sides(density), reach_one(t, L, gate)
     if not (abs(centre[t, 0]) <= FARTHEST * sides[0] and abs(centre[t, 1]) <= FARTHEST * sides[1]):
         return np.inf
-    expected = density * gate_volume_one(t, L, gate)
-    spanned = 2.0 * (reach[0] / sides[0] + reach[1] / sides[1])
-    return spanned if spanned > expected else expected
+    if reach[0] / sides[0] + reach[1] / sides[1] > 0.5 * LONGEST:
+        return np.inf
+    return density * gate_volume_one(t, L, gate)
 
 
 @kernel
@@ -77,9 +78,9 @@ def most_load(present, centre, L, gate, density):
 
 
 @inlined
-def cell_of(place, side):
-    """The number of the cell that holds a coordinate."""
-    return np.int64(np.floor(place / side))
+def cell_of(place, side, slack):
+    """The number of the cell that holds a coordinate, moved by ``slack`` cells."""
+    return np.int64(np.floor(place / side + slack))
 
 
 @inlined
@@ -131,14 +132,14 @@ def add_gate(key, sides, mean, none, t, centre, L, present, gate, z, count):
     """
     reach = reach_one(t, L, gate)
     top = gate * gate * L[t, 1, 0] / reach[1]
-    first = cell_of(centre[t, 0] - reach[0], sides[0])
-    for column in range(first, cell_of(centre[t, 0] + reach[0], sides[0]) + 1):
+    first = cell_of(centre[t, 0] - reach[0], sides[0], -SLACK)
+    for column in range(first, cell_of(centre[t, 0] + reach[0], sides[0], SLACK) + 1):
         low = max((column * sides[0] - centre[t, 0]) / L[t, 0, 0], -gate)
         high = min(((column + 1) * sides[0] - centre[t, 0]) / L[t, 0, 0], gate)
         below = border_one(t, L, gate, min(max(top, -high), -low))
         above = border_one(t, L, gate, min(max(top, low), high))
-        bottom, own = cell_of(centre[t, 1] - below - SLACK * sides[1], sides[1]), stream(key, column)
-        for row in range(bottom, cell_of(centre[t, 1] + above + SLACK * sides[1], sides[1]) + 1):
+        bottom, own = cell_of(centre[t, 1] - below, sides[1], -SLACK), stream(key, column)
+        for row in range(bottom, cell_of(centre[t, 1] + above, sides[1], SLACK) + 1):
             z, count = add_cell(stream(own, row), column, row, sides, mean, none, t, centre, L, present, gate, z, count)
     return z, count
 

@@ -128,7 +128,7 @@ def mixture_update(
             positive definite, or more than ten targets that share measurements.
     """
     own = _check_mixture(mixture)
-    targets, most = own.weight.shape
+    targets = len(own.weight)
     scans, Pd, N, place = check_scans(measurements, pd, noise, sensors, targets)
     check_association_terms(Pd, clutter_density, gate_probability)
     if not gate > 0.0:
@@ -136,19 +136,31 @@ def mixture_update(
     if N.size:
         check_positive_definite("noise", N)
     check_non_negative("negligible", negligible)
+    numbers = float(gate), float(gate_probability), float(clutter_density), float(negligible)
+    log_evidence = _update_in_place(own, scans, Pd, N, place, numbers)
+    mean, covariance = np.empty((targets, STATES)), np.empty((targets, STATES, STATES))
+    kernels.moments(own, np.ones(targets, np.bool_), mean, covariance, SIZES)
+    return MixtureUpdate(mean, covariance, own, log_evidence)
+
+
+def _update_in_place(
+    own: GaussianMixture,
+    scans: list[FloatArray],
+    pd: FloatArray,
+    noise: FloatArray,
+    sensors: FloatArray,
+    numbers: tuple[float, float, float, float],
+) -> float:
+    """Overwrite ``own`` sensor after sensor; return the log evidence. ``numbers``: gate to negligible."""
+    targets, most = own.weight.shape
     lit, opened, log_evidence = np.ones(targets, np.bool_), np.empty(targets * most, np.bool_), 0.0
     bank = kernels.workspace(targets * most, SIZES)
     for i, z in enumerate(scans):
-        kernels.predict_bank(own, lit, N[i], place[i, 0], place[i, 1], bank, opened, SIZES)
-        log_evidence += kernels.update_mixtures(
-            lit, own, z, len(z), Pd[i], bank, float(gate), float(gate_probability), float(clutter_density),
-            float(negligible), SIZES,
-        )  # fmt: skip
+        kernels.predict_bank(own, lit, noise[i], sensors[i, 0], sensors[i, 1], bank, opened, SIZES)
+        log_evidence += kernels.update_mixtures(lit, own, z, len(z), pd[i], bank, *numbers, SIZES)
         if not np.isfinite(log_evidence):
-            raise_without_evidence(i, targets, clutter_density)
-    mean, covariance = np.empty((targets, STATES)), np.empty((targets, STATES, STATES))
-    kernels.moments(own, lit, mean, covariance, SIZES)
-    return MixtureUpdate(mean, covariance, own, float(log_evidence))
+            raise_without_evidence(i, targets, numbers[2])
+    return float(log_evidence)
 
 
 def _check_mixture(mixture: GaussianMixture) -> GaussianMixture:

@@ -2,11 +2,13 @@
 
 Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state).
 ``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
-``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability);
+``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability), as the
+tracker assumes them; ``world`` is the same tuple with the true values, of which kernels read all but the last two.
 ``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
 ``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
 visible target); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
-``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2)): one for each target, or one for each component of each target.
+``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
+each target.
 ``particles`` = (X (e, particle, t, n), V (e, particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n),
 V (e, t, c, n, n)). A tracker without particles or mixtures hands over arrays of no particle or no component.
 """
@@ -30,7 +32,7 @@ from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 MOST_CLUTTER = 1e6
-"""Greatest load of one gate, in points or cells (``most_load``); beyond it a step stops, its clutter count NaN."""
+"""Expected points in one gate; a step that exceeds this limit stops, and its clutter count is NaN."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
@@ -106,14 +108,14 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 
 @kernel
-def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, gates, z, outside, scan):
+def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan):
     """Fill z with the targets' returns that lie in a gate; returns their number.
 
-    outside[e, t] counts returns outside their own target's gates, scan[e, 0] detections. eta, Pd and the error's
-    covariance are those at the true range.
+    outside[e, t] counts returns outside their own target's gates, scan[e, 0] detections. eta, Pd and the
+    error's covariance are the world's, at the true range.
     """
-    sensors, log_pf, gate = radar[0], radar[3], radar[5]
-    opened, centre, L = gates
+    sensors, log_pf = world[0], world[3]
+    opened, centre, L, gate = gates
     C, strength, chance = pulse
     own_row = row(e, C)
     c0 = np.sqrt(C[own_row, i, 0, 0])
@@ -127,7 +129,7 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, gates, z, o
         r, v = range_and_rate(
             path[e, t, age, 0], path[e, t, age, 1], path[e, t, age, 2], path[e, t, age, 3], sensors[i, 0], sensors[i, 1]
         )
-        weakness = weakness_one(e, i, r, strength, radar)
+        weakness = weakness_one(e, i, r, strength, world)
         if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf):
             continue
         scan[e, 0] += 1
@@ -147,9 +149,26 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, gates, z, o
 
 
 @kernel
-def transition(step, mean, covariance, particles, mixtures, path, first, uniform, error, key, pulse, targets, F, Q,
-            radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, nn):  # fmt: skip
-    """One step of every environment, sensor after sensor; tapes read at [e, step].
+def sense(e, i, k, key, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan):
+    """Fill z with sensor i's returns and the clutter in its gates; returns z, or a larger copy, and their number.
+
+    The number is -1, and scan[e, 1] NaN, where a gate has too much clutter or no finite size.
+    """
+    opened, centre, L, gate = gates
+    z = room(z, len(lit))
+    returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan)
+    if not most_load(opened, centre, L, gate, world[4]) <= MOST_CLUTTER:  # NaN, too
+        scan[e, 1] = np.nan
+        return z, -1
+    z, count = add_clutter(key, centre, L, opened, gate, world[4], z, returns)
+    scan[e, 1] += count - returns
+    return z, count
+
+
+@kernel
+def transition(step, mean, covariance, particles, mixtures, path, first, uniform, error, key, pulse, targets, world, F,
+            Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, nn):  # fmt: skip
+    """One step of every environment, sensor after sensor; tapes read at [e, step]. F and Q are the tracker's.
 
     With particles or mixtures, they are the tracker, and mean and covariance are their moments; else the tracker is
     JPDA. outside (e, t) is counted up; scan (e, 4): detections, clutter points (NaN for too many), effective sample
@@ -173,17 +192,15 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
-            gates = lit, work[0], work[2]
+            gates = lit, work[0], work[2], radar[5]
             if count_c:
                 gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
-                gates = opened, bank[0], bank[1]
-            z = room(z, count_t)
-            returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, gates, z, outside, scan)
-            if not most_load(gates[0], gates[1], gates[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
-                scan[e, 1] = np.nan
+                gates = opened, bank[0], bank[1], radar[5]
+            z, count = sense(
+                e, i, k, stream(own, i), lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan
+            )
+            if count < 0:
                 break
-            z, count = add_clutter(stream(own, i), gates[1], gates[2], gates[0], radar[5], radar[4], z, returns)
-            scan[e, 1] += count - returns
             if count_c:
                 track_mixtures(present, lit, x, P, mixture_of, z, count, radar, work, bank, nn)
             else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -11,7 +12,7 @@ import numpy as np
 from pydantic import NonNegativeInt
 
 from wavegym.core import trees
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import BestAction, LinearCost, SensorBySensor
 from wavegym.core.errors import InputError, check_positive, check_within
@@ -38,7 +39,7 @@ from wavegym.systems.agile_clutter.state import (
     target_fields,
 )
 from wavegym.systems.precision import check_precision
-from wavegym.targets import MotionModel, constant_velocity, random_path
+from wavegym.targets import MotionModel, constant_turn, random_path
 from wavegym.trackers import GaussianMixture, Particles, predict_covariance, single_gaussian
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
@@ -85,21 +86,34 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
 
     horizon: int = parameter(32, "steps in an episode", ge=1)
     dt: float = parameter(0.25, "time step", unit="s", gt=0)
-    q: float = parameter(1.0, "process noise density", unit="m^2/s^3", ge=0)
+    q: float = parameter(1.0, "process noise density", unit="m^2/s^3", truth=True, ge=0)
+    turn_rate: float = parameter(
+        0.0, "rate at which all targets turn, positive to the left", unit="rad/s", truth=True, ge=-10, le=10
+    )
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
-    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", gt=0)
-    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", gt=0)
+    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
+    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
     sensors: tuple[tuple[float, float], ...] = parameter(
         ((3e3, -16e3), (3e3, 20.4e3)), "position (x, y) of each sensor", unit="m"
     )
     starts: tuple[PlanarState, ...] = parameter(
-        ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0)), "first [x y xdot ydot] of each target", unit="m, m/s"
+        ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0)),
+        "first [x y xdot ydot] of each target",
+        unit="m, m/s",
+        truth=True,
     )
     births: tuple[NonNegativeInt, ...] = parameter((0, 7), "step at which the tracker receives each target")
     lifetime: int = parameter(25, "steps for which each target is tracked", ge=1, le=100_000)
-    prior_variance: PositiveState = parameter((4e3, 4e3, 100.0, 100.0), "diagonal of P0", unit="m^2, m^2/s^2")
-    false_alarm: float = parameter(0.01, "false alarm probability Pf", gt=0, lt=1)
-    clutter_density: float = parameter(1e-4, "false returns per m of range and m/s of range-rate", unit="s/m^2", ge=0)
+    prior_variance: PositiveState = parameter(
+        (4e3, 4e3, 100.0, 100.0),
+        "diagonal of P0, the covariance of the first estimate",
+        unit="m^2, m^2/s^2",
+        truth=True,
+    )
+    false_alarm: float = parameter(0.01, "false alarm probability Pf", truth=True, gt=0, lt=1)
+    clutter_density: float = parameter(
+        1e-4, "false returns per m of range and m/s of range-rate", unit="s/m^2", truth=True, ge=0
+    )
     gate: float = parameter(4.0, "radius of the validation gates in standard deviations", gt=0)
     weights: NonNegativeState = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
     laws: tuple[str, ...] = parameter(
@@ -112,6 +126,9 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         (1e6, 4e6, 15e6),
         "sweeps of the library, which holds every law with every duration and sweep, up and down",
         unit="Hz",
+    )
+    library: Library | None = parameter(
+        None, "a Library of waveforms of your own, in place of ``laws``, ``durations`` and ``sweeps``", unit=""
     )
     action: Literal["library", "joint", "box"] = parameter(
         "library",
@@ -131,9 +148,23 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
+        self._check_library()
         self._check_targets()
         self._check_clutter()
         self._check_precision()
+
+    def _check_library(self) -> None:
+        """InputError for a library of one's own together with what describes the built-in one."""
+        if self.library is None:
+            return
+        if self.action == "box":
+            raise InputError(
+                "library is given with action='box', expected action='library' or 'joint': a box spans built-in chirps"
+            )
+        for field in dataclasses.fields(self):
+            if field.name in ("laws", "durations", "sweeps") and getattr(self, field.name) != field.default:
+                given = f"{field.name} is {getattr(self, field.name)} with library="
+                raise InputError(f"{given}, expected one of the two: the library takes the place of the chirps")
 
     def _check_targets(self) -> None:
         """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
@@ -153,7 +184,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         starts = self.farthest_starts()
         P, volume = np.diag(self.prior_variance), 0.0
         for age in (1, self.lifetime):
-            coasting = constant_velocity(age * self.dt, self.q, ("x", "y"), order="derivative")
+            coasting = self._motion_over(age * self.dt)
             after = starts @ coasting.F.T, predict_covariance(P, coasting.F, coasting.Q)
             volume = max(volume, greatest_gate_volume(*after, self.sensors, C, snr, self.gate))
         most = float(f"{kernels.MOST_CLUTTER / volume:.3g}")
@@ -178,13 +209,17 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
 
     @cached_property
     def motion(self) -> MotionModel:
-        """The targets' motion model, shared by the world and the tracker."""
-        return constant_velocity(self.dt, self.q, ("x", "y"), order="derivative")
+        """The targets' motion model as the tracker assumes it; ``truth_model.motion`` is the world's."""
+        return self._motion_over(self.dt)
+
+    def _motion_over(self, seconds: float) -> MotionModel:
+        return constant_turn(seconds, self.q, self.turn_rate, order="derivative")
 
     @cached_property
     def action_set(self) -> ChirpActions:
         """The chirps of all sensors in the form that ``action`` names."""
-        return ChirpActions(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
+        chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
+        return ChirpActions(*chirps, len(self.sensors), self.action, own=self.library)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
@@ -209,6 +244,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
 
     @cached_property
     def _radar(self) -> tuple[Any, ...]:
+        """Sensors, detection, clutter and gates, as ``kernels`` lists them."""
         law = (self.reference_range, self.nearest_range, math.log(self.false_alarm))
         return (np.array(self.sensors), *law, self.clutter_density, self.gate, float(gate_probability(self.gate)))
 
@@ -230,8 +266,9 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     def initial(self, world: World) -> State:
         """The true paths, and the first estimates drawn around their starts."""
         count, S = world.start.shape[:2]
-        path = random_path(self.motion, self.first_states(world), world.process)
-        first = path[:, :, 0] + np.sqrt(self.prior_variance) * world.start
+        model = self.truth_model
+        path = random_path(model.motion, model.first_states(world), world.process)
+        first = path[:, :, 0] + np.sqrt(model.prior_variance) * world.start
         mean = np.where(self._targets[0][:, None] == 0, first, self.starts)
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
         truth = Truth(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
@@ -262,8 +299,8 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         fresh = [trees.tree_map(np.empty_like, each) for each in given]
         kernels.transition(
             step, mean, covariance, *given, truth.path, truth.first, world.detection, world.error, world.key,
-            pulse.rows((len(step), 1)), self._targets, *self._model, self._radar, x, P, *fresh, true_states, outside,
-            scan, NN
+            pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, *fresh,
+            true_states, outside, scan, NN
         )  # fmt: skip
         if np.isnan(scan).any():
             where = f"environment {np.argmax(np.isnan(scan).any(axis=1))} at step {step[np.isnan(scan).any(axis=1)][0]}"
