@@ -27,7 +27,7 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED, stem
-from wavegym.evaluation.table import both, flagged, interval, number, order_sentence, signed, tabulated
+from wavegym.evaluation.table import both, flagged, interval, number, order_list, signed, tabulated
 from wavegym.evaluation.worlds import word
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
@@ -151,9 +151,7 @@ def front(entries: Sequence[Entry]) -> str:
 
 def orders(entries: Sequence[Entry]) -> str:
     """The environments in which two policies have one order by belief and the other by truth."""
-    found = {_short(e): reversals(e.accounts, SEED) for e in entries}
-    told = [f"- {name}: {order_sentence(pairs)}" for name, pairs in found.items() if pairs]
-    return "\n".join(told) or order_sentence([])
+    return order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
 
 
 def consistency_table(entries: Sequence[Entry]) -> str:

@@ -133,7 +133,7 @@ def _members(task: Task, policies: Mapping[str, Given | None], root: int, trust:
 
     Each plays one step here, so that mistakes show before the work begins, and kernels are compiled by one process.
     """
-    loops, tapes = task.system.baselines(), tuning_tapes(task.system, root)
+    loops, tapes = task.system.baselines(), tuning_tapes(task.system.belief_model, root)
     members: Members = {}
     for name, given in policies.items():
         source: Any = name if given is None else given

@@ -91,6 +91,12 @@ def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
     return f"The order by belief is not the order by truth: {'; '.join(listed)}."
 
 
+def order_list(reversals: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """``order_sentence`` for several comparisons by name; those without such a pair are not listed."""
+    told = [f"- {name}: {order_sentence(pairs)}" for name, pairs in reversals.items() if pairs]
+    return "\n".join(told) or order_sentence([])
+
+
 def aligned(columns: list[list[str]]) -> str:
     """A table of columns, each under its heading; the first is aligned to the left, the others to the right."""
     widths = [max(map(len, column)) for column in columns]
