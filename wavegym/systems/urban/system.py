@@ -121,6 +121,8 @@ class Urban(System):
         (1.0, 1.0, 1.0), "diagonal of Lambda, for positions, velocities and accelerations", unit="1, s^2, s^4"
     )
 
+    nees_dimension = 4  # position and velocity
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
@@ -287,9 +289,9 @@ class Urban(System):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target ``held``: a confirmed track is within 20 m; ``position_error`` of the nearest track (20 m if
-        not held, 0 while the target is absent) and its ``nees`` (expected: 4); ``present``: equal to ``held``, which
-        selects the targets that evaluations average; ``lost``: both direct paths are visible, but the target is not
-        held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative`` tracks, of tracks ``refused`` a
-        slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
+        not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4);
+        ``present``: equal to ``held``, which selects the targets that evaluations average; ``lost``: both direct paths
+        are visible, but the target is not held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative``
+        tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.scene.direct)
