@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from wavegym.envs.rewards import Cost, LogCost, LogTrace, Relative, Reward, SquaredGospa, Trace, Transition, TrueError
+from wavegym.envs.rewards import Cost, LogCost, Relative, Reward, SquaredGospa, Trace, Transition, TrueError
 from wavegym.envs.single import WaveformEnv
 from wavegym.envs.vector import WaveformVectorEnv
 
 __all__ = [
     "Cost",
     "LogCost",
-    "LogTrace",
     "Relative",
     "Reward",
     "SquaredGospa",

@@ -71,14 +71,6 @@ class Trace(Cost):
         return -transition.system.trace(transition.following.belief), {}
 
 
-class LogTrace(Cost):
-    """-ln trace(Lambda P)."""
-
-    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
-        """See ``Reward``."""
-        return -np.log(transition.system.trace(transition.following.belief)), {}
-
-
 class TrueError(Cost):
     """Minus the squared true position error in m^2, summed over targets (an absent target's error is 0).
 
@@ -194,7 +186,6 @@ OWN: dict[str, Callable[[], Reward]] = {
     "cost": Cost,
     "log-cost": LogCost,
     "trace": Trace,
-    "log-trace": LogTrace,
     "error": TrueError,
     "gospa": SquaredGospa,
     **{name: partial(Relative, form=form) for name, form in RELATIVE.items()},  # type: ignore[arg-type]

@@ -30,7 +30,7 @@ from wavegym.systems.urban.state import (
 )
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import Tracks, UrbanTracker
-from wavegym.trackers.urban.tracker import MODELS
+from wavegym.trackers.urban.tracker import EMPTY, MODELS
 from wavegym.waveforms import GaussianChirp, PulseTrain, measurement_covariances
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -271,6 +271,12 @@ class Urban(System):
         trace = np.minimum((np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1), self.absent)
         each = self.absent - belief.existence * (self.absent - trace)
         return np.sort(each, axis=-1)[..., : self.charged].sum(axis=-1)
+
+    def trace(self, belief: Belief) -> Array:
+        """trace(W P) summed over the tracks in use, however doubtful they are."""
+        _, P = Tracks(*belief[1:]).combined()
+        each = (np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1)
+        return np.where(belief.status == EMPTY, 0.0, each).sum(axis=-1)
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
