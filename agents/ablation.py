@@ -24,7 +24,7 @@ from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.statistics import Estimate
-from wavegym.evaluation.table import both, number, tabulated
+from wavegym.evaluation.table import both, decimal, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
 
 FOLDER = ROOT / "results" / "ablation"
@@ -56,7 +56,7 @@ def _compared(played: Mapping[str, Mapping[str, Account]], figure: Callable[[Acc
         for agent in [FULL, *(agent for agent in accounts if agent not in (FULL, SIMPLE, BASELINE))]:
             own, simple, full = (figure(accounts[each]) for each in (agent, SIMPLE, FULL))
             against_full = ["", ""] if agent == FULL else shown(against_seed_by_seed(own, full))
-            cells = [*shown(against(own, simple)), *against_full, number(statistics.average(accounts[agent].lost))]
+            cells = [*shown(against(own, simple)), *against_full, decimal(statistics.average(accounts[agent].lost))]
             rows.append([name.removesuffix(SUFFIX), agent, str(len(own)), *cells])
     return tabulated(head, rows)
 

@@ -30,7 +30,7 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.summary import named
-from wavegym.evaluation.table import both, flagged, interval, number, order_list, signed, tabulated
+from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
 from wavegym.evaluation.worlds import word
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
@@ -121,7 +121,7 @@ def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
         if by == "truth":
             nees = policies[SIMPLE]["nees"]
             cells += [flagged(nees["mean"], nees["flag"]), interval(nees["ci"], number)]
-            cells += [number(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *LEARNERS)]
+            cells += [decimal(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *LEARNERS)]
         rows.append(cells)
     return tabulated(head, rows)
 

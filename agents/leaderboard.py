@@ -27,7 +27,7 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED, stem
-from wavegym.evaluation.table import both, flagged, interval, number, order_list, signed, tabulated
+from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
 from wavegym.evaluation.worlds import word
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
@@ -138,7 +138,7 @@ def errors(entries: Sequence[Entry]) -> str:
     played = (SIMPLE, PLANNER, *LEARNERS)
     rows = []
     for e in entries:
-        lost = [number(statistics.average(e.accounts[name].lost)) if name in e.accounts else "" for name in played]
+        lost = [decimal(statistics.average(e.accounts[name].lost)) if name in e.accounts else "" for name in played]
         rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
     head = ["environment", "myopic", "best planner", *PAIRS, "lost: best simple", "planner", "PPO", "DQN"]
     return tabulated(head, rows)

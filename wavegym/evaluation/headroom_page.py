@@ -20,6 +20,7 @@ from wavegym.evaluation.table import (
     columns,
     consistency_row,
     consistency_title,
+    decimal,
     interval,
     number,
     order_sentence,
@@ -104,7 +105,7 @@ def _truth_row(row: dict[str, Any]) -> list[str]:
         interval(truth["ci"], number),
         *_estimated(_by_truth(row)),
         number(truth["root"]),
-        number(row["lost"]),
+        decimal(row["lost"]),
     ]
 
 

@@ -127,7 +127,7 @@ def _belief_row(policy: dict[str, Any]) -> list[str]:
         interval(against["ci"], signed),
         signed(against["geometric_percent"]),
         interval(against["geometric_ci"], signed),
-        "" if policy["score"] is None else f"{policy['score']:.3f}",
+        decimal(policy["score"]),
         f"{policy['us_per_decision']:.1f}",
     ]
 
@@ -142,7 +142,7 @@ def _truth_row(policy: dict[str, Any]) -> list[str]:
         signed(truth["geometric_percent"]),
         interval(truth["geometric_ci"], signed),
         number(truth["root"]),
-        number(policy["lost"]),
+        decimal(policy["lost"]),
     ]
 
 
@@ -174,6 +174,11 @@ def number(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:#.4g}"
+
+
+def decimal(value: float | None) -> str:
+    """Three decimals: tracks lost per episode, and scores."""
+    return "" if value is None else f"{value:.3f}"
 
 
 def signed(percent: float | None) -> str:
