@@ -18,6 +18,7 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
+from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.actions import PlatformActions
@@ -36,7 +37,6 @@ PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 MOST = 64  # targets, and platforms
 FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
 GREATEST = 1e12  # PRF and bandwidth in Hz, pixel angle in rad
-MOST_RATIO = 1e12  # of the prior variance to a measurement variance
 
 Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 Position = tuple[Coordinate, Coordinate]
@@ -161,7 +161,7 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         """InputError for a range variance below the filter's precision, or pulses that do not fit into a step."""
         finest = 0.5 * SPEED_OF_LIGHT / self.bandwidth[1]
         ratio = max(self.prior_variance) / (finest * finest / 12.0)
-        if ratio > MOST_RATIO:  # an update loses this ratio times 1e-16 of its precision
+        if ratio > MOST_RATIO:
             least = max(self.prior_variance) * MOST_RATIO / ratio
             wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
             raise InputError(f"prior_variance is up to {max(self.prior_variance):g}, expected {wanted}")
