@@ -118,6 +118,7 @@ def entry(env_id: str) -> Entry:
 
 
 Comparer = Callable[[Entry, str, str], statistics.Estimate]  # of two policies by name
+COMPARERS: tuple[Comparer, ...] = (Entry.against, Entry.error_against)
 PAIRS = ("PPO", "95 %", "DQN", "95 %")
 
 
@@ -185,19 +186,16 @@ def libraries(entries: Sequence[Entry]) -> str:
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
                 shown_parameters = ", ".join(f"{name}={value}" for name, value in parameters.items())
                 there = signed(e.against(_rival(algo), SIMPLE).value)
-                own = [cell for compare in COMPARERS for cell in shown(compare(e, algo, _rival(algo)))]
+                own = [cell for comparer in COMPARERS for cell in shown(comparer(e, algo, _rival(algo)))]
                 rows.append([stem(e.env_id), algo.upper(), shown_parameters, there, *own])
     return tabulated(head, rows)
 
 
-COMPARERS: tuple[Comparer, ...] = (Entry.against, Entry.error_against)
-
-
-def _against_simple(e: Entry, compare: Comparer) -> list[str]:
+def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
     """Myopic, the best planner and the agents against the best simple heuristic."""
-    cells = [signed(compare(e, name, SIMPLE).value) for name in (BASELINE, PLANNER)]
+    cells = [signed(comparer(e, name, SIMPLE).value) for name in (BASELINE, PLANNER)]
     for algo in LEARNERS:
-        cells += shown(compare(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
+        cells += shown(comparer(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
     return cells
 
 

@@ -41,7 +41,7 @@ class TraceOfEach(KershawEvans):
 
 class FlatMask(KershawEvans):
     def mask(self, belief):
-        return np.ones(len(self.library), bool)
+        return np.ones(len(self.actions.labels), bool)
 
 
 @pytest.mark.parametrize(
