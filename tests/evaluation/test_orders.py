@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -36,8 +38,12 @@ def test_a_pair_with_two_orders_is_named():
 
 
 def test_a_difference_within_the_noise_is_not_named():
-    accounts = {"honest": account(1.0, 1.0), "same": account(0.8, 1.0), "also": account(1.0, 1.4)}
-    assert reversals(accounts, 0) == []
+    alike = {f"policy {i}": account(1.0, 1.0) for i in range(8)}
+    logs = [[np.log(a.cost).mean(), np.log(a.squared_error).mean()] for a in alike.values()]
+    assert any((x[0] - y[0]) * (x[1] - y[1]) < 0.0 for x, y in combinations(logs, 2))
+    # Both intervals of one of 28 pairs would exclude 0, on opposite sides, in one such comparison of thirty.
+    assert reversals(alike, 0) == []
+    assert reversals({"honest": account(1.0, 1.0), "same": account(0.8, 1.0), "also": account(1.0, 1.4)}, 0) == []
     assert order_sentence([]).startswith("No two policies")
 
 
