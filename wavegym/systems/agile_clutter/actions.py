@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 
@@ -33,6 +33,7 @@ class ChirpActions:
         sensors: number of sensors.
         form: "library" (an index per sensor), "joint" (one index for all sensors, over every law and direction at the
             longest duration and the widest sweep) or "box" (the parameters of every sensor).
+        own: pulses of each sensor in place of the chirps, in the forms "library" and "joint".
     """
 
     laws: tuple[str, ...]
@@ -41,16 +42,17 @@ class ChirpActions:
     carrier_hz: float
     sensors: int
     form: str
+    own: Library | None = field(default=None, kw_only=True)
 
     @cached_property
     def library(self) -> Library:
-        """One sensor's waveforms: law, duration, sweep, direction, the last fastest."""
-        return trapezoid_chirp_library(self.laws, self.durations, self.sweeps)
+        """One sensor's waveforms: law, duration, sweep, direction, the last fastest; or the given ones."""
+        return self.own or trapezoid_chirp_library(self.laws, self.durations, self.sweeps)
 
     @cached_property
     def widest(self) -> Library:
-        """Every law and direction at the longest duration and the widest sweep."""
-        return trapezoid_chirp_library(self.laws, (max(self.durations),), (max(self.sweeps),))
+        """Every law and direction at the longest duration and the widest sweep, or the given waveforms."""
+        return self.own or trapezoid_chirp_library(self.laws, (max(self.durations),), (max(self.sweeps),))
 
     @cached_property
     def joint(self) -> JointLibrary:
@@ -115,7 +117,9 @@ class ChirpActions:
 
     @cached_property
     def constants(self) -> Array:
-        """Fixed schedules: one law, duration and sweep for all sensors, each sensor up or down."""
+        """Fixed schedules: one law, duration and sweep for all sensors, each sensor up or down; or a given pulse."""
+        if self.own:
+            return self.encode(np.repeat(np.arange(len(self.own))[:, None], self.sensors, axis=1))
         pairs = len(self.sensor_library) // 2
         directions = np.array(list(product((0, 1), repeat=self.sensors)))
         choices = 2 * np.arange(pairs)[:, None, None] + directions

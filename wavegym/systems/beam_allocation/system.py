@@ -74,6 +74,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         ((0.0, 4e3, 0.0, 0.0), (-3.5e3, -2e3, 0.0, 0.0), (3.5e3, -2e3, 0.0, 0.0)),
         "centre of the first [x y xdot ydot] of each target",
         unit="m, m/s",
+        truth=True,
     )
     births: tuple[NonNegativeInt, ...] = parameter((0, 0, 0), "0 for every target: all are present throughout")
     lifetime: int = parameter(60, "at least horizon: all targets are present throughout", ge=1, le=100_000)
@@ -86,11 +87,15 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         "sweep of each chirp, as many as durations; every law with every pair, rising, can be sent at every target",
         unit="Hz",
     )
+    library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
     tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
     particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
     spread: NonNegativeState = parameter(
-        (1e3, 1e3, 100.0, 100.0), "greatest distance of a first [x y xdot ydot] from its centre", unit="m, m/s"
+        (1e3, 1e3, 100.0, 100.0),
+        "greatest distance of a first [x y xdot ydot] from its centre",
+        unit="m, m/s",
+        truth=True,
     )
     shown: tuple[Count, Count] = parameter((6, 14), "least and greatest number of steps for which a target is visible")
     hidden: tuple[NonNegativeInt, NonNegativeInt] = parameter(

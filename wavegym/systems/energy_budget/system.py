@@ -73,13 +73,18 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     horizon: int = changed_default(AgileClutter, "horizon", 72)
     dt: float = changed_default(AgileClutter, "dt", 0.25)
     q: float = changed_default(AgileClutter, "q", 10.0)
-    reference_range: float = parameter(36e3, "r0, the range at which the longest pulse has eta = 1", unit="m", gt=0)
+    reference_range: float = parameter(
+        36e3, "r0, the range at which the longest pulse has eta = 1", unit="m", truth=True, gt=0
+    )
     sensors: tuple[tuple[float, float], ...] = changed_default(AgileClutter, "sensors", ((-10e3, 0.0), (10e3, 0.0)))
     starts: tuple[PlanarState, ...] = parameter(
-        ((0.0, 22e3, 0.0, 0.0),), "centre of the first [x y xdot ydot] of each target", unit="m, m/s"
+        ((0.0, 22e3, 0.0, 0.0),), "centre of the first [x y xdot ydot] of each target", unit="m, m/s", truth=True
     )
     spread: NonNegativeState = parameter(
-        (5e3, 4e3, 100.0, 100.0), "greatest distance of a first [x y xdot ydot] from its centre", unit="m, m/s"
+        (5e3, 4e3, 100.0, 100.0),
+        "greatest distance of a first [x y xdot ydot] from its centre",
+        unit="m, m/s",
+        truth=True,
     )
     births: tuple[NonNegativeInt, ...] = parameter((0,), "0 for every target")
     lifetime: int = changed_default(AgileClutter, "lifetime", 72)
@@ -99,8 +104,9 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         "rounded down to whole quanta",
         gt=0,
     )
-    mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", ge=1, le=1e6)
-    mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", ge=1, le=1e6)
+    mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", truth=True, ge=1, le=1e6)
+    mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
+    library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
     tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
     particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
@@ -189,7 +195,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     def _draw_slot(self, belief: Any, world: World) -> tuple[Array, Array]:
         """Whether the next slot is clear, (env,) bool, and the belief's field of the occlusion after it."""
         draw = world.occlusion[np.arange(len(belief.step)), belief.step]
-        is_clear = draw < self._clear_probability(belief)
+        is_clear = draw < self.truth_model._clear_probability(belief)
         return is_clear, (~is_clear).astype(np.float64)
 
     def _clear_probability(self, belief: Any) -> Array:
