@@ -13,12 +13,30 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.systems.rf_eo.kernels import gain_of, look_one, measure_one, move_one, track_one
-from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
+from wavegym.systems.rf_eo.kernels import (
+    CONVERGED,
+    absorb_one,
+    gain_of,
+    look_one,
+    measure_one,
+    move_one,
+    residual_one,
+)
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+from wavegym.trackers.polar_kernels import (
+    ACROSS,
+    AZIMUTH,
+    RANGE,
+    RATE,
+    UNLIKELY,
+    miss_one,
+    normal_mass,
+    predict_polar_one,
+    state_gradient,
+    state_point,
+    to_cartesian_one,
+)
 from wavegym.trackers.rank_one_kernels import shrink_one
-
-AZIMUTH = 2  # of a platform's three quantities
 
 
 class Mount(NamedTuple):
@@ -60,23 +78,105 @@ def scaled(A, factor, out, nn):
             out[a, b] = factor * A[a, b]
 
 
+@inlined
+def look_polar(i, p, places, rules, h, H, D, point, nn):
+    """Predicted measurements h (a,) and their gradient H (a, n) in the polar state p[i] about platform 0.
+
+    D (n, n) and point (1, n) are scratch space.
+    """
+    if places.shape[0] > 1:
+        r, rdot, azimuth, v = p[i, RANGE], p[i, RATE], p[i, AZIMUTH], p[i, ACROSS]
+        point[0, 0], point[0, 1], point[0, 2], point[0, 3] = state_point(r, rdot, azimuth, v)
+        point[0, 0] += places[0, 0]
+        point[0, 2] += places[0, 1]
+        look_one(0, point, places, rules, h, H)
+        state_gradient(i, p, D)
+        for a in range(3, h.shape[0]):
+            for k in range(len(nn)):
+                total = 0.0
+                for b in range(len(nn)):
+                    total += H[a, b] * D[b, k]
+                point[0, k] = total
+            for k in range(len(nn)):
+                H[a, k] = point[0, k]
+    for q in range(3):
+        h[q] = p[i, q]
+        for k in range(len(nn)):
+            H[q, k] = 1.0 if k == q else 0.0
+    h[AZIMUTH] = wrapped(p[i, AZIMUTH] - places[0, 2])
+
+
+@inlined
+def track_one(i, p, S, z, R, places, rules, h, H, y, d, v, D, point, nn):
+    """Update p[i], S[i] with measurements z of variances R (a,): linear for platform 0, Gauss-Newton for the others."""
+    look_polar(i, p, places, rules, h, H, D, point, nn)
+    residual_one(z, h, y)
+    if places.shape[0] > 1 and rules.iterations > 1:
+        iterate_polar(i, p, S, z, R, places, rules, h, H, y, d, v, D, point, nn)
+    else:
+        absorb_one(i, S, H, y, R, d, v, nn)
+        for a in range(len(nn)):
+            p[i, a] += d[a]
+    p[i, AZIMUTH] = wrapped(p[i, AZIMUTH])
+
+
+@kernel
+def iterate_polar(i, p, S, z, R, places, rules, h, H, y, d, v, D, point, nn):
+    """As ``rf_eo.kernels.iterate_one``, in polar coordinates."""
+    n = len(nn)
+    prior, at = S[i].copy(), p[i : i + 1].copy()
+    for spent in range(1, rules.iterations + 1):
+        S[i] = prior
+        absorb_one(i, S, H, y, R, d, v, nn)
+        moved = 0.0
+        for k in range(n):
+            step = p[i, k] + d[k] - at[0, k]
+            moved = max(moved, step * step / S[i, k, k])
+            at[0, k] = p[i, k] + d[k]
+        if moved < CONVERGED * CONVERGED or spent == rules.iterations:
+            break
+        look_polar(0, at, places, rules, h, H, D, point, nn)
+        residual_one(z, h, y)
+        for a in range(h.shape[0]):
+            for k in range(n):
+                y[a] += H[a, k] * (at[0, k] - p[i, k])
+    for k in range(n):
+        p[i, k] = at[0, k]
+
+
+@inlined
+def miss_image(i, p, S, pointing, mount, g, nn):
+    """Update with an image around ``pointing`` in which the target was not found."""
+    off = wrapped(pointing - p[i, AZIMUTH])
+    miss_one(i, p, S, off - mount.half, off + mount.half, mount.detection, g, nn)
+
+
 @kernel
 def transition(
-    step, mean, P, pointing, settling, density, visible, truth, unseen, process, error, found, action, F, Q, L, places,
-    rules, mount, variance, low, high, x, P_out, pointing_out, settling_out, truth_out, received, unseen_out, seen, nn
+    step, mean, P, polar, S, pointing, settling, density, visible, truth, unseen, process, error, found, action, F, Q,
+    L, places, rules, mount, variance, low, high, x, P_out, polar_out, S_out, pointing_out, settling_out, truth_out,
+    received, unseen_out, seen, nn
 ):  # fmt: skip
-    """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen, seen (e, t).
+    """One step of every environment; mean, polar, truth (e, t, n), P, S (e, t, n, n), received, unseen, seen (e, t).
 
     Q and its factor L belong to a process noise density of 1; density (e, t): the targets' own.
     """
     (count, targets, n), rows, flat = mean.shape, 3 * places.shape[0], mean.shape[0] * mean.shape[1]
-    T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows)
-    own, factor = np.empty((1, n, n)), np.empty((n, n))
-    y, d, v, places, low, fence = np.empty(rows), np.empty(n), np.empty(n), places.copy(), low.copy(), np.empty((2, 3))
-    mean, truth, x, truth_out = (
-        mean.reshape((flat, n)), truth.reshape((flat, n)), x.reshape((flat, n)), truth_out.reshape((flat, n))
+    A, T, factor, points = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n))
+    H, h, z, R, y = np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows), np.empty(rows)
+    d, v, point, places, low, fence = (
+        np.empty(n),
+        np.empty(n),
+        np.empty((1, n)),
+        places.copy(),
+        low.copy(),
+        np.empty((2, 3)),
+    )
+    mean, polar, truth, x, polar_out, truth_out = (
+        mean.reshape((flat, n)), polar.reshape((flat, n)), truth.reshape((flat, n)), x.reshape((flat, n)),
+        polar_out.reshape((flat, n)), truth_out.reshape((flat, n))
     )  # fmt: skip
-    P, P_out = P.reshape((flat, n, n)), P_out.reshape((flat, n, n))
+    S, P_out, S_out = S.reshape((flat, n, n)), P_out.reshape((flat, n, n)), S_out.reshape((flat, n, n))
     for e in range(count):
         k, aim = step[e], e * targets + action[e]
         for t in range(targets):
@@ -88,65 +188,96 @@ def transition(
             i = e * targets + t
             scaled(L, np.sqrt(density[e, t]), factor, nn)
             move_one(e, k, t, i, truth, F, factor, process, truth_out, nn)
-            scaled(Q[0], density[e, t], own[0], nn)
-            predict_covariance_one(i, P, F, own, 0, T, P_out, nn)
             look_one(i, x, places, rules, h, H)
-            low[0, AZIMUTH] = -mount.half if sees and found[e, k, t] < share_of(e, k, t, visible, mount) else np.inf
+            share = share_of(e, k, t, visible, mount)
+            low[0, AZIMUTH] = -mount.half if sees and found[e, k, t] < share else np.inf
             got = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
             seen[e, t] = R[AZIMUTH] < np.inf
             received[e, t], unseen_out[e, t] = got, 0 if seen[e, t] else unseen[e, t] + 1
-            track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
+            predict_polar_one(i, polar, S, F[0], Q[0], density[e, t], polar_out, S_out, points, A, T, nn)
+            track_one(i, polar_out, S_out, z, R, places, rules, h, H, y, d, v, A, point, nn)
+            if sees and share > 0.0 and not seen[e, t]:
+                miss_image(i, polar_out, S_out, pointing_out[e], mount, v, nn)
+            to_cartesian_one(i, polar_out, S_out, places[0, 0], places[0, 1], x, P_out, nn)
 
 
 @inlined
-def absorb_predicted(t, P, h, H, variance, low, high, rules, azimuth, v, nn):
-    """Update P[t] with the radars' quantities of target t predicted in view, and with the camera's if ``azimuth``."""
+def absorb_predicted(t, S, h, H, variance, low, high, rules, azimuth, v, nn):
+    """Update S[t] with the radars' quantities predicted in view, or with the camera's azimuth alone if ``azimuth``."""
     for a in range(h.shape[1]):
         j, q = a // 3, a % 3
-        seen = azimuth if a == AZIMUTH else low[j, q] <= h[t, a] <= high[j, q]
+        seen = a == AZIMUTH if azimuth else low[j, q] <= h[t, a] <= high[j, q]
         if seen and h[t, 3 * j] >= rules.nearest:
-            s = gain_of(q, t, P, H[t], a, v, nn) + variance[j, q]
-            shrink_one(t, P, v, s, nn)
+            s = gain_of(q, t, S, H[t], a, v, nn) + variance[j, q]
+            shrink_one(t, S, v, s, nn)
+
+
+@inlined
+def mass_in_image(i, p, S, pointing, mount):
+    """Probability that target i is in the image."""
+    off, sigma = wrapped(pointing - p[i, AZIMUTH]), np.sqrt(S[i, AZIMUTH, AZIMUTH])
+    return normal_mass((off - mount.half) / sigma, (off + mount.half) / sigma)
+
+
+@inlined
+def blended(first, second, weight, out, nn):
+    """out (n, n) = (1 - weight) first + weight second; out may be one of them."""
+    for a in range(len(nn)):
+        for b in range(len(nn)):
+            out[a, b] = (1.0 - weight) * first[a, b] + weight * second[a, b]
 
 
 @kernel
 def predict(
-    step, mean, P, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount, variance,
-    low, high, x, P_out, pointing_out, settling_out, nn
+    step, mean, P, polar, S, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount,
+    variance, low, high, x, P_out, polar_out, S_out, pointing_out, settling_out, nn
 ):  # fmt: skip
-    """Fill predicted means x (e, c, t, n), covariances P_out (e, c, t, n, n), and the camera's state (e, c).
+    """Fill predicted beliefs x, polar_out (e, c, t, n), P_out, S_out (e, c, t, n, n), and the camera's state (e, c).
 
     actions (e or 1, c); draws (e, c or 1, t), used where ``sampled``.
     """
-    (count, candidates, targets), n = x.shape[:3], len(nn)
-    ahead, v, known = np.empty((targets, n)), np.empty(n), np.empty(targets, np.bool_)
-    without_camera, with_camera = np.empty((targets, n, n)), np.empty((targets, n, n))
+    (count, candidates, targets), n, sx, sy = x.shape[:3], len(nn), places[0, 0], places[0, 1]
+    A, T, D, points = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n))
+    ahead, p, v, point = np.empty((targets, n)), np.empty((targets, n)), np.empty(n), np.empty((1, n))
+    unseen, found, known = np.empty((targets, n, n)), np.empty((targets, n, n)), np.empty(targets, np.bool_)
+    x_unseen, x_found = np.empty((targets, n)), np.empty((targets, n))
+    P_unseen, P_found = np.empty((targets, n, n)), np.empty((targets, n, n))
     h, H = np.empty((targets, 3 * places.shape[0])), np.empty((targets, 3 * places.shape[0], n))
     for e in range(count):
-        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, without_camera, h, H, nn)
-        for t in range(targets):  # predict_ahead assumed a density of 1
-            for a in range(n):
-                for b in range(n):
-                    without_camera[t, a, b] += (density[e, t] - 1.0) * Q[0, a, b]
-        with_camera[:], known[:] = without_camera, False
+        known[:] = False
         for t in range(targets):
-            absorb_predicted(t, without_camera, h, H, variance, low, high, rules, False, v, nn)
+            predict_mean_one(t, mean[e], F, 0, ahead, nn)
+            predict_polar_one(t, polar[e], S[e], F[0], Q[0], density[e, t], p, unseen, points, A, T, nn)
+            look_polar(t, p, places, rules, h[t], H[t], D, point, nn)
+            absorb_predicted(t, unseen, h, H, variance, low, high, rules, False, v, nn)
+            to_cartesian_one(t, p, unseen, sx, sy, x_unseen, P_unseen, nn)
         for c in range(candidates):
             aim = actions[e if actions.shape[0] > 1 else 0, c]
-            after, left, sees = turn_towards(h[aim, AZIMUTH], pointing[e], settling[e], mount)
+            towards = bearing(ahead[aim, 0] - sx, ahead[aim, 2] - sy)
+            after, left, sees = turn_towards(towards, pointing[e], settling[e], mount)
             pointing_out[e, c], settling_out[e, c] = after, left
             for t in range(targets):
-                x[e, c, t], P_out[e, c, t] = ahead[t], without_camera[t]
+                polar_out[e, c, t], S_out[e, c, t] = p[t], unseen[t]
+                x[e, c, t], P_out[e, c, t] = x_unseen[t], P_unseen[t]
                 share = share_of(e, step[e], t, visible, mount)
-                if not (sees and in_image(h[t, AZIMUTH], after, mount)):
+                if not sees or share == 0.0 or h[t, 0] < rules.nearest:
+                    continue
+                chance = share * mass_in_image(t, p, unseen, after, mount)
+                if chance < UNLIKELY:
                     continue
                 if not known[t]:
-                    absorb_predicted(t, with_camera, h, H, variance, low, high, rules, True, v, nn)
-                    known[t] = True
+                    known[t], found[t] = True, unseen[t]
+                    absorb_predicted(t, found, h, H, variance, low, high, rules, True, v, nn)
+                    to_cartesian_one(t, p, found, sx, sy, x_found, P_found, nn)
+                if sampled and draws[e, c if draws.shape[1] > 1 else 0, t] < chance:
+                    x[e, c, t], P_out[e, c, t], S_out[e, c, t] = x_found[t], P_found[t], found[t]
+                    continue
+                miss_image(t, polar_out[e, c], S_out[e, c], after, mount, v, nn)
+                to_cartesian_one(t, polar_out[e, c], S_out[e, c], sx, sy, x[e, c], P_out[e, c], nn)
                 if not sampled:
-                    P_out[e, c, t] = (1.0 - share) * without_camera[t] + share * with_camera[t]
-                elif draws[e, c if draws.shape[1] > 1 else 0, t] < share:
-                    P_out[e, c, t] = with_camera[t]
+                    polar_out[e, c, t], x[e, c, t] = p[t], x_unseen[t]
+                    blended(S_out[e, c, t], found[t], chance, S_out[e, c, t], nn)
+                    blended(P_out[e, c, t], P_found[t], chance, P_out[e, c, t], nn)
 
 
 @kernel

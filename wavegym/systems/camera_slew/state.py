@@ -40,6 +40,8 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
+    polar_mean: Array  # (env, target, 4): range, range-rate, azimuth, velocity across the line of sight
+    polar_covariance: Array  # (env, target, 4, 4)
     pointing: Array  # (env,) rad, clockwise from +y
     settling: Array  # (env,) int: steps to settle that are left after the turn
     q: Array  # (env, target) m^2/s^3: process noise density

@@ -34,6 +34,7 @@ from wavegym.systems.rf_eo.system import (
 )
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel
+from wavegym.trackers.polar_kernels import to_polar
 
 LONGEST = 10_000  # steps: the system keeps a transition matrix for each number of steps
 FASTEST = 1e6  # rad/s
@@ -229,7 +230,8 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
         truth = Truth(true_states, nothing, nothing.copy(), np.zeros((count, T), np.bool_))
         visible = visibility(self, world.window, T)
-        return State(truth, Belief(step, mean, covariance, np.zeros(count), step.copy(), q, visible))
+        polar = to_polar(mean, covariance, self.loop.places[0])
+        return State(truth, Belief(step, mean, covariance, *polar, np.zeros(count), step.copy(), q, visible))
 
     def transition(self, state: State, action: Array, world: World) -> State:
         """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
@@ -237,15 +239,16 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         mean, covariance = belief.mean, belief.covariance
         count, T = truth.unseen.shape
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
+        p, S = np.empty(mean.shape), np.empty(covariance.shape)
         after, left, seen = np.empty(count), np.empty(count, np.int64), np.empty((count, T), np.bool_)
         received, unseen = np.empty((count, T), np.int64), np.empty((count, T), np.int64)
         F, Q, places, rules = self._scene
         kernels.transition(
             *belief, truth.targets, truth.unseen, world.process, world.error, world.found, action, F, Q,
             self.motion.noise_factor, places, rules, self._mount, *self._view,
-            x, P, after, left, moved, received, unseen, seen, NN
+            x, P, p, S, after, left, moved, received, unseen, seen, NN
         )  # fmt: skip
-        fresh = belief._replace(step=belief.step + 1, mean=x, covariance=P, pointing=after, settling=left)
+        fresh = Belief(belief.step + 1, x, P, p, S, after, left, belief.q, belief.visible)
         return State(Truth(moved, received, unseen, seen), fresh)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
@@ -263,18 +266,20 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         shape = (count, actions.shape[1])
         draws = np.empty((1, 1, T)) if outcome is None else outcome.reshape(count, -1, T)
         x, P = np.empty((*shape, T, 4)), np.empty((*shape, T, 4, 4))
+        p, S = np.empty(x.shape), np.empty(P.shape)
         after, left = np.empty(shape), np.empty(shape, np.int64)
         F, Q, places, rules = self._scene
         kernels.predict(
             *belief, actions, draws, outcome is not None, F, Q, places, rules, self._mount, *self._view,
-            x, P, after, left, NN
+            x, P, p, S, after, left, NN
         )  # fmt: skip
         if not several:
-            return Belief(belief.step + 1, x[:, 0], P[:, 0], after[:, 0], left[:, 0], belief.q, belief.visible)
+            first = (array[:, 0] for array in (x, P, p, S, after, left))
+            return Belief(belief.step + 1, *first, belief.q, belief.visible)
         step, q, visible = (
             np.broadcast_to(a[:, None], (*shape, *a.shape[1:])) for a in (belief.step + 1, belief.q, belief.visible)
         )
-        return Belief(step, x, P, after, left, q, visible)
+        return Belief(step, x, P, p, S, after, left, q, visible)
 
     def _turns(self, belief: Belief) -> tuple[Array, Array]:
         """``delay``, and the azimuth of each target one step ahead relative to the camera's pointing (rad)."""

@@ -17,6 +17,7 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
+from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
 SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate
 CONVERGED = 1e-3  # standard deviations: the iteration ends when the estimate moves by less
@@ -202,11 +203,92 @@ def move_one(e, k, t, i, truth, F, L, process, truth_out, nn):
 
 
 @inlined
+def values_one(points, h, places, rules, values):
+    """values (2 n, a): the quantities of every platform at the points (2 n, n); azimuths without a jump from h (a,)."""
+    for k in range(points.shape[0]):
+        for j in range(places.shape[0]):
+            r, rdot, azimuth = polar(
+                points[k, 0], points[k, 1], points[k, 2], points[k, 3],
+                places[j, 0], places[j, 1], places[j, 2], rules.printed,
+            )  # fmt: skip
+            values[k, 3 * j], values[k, 3 * j + 1] = r, rdot
+            values[k, 3 * j + 2] = h[3 * j + 2] + wrapped(azimuth - h[3 * j + 2])
+
+
+@inlined
+def whiten_one(values, R, C, H, y, rows):
+    """Replace H (a, n) and y (a,) by C^-1 H and C^-1 y, C C' = diag(R) + the linearisation errors' covariance.
+
+    C (a, a) is scratch space; rows of infinite R are left as they are.
+    """
+    half = values.shape[0] // 2
+    for a in range(rows):
+        if R[a] < np.inf:
+            for b in range(a + 1):
+                if R[b] < np.inf:
+                    total = R[a] if a == b else 0.0
+                    for k in range(half):
+                        total += values[2 * k, a] * values[2 * k, b] / half
+                    for k in range(b):
+                        if R[k] < np.inf:
+                            total -= C[a, k] * C[b, k]
+                    C[a, b] = np.sqrt(total) if a == b else total / C[b, b]
+            for b in range(a):
+                if R[b] < np.inf:
+                    y[a] -= C[a, b] * y[b]
+                    for k in range(H.shape[1]):
+                        H[a, k] -= C[a, b] * H[b, k]
+            y[a] /= C[a, a]
+            for k in range(H.shape[1]):
+                H[a, k] /= C[a, a]
+
+
+@kernel
+def regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn):
+    """Posterior linearisation: improve the estimate x[i], P[i] of a posterior too wide for one tangent.
+
+    Every pass replaces the measurement by its statistical linear regression over the posterior so far, whose errors
+    count as measurement noise, and updates the prior prior_x (1, n), prior (n, n) anew. Garcia-Fernandez, Svensson,
+    Morelande and Sarkka (2015), "Posterior linearization filter". Arguments as in ``iterate_one``.
+    """
+    n, rows = len(nn), h.shape[0]
+    A, C, points, values = np.empty((n, n)), np.empty((rows, rows)), np.empty((2 * n, n)), np.empty((2 * n, rows))
+    for _ in range(rules.iterations):
+        sigma_points_one(i, x, P, A, points, nn)
+        values_one(points, h, places, rules, values)
+        for a in range(rows):
+            h[a] = regression_one(a, values, A, H, nn)
+        residual_one(z, h, y)
+        for a in range(rows):
+            for k in range(n):
+                y[a] += H[a, k] * (x[i, k] - prior_x[0, k])
+        whiten_one(values, R, C, H, y, rows)
+        P[i] = prior
+        for k in range(n):
+            d[k] = 0.0
+        for a in range(rows):
+            if R[a] < np.inf:
+                s = gain_one(i, P, H, a, v, nn, ALL) + 1.0
+                correct_one(d, H, a, v, s, y[a], nn)
+                shrink_one(i, P, v, s, nn)
+        moved = 0.0
+        for k in range(n):
+            step = prior_x[0, k] + d[k] - x[i, k]
+            moved = max(moved, step * step / P[i, k, k])
+            x[i, k] = prior_x[0, k] + d[k]
+        if moved < CONVERGED * CONVERGED:
+            break
+
+
+@inlined
 def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
     """Update the prediction x[i], P[i] with measurements z and variances R (a,); h, H: predicted ones and Jacobian."""
     residual_one(z, h, y)
     if rules.iterations > 1 and curved_one(i, x, P, h, R):
+        prior_x, prior = x[i : i + 1].copy(), P[i].copy()
         iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn)
+        if curved_one(i, x, P, h, R):
+            regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
     else:
         absorb_one(i, P, H, y, R, d, v, nn)
         for a in range(len(nn)):
