@@ -27,7 +27,7 @@ SYSTEMS = {
     "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
 }
 
-SHELL = ("reward", "forecasts", "render_mode", "autoreset_mode")  # settings of an environment, not of its system
+SHELL = ("reward", "forecasts", "measurements", "render_mode", "autoreset_mode")  # of an environment, not its system
 PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 

@@ -16,6 +16,9 @@ SETTINGS = {  # of every environment, with their meaning
     '"relative-scaled"), or with another heuristic ("relative:best-simple"); or a Reward of your own',
     "render_mode": 'None or "rgb_array"',
     "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
+    "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "
+    '{"q": 4.0}; the parameters that may differ are marked',
+    "measurements": "whether the info of a step holds what the sensors reported: `measured_z` and so on",
     "max_episode_steps": "truncate after this many steps, before the system's own end",
     "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
 }
@@ -31,7 +34,9 @@ def build_system(system: System | type[System] | str, parameters: dict[str, Any]
         if parameters:
             raise InputError(f"parameters {sorted(parameters)} were given beside a finished system, expected its class")
         return system
-    return make_checked(_load(system) if isinstance(system, str) else system, parameters, beside=SETTINGS)
+    made: System = make_checked(_load(system) if isinstance(system, str) else system, parameters, beside=SETTINGS)
+    made.truth_model  # noqa: B018  (an invalid truth is reported here)
+    return made
 
 
 def _load(path: str) -> Any:
