@@ -13,27 +13,16 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.systems.rf_eo.kernels import (
-    CONVERGED,
-    absorb_one,
-    gain_of,
-    look_one,
-    measure_one,
-    move_one,
-    residual_one,
-)
+from wavegym.systems.rf_eo.kernels import move_one, receive_one, rows_of
+from wavegym.systems.rf_eo.look_kernels import gain_of, look_one, look_polar
+from wavegym.systems.rf_eo.tracker_kernels import absorb_one, iterate_one, residual_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.polar_kernels import (
-    ACROSS,
     AZIMUTH,
-    RANGE,
-    RATE,
     UNLIKELY,
     miss_one,
     normal_mass,
     predict_polar_one,
-    state_gradient,
-    state_point,
     to_cartesian_one,
 )
 from wavegym.trackers.rank_one_kernels import shrink_one
@@ -79,69 +68,51 @@ def scaled(A, factor, out, nn):
 
 
 @inlined
-def look_polar(i, p, places, rules, h, H, D, point, nn):
-    """Predicted measurements h (a,) and their gradient H (a, n) in the polar state p[i] about platform 0.
-
-    D (n, n) and point (1, n) are scratch space.
-    """
-    if places.shape[0] > 1:
-        r, rdot, azimuth, v = p[i, RANGE], p[i, RATE], p[i, AZIMUTH], p[i, ACROSS]
-        point[0, 0], point[0, 1], point[0, 2], point[0, 3] = state_point(r, rdot, azimuth, v)
-        point[0, 0] += places[0, 0]
-        point[0, 2] += places[0, 1]
-        look_one(0, point, places, rules, h, H)
-        state_gradient(i, p, D)
-        for a in range(3, h.shape[0]):
-            for k in range(len(nn)):
-                total = 0.0
-                for b in range(len(nn)):
-                    total += H[a, b] * D[b, k]
-                point[0, k] = total
-            for k in range(len(nn)):
-                H[a, k] = point[0, k]
-    for q in range(3):
-        h[q] = p[i, q]
-        for k in range(len(nn)):
-            H[q, k] = 1.0 if k == q else 0.0
-    h[AZIMUTH] = wrapped(p[i, AZIMUTH] - places[0, 2])
+def point_one(e, action, mean, F, pointing, settling, places, mount, x, nn):
+    """Predict the means x (e t, n) of all targets of environment e, and turn towards one: as ``turn_towards``."""
+    targets = mean.shape[0] // action.shape[0]
+    for i in range(e * targets, (e + 1) * targets):
+        predict_mean_one(i, mean, F, 0, x, nn)
+    aim = e * targets + action[e]
+    azimuth = bearing(x[aim, 0] - places[0, 0], x[aim, 2] - places[0, 1])
+    return turn_towards(azimuth, pointing[e], settling[e], mount)
 
 
 @inlined
-def track_one(i, p, S, z, R, places, rules, h, H, y, d, v, D, point, nn):
-    """Update p[i], S[i] with measurements z of variances R (a,): linear for platform 0, Gauss-Newton for the others."""
-    look_polar(i, p, places, rules, h, H, D, point, nn)
+def sense_one(e, k, t, i, x, truth, error, found, searched, places, rules, world, view, h, H, z, R):
+    """Measure truth[i]: fills z (a,) and the tracker's variances R (a,); returns the number of quantities received.
+
+    x[i]: predicted state. ``searched``: whether the camera searches an image for the target. ``world``: rules, mount
+    and view of the world. An azimuth is in the view only where the camera finds the target.
+    """
+    true_rules, true_mount, true_view = world
+    look_one(i, x, places, rules, h, H)
+    seen = searched and found[e, k, t] < true_mount.detection
+    true_view[1][0, AZIMUTH] = -true_mount.half if seen else np.inf
+    fence = true_view[0]  # not read: there are no penalties
+    return receive_one(e, k, t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z, R)
+
+
+@inlined
+def track_one(e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, mount, x, P, p_out, S_out, scratch, nn):
+    """One step of the tracker for polar[i], S[i]: fills p_out[i], S_out[i] and their Cartesian moments x[i], P[i].
+
+    The measurements of platform 0 are linear in p; those of other platforms need a few iterations.
+    """
+    A, T, points, h, H, y, d, v = scratch
+    predict_polar_one(i, polar, S, F[0], Q[0], density[e, t], p_out, S_out, points, A, T, nn)
+    look_polar(i, p_out, places, rules, h, H)
     residual_one(z, h, y)
-    if places.shape[0] > 1 and rules.iterations > 1:
-        iterate_polar(i, p, S, z, R, places, rules, h, H, y, d, v, D, point, nn)
+    if places.shape[0] > 1:
+        iterate_one(i, p_out, S_out, z, R, h, H, places, rules, y, d, v, True, nn)
     else:
-        absorb_one(i, S, H, y, R, d, v, nn)
+        absorb_one(i, S_out, H, y, R, d, v, nn)
         for a in range(len(nn)):
-            p[i, a] += d[a]
-    p[i, AZIMUTH] = wrapped(p[i, AZIMUTH])
-
-
-@kernel
-def iterate_polar(i, p, S, z, R, places, rules, h, H, y, d, v, D, point, nn):
-    """As ``rf_eo.kernels.iterate_one``, in polar coordinates."""
-    n = len(nn)
-    prior, at = S[i].copy(), p[i : i + 1].copy()
-    for spent in range(1, rules.iterations + 1):
-        S[i] = prior
-        absorb_one(i, S, H, y, R, d, v, nn)
-        moved = 0.0
-        for k in range(n):
-            step = p[i, k] + d[k] - at[0, k]
-            moved = max(moved, step * step / S[i, k, k])
-            at[0, k] = p[i, k] + d[k]
-        if moved < CONVERGED * CONVERGED or spent == rules.iterations:
-            break
-        look_polar(0, at, places, rules, h, H, D, point, nn)
-        residual_one(z, h, y)
-        for a in range(h.shape[0]):
-            for k in range(n):
-                y[a] += H[a, k] * (at[0, k] - p[i, k])
-    for k in range(n):
-        p[i, k] = at[0, k]
+            p_out[i, a] += d[a]
+    p_out[i, AZIMUTH] = wrapped(p_out[i, AZIMUTH])
+    if searched and not R[AZIMUTH] < np.inf:
+        miss_image(i, p_out, S_out, places[0, 2], mount, v, nn)
+    to_cartesian_one(i, p_out, S_out, places[0, 0], places[0, 1], x, P, nn)
 
 
 @inlined
@@ -151,54 +122,107 @@ def miss_image(i, p, S, pointing, mount, g, nn):
     miss_one(i, p, S, off - mount.half, off + mount.half, mount.detection, g, nn)
 
 
+@inlined
+def scratch_for(rows, nn):
+    """Scratch space of ``track_one``."""
+    n = len(nn)
+    return (
+        np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows),
+        np.empty(n), np.empty(n)
+    )  # fmt: skip
+
+
 @kernel
 def transition(
-    step, mean, P, polar, S, pointing, settling, density, visible, truth, unseen, process, error, found, action, F, Q,
-    L, places, rules, mount, variance, low, high, x, P_out, polar_out, S_out, pointing_out, settling_out, truth_out,
-    received, unseen_out, seen, nn
+    step, mean, P, polar, S, pointing, settling, density, visible, truth, unseen, true_density, process, error, found,
+    action, true_F, true_L, world, F, Q, places, rules, mount, view,
+    x, P_out, polar_out, S_out, pointing_out, settling_out, truth_out, received, unseen_out, seen, nn
 ):  # fmt: skip
     """One step of every environment; mean, polar, truth (e, t, n), P, S (e, t, n, n), received, unseen, seen (e, t).
 
-    Q and its factor L belong to a process noise density of 1; density (e, t): the targets' own.
+    Q and the world's noise factor belong to a process noise density of 1; density (e, t): the targets' own.
     """
-    (count, targets, n), rows, flat = mean.shape, 3 * places.shape[0], mean.shape[0] * mean.shape[1]
-    A, T, factor, points = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n))
-    H, h, z, R, y = np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows), np.empty(rows)
-    d, v, point, places, low, fence = (
-        np.empty(n),
-        np.empty(n),
-        np.empty((1, n)),
-        places.copy(),
-        low.copy(),
-        np.empty((2, 3)),
-    )
-    mean, polar, truth, x, polar_out, truth_out = (
-        mean.reshape((flat, n)), polar.reshape((flat, n)), truth.reshape((flat, n)), x.reshape((flat, n)),
-        polar_out.reshape((flat, n)), truth_out.reshape((flat, n))
+    (count, targets, n), rows, places = mean.shape, 3 * places.shape[0], places.copy()
+    factor, h, H, z, R = np.empty((n, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(rows)
+    scratch, (true_rules, true_mount, (true_variance, true_low, true_high)) = scratch_for(rows, nn), world
+    world = (true_rules, true_mount, (true_variance, true_low.copy(), true_high))
+    mean, polar, truth, x, polar_out, truth_out, S, P_out, S_out = (
+        rows_of(mean), rows_of(polar), rows_of(truth), rows_of(x), rows_of(polar_out), rows_of(truth_out),
+        rows_of(S), rows_of(P_out), rows_of(S_out)
     )  # fmt: skip
-    S, P_out, S_out = S.reshape((flat, n, n)), P_out.reshape((flat, n, n)), S_out.reshape((flat, n, n))
     for e in range(count):
-        k, aim = step[e], e * targets + action[e]
-        for t in range(targets):
-            predict_mean_one(e * targets + t, mean, F, 0, x, nn)
-        towards = bearing(x[aim, 0] - places[0, 0], x[aim, 2] - places[0, 1])
-        pointing_out[e], settling_out[e], sees = turn_towards(towards, pointing[e], settling[e], mount)
+        k = step[e]
+        pointing_out[e], settling_out[e], sees = point_one(
+            e, action, mean, F, pointing, settling, places, mount, x, nn
+        )  # fmt: skip
         places[0, 2] = pointing_out[e]
         for t in range(targets):
             i = e * targets + t
-            scaled(L, np.sqrt(density[e, t]), factor, nn)
-            move_one(e, k, t, i, truth, F, factor, process, truth_out, nn)
-            look_one(i, x, places, rules, h, H)
-            share = share_of(e, k, t, visible, mount)
-            low[0, AZIMUTH] = -mount.half if sees and found[e, k, t] < share else np.inf
-            got = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
+            scaled(true_L, np.sqrt(true_density[e, t]), factor, nn)
+            move_one(e, k, t, i, truth, true_F, factor, process, truth_out, nn)
+            searched = sees and visible[e, k, t]
+            got = sense_one(
+                e, k, t, i, x, truth_out, error, found, searched, places, rules, world, view, h, H, z, R
+            )  # fmt: skip
             seen[e, t] = R[AZIMUTH] < np.inf
             received[e, t], unseen_out[e, t] = got, 0 if seen[e, t] else unseen[e, t] + 1
-            predict_polar_one(i, polar, S, F[0], Q[0], density[e, t], polar_out, S_out, points, A, T, nn)
-            track_one(i, polar_out, S_out, z, R, places, rules, h, H, y, d, v, A, point, nn)
-            if sees and share > 0.0 and not seen[e, t]:
-                miss_image(i, polar_out, S_out, pointing_out[e], mount, v, nn)
-            to_cartesian_one(i, polar_out, S_out, places[0, 0], places[0, 1], x, P_out, nn)
+            track_one(
+                e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, mount, x, P_out, polar_out, S_out,
+                scratch, nn
+            )  # fmt: skip
+
+
+@kernel
+def move(step, truth, density, process, F, L, truth_out, nn):
+    """Fill truth_out (e, t, n): all targets one step on; L belongs to a density of 1, density (e, t): their own."""
+    targets, factor = truth.shape[1], np.empty(L.shape)
+    truth, truth_out = rows_of(truth), rows_of(truth_out)
+    for i in range(truth.shape[0]):
+        e, t = i // targets, i % targets
+        scaled(L, np.sqrt(density[e, t]), factor, nn)
+        move_one(e, step[e], t, i, truth, F, factor, process, truth_out, nn)
+
+
+@kernel
+def sense(
+    step, mean, pointing, settling, visible, truth, error, found, action, world, F, places, rules, mount, view, z, R, nn
+):  # fmt: skip
+    """Fill z, R (e, t, a): what radars and camera measure of truth (e, t, n), after the camera has turned."""
+    (count, targets, n), rows, places = mean.shape, 3 * places.shape[0], places.copy()
+    h, H, x = np.empty(rows), np.empty((rows, n)), np.empty((count * targets, n))
+    true_rules, true_mount, (true_variance, true_low, true_high) = world
+    world = (true_rules, true_mount, (true_variance, true_low.copy(), true_high))
+    mean, truth = rows_of(mean), rows_of(truth)
+    for e in range(count):
+        places[0, 2], _, sees = point_one(e, action, mean, F, pointing, settling, places, mount, x, nn)
+        for t in range(targets):
+            i, searched = e * targets + t, sees and visible[e, step[e], t]
+            sense_one(
+                e, step[e], t, i, x, truth, error, found, searched, places, rules, world, view, h, H, z[e, t], R[e, t]
+            )  # fmt: skip
+
+
+@kernel
+def track(
+    step, mean, P, polar, S, pointing, settling, density, visible, action, z, R, F, Q, places, rules, mount,
+    x, P_out, polar_out, S_out, pointing_out, settling_out, nn
+):  # fmt: skip
+    """Turn the camera and track with measurements z of variances R (e, t, a), infinite where nothing was received."""
+    (count, targets, _), places, scratch = mean.shape, places.copy(), scratch_for(z.shape[2], nn)
+    mean, polar, x, polar_out, S, P_out, S_out = (
+        rows_of(mean), rows_of(polar), rows_of(x), rows_of(polar_out), rows_of(S), rows_of(P_out), rows_of(S_out)
+    )  # fmt: skip
+    for e in range(count):
+        pointing_out[e], settling_out[e], sees = point_one(
+            e, action, mean, F, pointing, settling, places, mount, x, nn
+        )  # fmt: skip
+        places[0, 2] = pointing_out[e]
+        for t in range(targets):
+            searched = sees and visible[e, step[e], t]
+            track_one(
+                e, t, e * targets + t, polar, S, density, z[e, t], R[e, t], searched, F, Q, places, rules, mount,
+                x, P_out, polar_out, S_out, scratch, nn
+            )  # fmt: skip
 
 
 @inlined
@@ -230,15 +254,15 @@ def blended(first, second, weight, out, nn):
 @kernel
 def predict(
     step, mean, P, polar, S, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount,
-    variance, low, high, x, P_out, polar_out, S_out, pointing_out, settling_out, nn
+    view, x, P_out, polar_out, S_out, pointing_out, settling_out, nn
 ):  # fmt: skip
     """Fill predicted beliefs x, polar_out (e, c, t, n), P_out, S_out (e, c, t, n, n), and the camera's state (e, c).
 
     actions (e or 1, c); draws (e, c or 1, t), used where ``sampled``.
     """
     (count, candidates, targets), n, sx, sy = x.shape[:3], len(nn), places[0, 0], places[0, 1]
-    A, T, D, points = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n))
-    ahead, p, v, point = np.empty((targets, n)), np.empty((targets, n)), np.empty(n), np.empty((1, n))
+    A, T, points = np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n))
+    ahead, p, v, (variance, low, high) = np.empty((targets, n)), np.empty((targets, n)), np.empty(n), view
     unseen, found, known = np.empty((targets, n, n)), np.empty((targets, n, n)), np.empty(targets, np.bool_)
     x_unseen, x_found = np.empty((targets, n)), np.empty((targets, n))
     P_unseen, P_found = np.empty((targets, n, n)), np.empty((targets, n, n))
@@ -248,7 +272,7 @@ def predict(
         for t in range(targets):
             predict_mean_one(t, mean[e], F, 0, ahead, nn)
             predict_polar_one(t, polar[e], S[e], F[0], Q[0], density[e, t], p, unseen, points, A, T, nn)
-            look_polar(t, p, places, rules, h[t], H[t], D, point, nn)
+            look_polar(t, p, places, rules, h[t], H[t])
             absorb_predicted(t, unseen, h, H, variance, low, high, rules, False, v, nn)
             to_cartesian_one(t, p, unseen, sx, sy, x_unseen, P_unseen, nn)
         for c in range(candidates):
@@ -299,14 +323,14 @@ def delay(step, mean, pointing, settling, visible, F, places, mount, out, off, n
 
 
 @kernel
-def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, variance, low, high, out, nn):
+def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, view, out, nn):
     """Fill out (e, c), the reduction of the summed cost by one look at target c after ``wait`` (e, c) steps.
 
     F, Q (w, n, n): transition of 1, 2, ... steps and noise of a density of 1; M (l, n, n): weights summed over as many
     steps. All targets that will be in the image and in sight count. The radars' measurements up to the look count as if
     all were taken with the look.
     """
-    targets, n = mean.shape[1], len(nn)
+    targets, n, (variance, low, high) = mean.shape[1], len(nn), view
     x, V, T, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty((n, n)), np.empty(n)
     noise, step_on = np.empty((1, n, n)), np.empty((1, n, n))
     H, h = np.empty((3 * places.shape[0], n)), np.empty(3 * places.shape[0])
