@@ -102,6 +102,7 @@ def track_one(e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, m
     A, T, points, h, H, y, d, v = scratch
     predict_polar_one(i, polar, S, F[0], Q[0], density[e, t], p_out, S_out, points, A, T, nn)
     look_polar(i, p_out, places, rules, h, H)
+    missed = searched and h[0] >= rules.nearest and not R[AZIMUTH] < np.inf
     residual_one(z, h, y)
     if places.shape[0] > 1:
         iterate_one(i, p_out, S_out, z, R, h, H, places, rules, y, d, v, True, nn)
@@ -110,7 +111,7 @@ def track_one(e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, m
         for a in range(len(nn)):
             p_out[i, a] += d[a]
     p_out[i, AZIMUTH] = wrapped(p_out[i, AZIMUTH])
-    if searched and not R[AZIMUTH] < np.inf:
+    if missed:
         miss_image(i, p_out, S_out, places[0, 2], mount, v, nn)
     to_cartesian_one(i, p_out, S_out, places[0, 0], places[0, 1], x, P, nn)
 
