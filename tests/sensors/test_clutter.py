@@ -173,11 +173,11 @@ GOOD = {"key": 1, "centre": CENTRE, "S": S, "gate": GATE, "density": 0.05}
         ({"density": -1e-4}, "density is -0.0001, expected a finite number >= 0"),
         ({"density": np.inf}, "density is inf, expected"),
         ({"density": 1e9}, r"expected number of clutter points .* \(nearest: 1e\+07\)"),
-        ({"S": -S}, "expected a symmetric positive definite matrix"),
+        ({"S": -S}, r"S\[0\] has the eigenvalue -.*, expected a positive definite matrix"),
         ({"S": S[:2]}, r"centre and S have shapes \(3, 2\) and \(2, 2, 2\), expected \(gates, 2\)"),
         ({"S": S[0]}, r"centre and S have shapes \(3, 2\) and \(2, 2\), expected \(gates, 2\)"),
         ({"centre": CENTRE.T}, r"centre has shape \(2, 3\), expected \(\.\.\., 2\)"),
-        ({"centre": np.full((3, 2), np.nan)}, r"centre is \[nan, nan\], expected finite numbers"),
+        ({"centre": np.full((3, 2), np.nan)}, r"centre\[0, 0\] is nan, expected finite numbers"),
     ],
 )
 def test_bad_input(change, message):

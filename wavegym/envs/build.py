@@ -1,12 +1,10 @@
-"""Build a system from its class or name and its parameters."""
+"""The settings of every environment, and its system from parameters."""
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import make_checked
+from wavegym.core import build
 from wavegym.core.system import System
 
 SETTINGS = {  # of every environment, with their meaning
@@ -25,26 +23,5 @@ SETTINGS = {  # of every environment, with their meaning
 
 
 def build_system(system: System | type[System] | str, parameters: dict[str, Any]) -> System:
-    """The system itself, or one built from its class or ``"package.module:Class"`` and parameters.
-
-    Raises:
-        InputError: no such class, an unknown parameter (nearest named) or a value out of range.
-    """
-    if isinstance(system, System):
-        if parameters:
-            raise InputError(f"parameters {sorted(parameters)} were given beside a finished system, expected its class")
-        return system
-    made: System = make_checked(_load(system) if isinstance(system, str) else system, parameters, beside=SETTINGS)
-    made.truth_model  # noqa: B018  (an invalid truth is reported here)
-    return made
-
-
-def _load(path: str) -> Any:
-    """The object at "package.module:name"."""
-    module, _, name = path.partition(":")
-    if not name:
-        raise InputError(f"system is {path!r}, expected 'package.module:Class'")
-    try:
-        return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"system is {path!r}, which cannot be loaded: {error}") from None
+    """See ``wavegym.core.build.build_system``; an unknown parameter may be meant as one of ``SETTINGS``."""
+    return build.build_system(system, parameters, SETTINGS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_key, check_last_axes
+from wavegym.core.array_checks import check_finite, check_key
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.sensors import clutter_kernels as kernels
@@ -36,13 +36,11 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
             a gate or density outside its range, shapes that do not fit, or more than 1e7 expected points.
     """
     own = check_key(key)
-    points, L = np.array(check_last_axes("centre", centre, 2), order="C"), cholesky(S)
+    points, L = np.array(check_finite("centre", centre, 2), order="C"), cholesky(S)
     if points.ndim != 2 or L.shape != (len(points), 2, 2):
         raise InputError(
             f"centre and S have shapes {points.shape} and {L.shape}, expected (gates, 2) and (gates, 2, 2)"
         )
-    if not np.isfinite(points).all():
-        raise InputError(f"centre is {points[~np.isfinite(points).all(axis=1)][0].tolist()}, expected finite numbers")
     expected = check_non_negative("density", density) * float(gate_volume(S, check_positive("gate", gate)).sum())
     check_within("expected number of clutter points (density x gate volumes)", expected, 0.0, MOST_POINTS)
     present = np.ones(len(points), dtype=np.bool_)

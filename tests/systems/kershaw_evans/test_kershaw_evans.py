@@ -78,7 +78,7 @@ def test_the_filter_is_consistent(kwargs):
     """NEES of 600 worlds at every step inside its 95 % bounds, but for about one step in twenty."""
     system = KershawEvans(**kwargs)
     worlds = oracles.worlds(system, 600, seed=3)
-    actions = np.random.default_rng(4).integers(len(system.library), size=(600, system.horizon))
+    actions = np.random.default_rng(4).integers(len(system.actions), size=(600, system.horizon))
     means = np.array([system.state_info(state)["nees"].mean() for state in play(system, worlds, actions)])
     low, high = chi2.ppf([0.025, 0.975], 2 * 600) / 600
     assert ((means > low) & (means < high)).mean() > 0.8  # steps are correlated, hence not 0.95 sharp
@@ -242,7 +242,7 @@ def test_a_compiled_step_is_that_of_its_parts(settings) -> None:
     world = oracles.worlds(system, 9)
     fused = composed = system.initial(world)
     for k in range(6):
-        action = (np.arange(9) * 7 + k) % len(system.library)
+        action = (np.arange(9) * 7 + k) % len(system.actions)
         fused, composed = system.transition(fused, action, world), system.composed_transition(composed, action, world)
     np.testing.assert_array_equal(fused.truth.targets, composed.truth.targets)
     np.testing.assert_allclose(fused.belief.mean, composed.belief.mean, rtol=1e-10)

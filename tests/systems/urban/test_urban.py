@@ -206,7 +206,7 @@ def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
         ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
         ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
         ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan"),
-        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "map and antennas span"),
+        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "m from the nearest road, expected at most twice the reach"),
         ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
         ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
     ],

@@ -13,11 +13,12 @@ from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.waveforms import (
     chirp_law,
-    chirp_measurement_covariance,
     measurement_covariances,
     parse_law,
     trapezoid_chirp_library,
 )
+from wavegym.waveforms.fisher import unchecked_covariance
+from wavegym.waveforms.trapezoid import unchecked_trapezoid_factors
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,8 @@ class ChirpActions:
 
     def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:
         """C (..., 2, 2) of any chirps: index of the law, duration (s) and signed sweep (Hz), each (...)."""
-        return chirp_measurement_covariance(self._moments[law], duration, sweep, self.carrier_hz)
+        factors = unchecked_trapezoid_factors(self._moments[law], duration, sweep)
+        return unchecked_covariance(*factors, self.carrier_hz)
 
     @cached_property
     def _moments(self) -> Array:

@@ -18,7 +18,7 @@ from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors import gate_probability
+from wavegym.sensors import gate_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
@@ -32,11 +32,12 @@ from wavegym.systems.agile_clutter.state import (
     Pulse,
     Truth,
     World,
-    first_gate_volume,
+    greatest_gate_volume,
     target_fields,
 )
+from wavegym.systems.precision import check_precision
 from wavegym.targets import MotionModel, constant_velocity, random_path
-from wavegym.trackers import Particles
+from wavegym.trackers import Particles, predict_covariance
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 
@@ -123,6 +124,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         check_positive("sum of weights", sum(self.weights))
         self._check_targets()
         self._check_clutter()
+        self._check_precision()
 
     def _check_targets(self) -> None:
         """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
@@ -137,11 +139,33 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         check_within("least of births", min(self.births), 0, self.horizon - 1)
 
     def _check_clutter(self) -> None:
-        """InputError for a density that expects too many points in a gate."""
+        """InputError for a density that expects too many points in a gate, of a target that is never detected too."""
         C, snr = self.action_set.sensor_covariances, (self.reference_range, self.nearest_range)
-        volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
+        starts = self.farthest_starts()
+        P, volume = np.diag(self.prior_variance), 0.0
+        for age in (1, self.lifetime):
+            coasting = constant_velocity(age * self.dt, self.q, ("x", "y"), order="derivative")
+            after = starts @ coasting.F.T, predict_covariance(P, coasting.F, coasting.Q)
+            volume = max(volume, greatest_gate_volume(*after, self.sensors, C, snr, self.gate))
         most = float(f"{kernels.MOST_CLUTTER / volume:.3g}")
-        check_within("clutter_density", self.clutter_density, 0, most, "s/m^2")
+        if not self.clutter_density <= most:
+            raise InputError(
+                f"clutter_density is {self.clutter_density!r} s/m^2, expected a number in [0, {most:g}] (nearest: "
+                f"{most:g}): a target of prior_variance {self.prior_variance} that is not detected in {self.lifetime} "
+                f"steps of {self.dt:g} s would have over {kernels.MOST_CLUTTER:g} false returns in its gate"
+            )
+
+    def _check_precision(self) -> None:
+        """InputError for pulses too fine for the tracker; see ``check_precision``."""
+        starts, places = np.array(self.starts), np.array(self.sensors)[:, None]
+        H = range_and_rate_jacobian(starts, places)  # (sensor, target, 2, 4)
+        P = H @ predict_covariance(np.diag(self.prior_variance), self.motion.F, self.motion.Q) @ np.swapaxes(H, -1, -2)
+        eta = range_law_snr(range_and_rate(starts, places)[..., 0], self.reference_range, self.nearest_range)
+        check_precision(P, self.action_set.sensor_covariances, eta, self.reference_range)
+
+    def farthest_starts(self) -> Array:
+        """First states of the targets that stand for all possible ones, (state, 4)."""
+        return np.array(self.starts)
 
     @cached_property
     def motion(self) -> MotionModel:

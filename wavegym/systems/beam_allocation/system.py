@@ -19,6 +19,7 @@ from wavegym.systems.agile_clutter.state import (
     PlanarState,
     PositiveState,
     Pulse,
+    corners,
     drawn_around,
     target_fields,
 )
@@ -126,6 +127,10 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         truth, base = super().initial(world)
         step, mean, covariance = base[:3]
         return State(truth, Belief(step, mean, covariance, None, visibility(self, world.window, len(self.starts))))
+
+    def farthest_starts(self) -> Array:
+        """The corners of the boxes in which targets start, (state, 4)."""
+        return corners(self.starts, self.spread)
 
     def first_states(self, world: Any) -> Array:
         """The true states at birth, drawn around ``starts``."""

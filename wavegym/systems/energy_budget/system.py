@@ -14,7 +14,15 @@ from wavegym.core.capabilities import Delay, Gain, Spending
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
-from wavegym.systems.agile_clutter.state import NN, NonNegativeState, PlanarState, PositiveState, Pulse, drawn_around
+from wavegym.systems.agile_clutter.state import (
+    NN,
+    NonNegativeState,
+    PlanarState,
+    PositiveState,
+    Pulse,
+    corners,
+    drawn_around,
+)
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget.actions import PulseActions
@@ -152,6 +160,10 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         none = np.zeros(count, np.bool_)
         truth = Truth(**base._asdict(), spent=np.zeros(count), occluded=none, replaced=none.copy())
         return State(truth, self._belief(belief, np.full(count, self.total), self._first_occlusion(world)))
+
+    def farthest_starts(self) -> Array:
+        """The corners of the boxes in which targets start, (state, 4)."""
+        return corners(self.starts, self.spread)
 
     def first_states(self, world: Any) -> Array:
         """The true states at birth, drawn around ``starts``."""

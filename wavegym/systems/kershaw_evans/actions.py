@@ -10,12 +10,9 @@ import numpy as np
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
-from wavegym.waveforms import (
-    chirp_rate_for_sweep,
-    gaussian_chirp_library,
-    gaussian_measurement_covariance,
-    measurement_covariances,
-)
+from wavegym.waveforms import gaussian_chirp_library, measurement_covariances
+from wavegym.waveforms.fisher import unchecked_covariance
+from wavegym.waveforms.gaussian import unchecked_gaussian_factors
 
 
 @dataclass(frozen=True)
@@ -27,17 +24,19 @@ class GaussianActions:
         sweeps: in Hz, negative = down.
         carrier_hz: fc.
         continuous: actions are points of the box instead of indices.
+        own: pulses to transmit in place of the durations and sweeps.
     """
 
     durations: tuple[float, ...]
     sweeps: tuple[float, ...]
     carrier_hz: float
     continuous: bool
+    own: Library | None = None
 
     @cached_property
     def library(self) -> Library:
-        """The waveforms, duration-major."""
-        return gaussian_chirp_library(self.durations, self.sweeps)
+        """The waveforms, duration-major, or the given ones."""
+        return self.own or gaussian_chirp_library(self.durations, self.sweeps)
 
     @cached_property
     def box(self) -> ParameterBox:
@@ -54,6 +53,13 @@ class GaussianActions:
     def actions(self) -> Library | ParameterBox:
         """What an action means."""
         return self.box if self.continuous else self.library
+
+    @property
+    def middle(self) -> int:
+        """The pulse of middle duration with the widest sweep; of given pulses the middle one."""
+        if self.own:
+            return len(self.own) // 2
+        return len(self.durations) // 2 * len(self.sweeps) + int(np.argmax(np.abs(self.sweeps)))
 
     @cached_property
     def candidates(self) -> Array:
@@ -73,4 +79,5 @@ class GaussianActions:
             return self.covariances.take(actions, axis=0)
         values = self.box.decode(actions)
         duration, sweep = values[..., 0], values[..., 1]
-        return gaussian_measurement_covariance(duration, chirp_rate_for_sweep(sweep, duration), self.carrier_hz)
+        rate = np.pi * sweep / (2.0 * duration)
+        return unchecked_covariance(*unchecked_gaussian_factors(duration, rate), self.carrier_hz)

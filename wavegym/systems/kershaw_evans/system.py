@@ -33,6 +33,7 @@ from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
 from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
 from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
+from wavegym.systems.precision import check_precision
 from wavegym.targets import (
     MotionModel,
     Segment,
@@ -43,6 +44,7 @@ from wavegym.targets import (
     windows,
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, make_tracker
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -100,6 +102,15 @@ class KershawEvans(
     action: Literal["library", "box"] = parameter(
         "library", "an index, or a point of a box: log duration, and the signed sweep that sets the chirp rate", unit=""
     )
+    library: Library | None = parameter(
+        None, "a Library of waveforms of your own, in place of ``durations`` and ``sweeps``", unit=""
+    )
+    tracker: Any = parameter(
+        None,
+        "a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one; by default the "
+        "compiled Kalman filter",
+        unit="",
+    )
     start_range: Interval = parameter((20e3, 40e3), "bounds of the first range", unit="m", truth=True)
     start_speed: Interval = parameter((-200.0, 200.0), "bounds of the first range-rate", unit="m/s", truth=True)
     start_acceleration: Interval = parameter(
@@ -139,7 +150,21 @@ class KershawEvans(
         check_positive("sum of weights", sum(self.weights))
         for name in ("start_range", "start_speed", "start_acceleration"):
             check_ordered(name, *getattr(self, name))
-        self.library, self.actions, self._paths  # noqa: B018  (an invalid pulse or recording is reported here)
+        if self.library is not None and self.action == "box":
+            raise InputError(
+                "library is given with action='box', expected action='library': a box spans Gaussian chirps"
+            )
+        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
+        self.action_set.covariances, self.actions  # noqa: B018  (an invalid pulse is reported here)
+        self._check_precision()
+        self._paths  # noqa: B018  (an invalid recording is reported here)
+
+    def _check_precision(self) -> None:
+        """InputError for pulses too fine for the filter; see ``check_precision``."""
+        widest = np.diag(self.prior_variance) * (10.0 if self.start_covariance == "random" else 1.0)
+        P = predict_covariance(widest, self.motion.F, self.motion.Q)[:MEASURED, :MEASURED]
+        eta = range_law_snr(np.mean(self.start_range), self.reference_range, self.nearest_range)
+        check_precision(P, self.action_set.covariances, eta, self.reference_range)
 
     @cached_property
     def motion(self) -> MotionModel:
@@ -147,14 +172,14 @@ class KershawEvans(
         return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, self.q)
 
     @cached_property
+    def _own_tracker(self) -> Tracker | None:
+        return None if self.tracker is None else make_tracker(self.tracker)
+
+    @cached_property
     def action_set(self) -> GaussianActions:
         """What may be transmitted."""
-        return GaussianActions(self.durations, self.sweeps, self.carrier_hz, continuous=self.action == "box")
-
-    @property
-    def library(self) -> Library:
-        """Every duration with every sweep, duration-major."""
-        return self.action_set.library
+        pulses = (self.durations, self.sweeps, self.carrier_hz)
+        return GaussianActions(*pulses, continuous=self.action == "box", own=self.library)
 
     @property
     def actions(self) -> Library | ParameterBox:
@@ -162,7 +187,7 @@ class KershawEvans(
         return self.action_set.actions
 
     def candidates(self) -> Array:
-        """The library: indices (A,), or its points of the box (A, 2)."""
+        """The pulses of the library: indices (A,), or their points of the box (A, 2)."""
         return self.action_set.candidates
 
     @cached_property
@@ -172,9 +197,8 @@ class KershawEvans(
 
     @cached_property
     def steady_covariance(self) -> Array:
-        """Fixed point of the covariance recursion, (n, n): middle duration, widest sweep, middle of the start range."""
-        default = len(self.durations) // 2 * len(self.sweeps) + int(np.argmax(np.abs(self.sweeps)))
-        R = self.action_set.covariances[default] / range_law_snr(
+        """Fixed point of the covariance recursion, (n, n), with the middle pulse at the middle of the start range."""
+        R = self.action_set.covariances[self.action_set.middle] / range_law_snr(
             np.mean(self.start_range), self.reference_range, self.nearest_range
         )
         P = np.diag(self.prior_variance).astype(np.float64)
@@ -254,7 +278,9 @@ class KershawEvans(
         return variance[:, :, None] * np.eye(len(self.weights))
 
     def fused_transition(self, state: State, action: Array, world: World) -> State:
-        """One pulse: predict, measure at the true range, update."""
+        """One pulse: predict, measure at the true range, update; by its parts where ``tracker`` is given."""
+        if self._own_tracker:
+            return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance) = state
         C = self.unit_covariance(action)
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
@@ -271,15 +297,34 @@ class KershawEvans(
         """Range and range-rate with an error of covariance C / eta at the true range."""
         C, z = self.unit_covariance(action), np.empty((len(belief.step), MEASURED))
         kernels.receive(truth.targets, belief.step, world.normal, C, *self.truth_model._snr_law, z)
-        eta = range_law_snr(truth.targets[:, 0], *self._snr_law)
+        eta = range_law_snr(abs(truth.targets[:, 0]), *self._snr_law)
         return Measurements(z, C * (1.0 / eta)[:, None, None])
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
-        """One step of the Kalman filter."""
+        """One step of the Kalman filter, or of ``tracker``."""
+        if self._own_tracker:
+            return self._tracked(self._own_tracker, belief, measurements)
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
         sizes = (0,) * len(self.weights), (0,) * MEASURED
         kernels.track(belief.mean, belief.covariance, *measurements, *self._model, *sizes, x, P)
         return Belief(belief.step + 1, x, P)
+
+    def _tracked(self, tracker: Tracker, belief: Belief, measurements: Measurements) -> Belief:
+        """``track`` by the given tracker."""
+        count = len(belief.step)
+        predicted = tracker.predict(Estimate(belief.mean[:, None], belief.covariance[:, None]), self.motion)
+        z, R = (array[:, None] for array in measurements)
+        is_detected, target = np.ones((count, 1), np.bool_), np.zeros((count, 1), np.int64)
+        after = tracker.update(predicted, Scan(z, is_detected, target, R, self._line_of_sight))
+        return Belief(belief.step + 1, after.mean[:, 0], after.covariance[:, 0])
+
+    @cached_property
+    def _line_of_sight(self) -> MeasurementModel:
+        """Range and range-rate are the first two elements of the state."""
+        H = np.eye(MEASURED, len(self.weights))
+        return MeasurementModel(
+            lambda x: np.array(x[..., :MEASURED]), lambda x: np.broadcast_to(H, (*x.shape[:-1], *H.shape))
+        )
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range."""
@@ -293,7 +338,7 @@ class KershawEvans(
         """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
         F, Q, _ = self._model
         mean, P = predict(belief.mean, belief.covariance, F[0], Q[0])
-        return P, range_law_snr(mean[:, 0], self.reference_range, self.nearest_range)
+        return P, range_law_snr(abs(mean[:, 0]), self.reference_range, self.nearest_range)
 
     def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
         """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
@@ -308,9 +353,15 @@ class KershawEvans(
         )
 
     def deterministic_recursion(self, world: World) -> Recursion:
-        """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone."""
+        """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone.
+
+        Raises:
+            NotImplementedError: another tracker than the Kalman filter.
+        """
+        if self._own_tracker:
+            raise NotImplementedError
         state = self.initial(world)
-        eta = range_law_snr(state.truth.path[:, 1:, 0], *self._snr_law)
+        eta = range_law_snr(abs(state.truth.path[:, 1:, 0]), *self._snr_law)
         (F, Q, M), C = self._model, self.unit_covariance(self.candidates())
         return Recursion(state.belief.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
 

@@ -25,6 +25,7 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
+from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.actions import PlatformActions
@@ -44,7 +45,6 @@ MOST = 64  # targets, and platforms
 FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
 FASTEST = 1e6  # rad/s
 GREATEST = 1e12  # PRF and bandwidth in Hz, pixel angle in rad
-MOST_RATIO = 1e12  # of the prior variance to a measurement variance
 
 Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 Position = tuple[Coordinate, Coordinate]
@@ -169,7 +169,7 @@ class RfEo(System, FusedTransition, BestAction, SequencePlan, LinearCost, MostIn
         """InputError for a range variance below the filter's precision, or pulses that do not fit into a step."""
         finest = 0.5 * SPEED_OF_LIGHT / self.bandwidth[1]
         ratio = max(self.prior_variance) / (finest * finest / 12.0)
-        if ratio > MOST_RATIO:  # an update loses this ratio times 1e-16 of its precision
+        if ratio > MOST_RATIO:
             least = max(self.prior_variance) * MOST_RATIO / ratio
             wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
             raise InputError(f"prior_variance is up to {max(self.prior_variance):g}, expected {wanted}")

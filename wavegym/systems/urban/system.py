@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
@@ -68,7 +69,7 @@ class Urban(System):
         proposals of this suite.
     """
 
-    horizon: int = parameter(140, "scans in an episode", ge=1)
+    horizon: int = parameter(140, "scans in an episode", ge=1, le=10_000)
     dt: float = parameter(0.25, "time between scans", unit="s", gt=0)
     city: str = parameter("intersection", "an urban map of wavegym, or a TOML file", unit="")
     transmitters: tuple[Point, ...] = parameter(((2085.0, 1470.5),), "positions (x, y) of the transmitters", unit="m")
@@ -109,7 +110,7 @@ class Urban(System):
     sigma: float = parameter(0.25, "standard deviation of acceleration in NCV and turn models", unit="m/s^2", ge=0)
     vaguest: float = parameter(5.0, "largest standard deviation of the position of a new track", unit="m", gt=0)
     ghosts: bool = parameter(True, "whether the tracker uses the map to recognise ghosts", unit="")
-    slots: int = parameter(8, "maximum number of tracks", ge=1)
+    slots: int = parameter(8, "maximum number of tracks", ge=1, le=1000)
     charged: int = parameter(2, "number of slots in the cost", ge=1)
     clutter_density: float = parameter(1e-3, "expected false returns", unit="1/(m m/s)", gt=0)
     false_alarm: Probability | None = parameter(
@@ -129,7 +130,17 @@ class Urban(System):
         if self.fidelity == "signal" and self.false_alarm is not None:
             wanted = "expected none with fidelity='signal': it follows from clutter_density"
             raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
+        self._check_antennas()
         _ = self.actions, self.urban_tracker, self.scene, self._most
+
+    def _check_antennas(self) -> None:
+        """InputError for an antenna so far from all roads that no echo from a road is received."""
+        for name in ("transmitters", "receivers"):
+            for place in getattr(self, name):
+                away = self.map.paved.distance(shapely.Point(place))
+                if away > 2.0 * self.reach:
+                    wanted = f"at most twice the reach, {2.0 * self.reach:g} m: farther echoes are not received"
+                    raise InputError(f"{name} has {place}, {away:g} m from the nearest road, expected {wanted}")
 
     @cached_property
     def map(self) -> UrbanMap:
