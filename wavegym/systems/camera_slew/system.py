@@ -58,7 +58,7 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
-        Targets and tracker are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and
+        Targets and radar are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and
         range-rate of every target, but no azimuth. The camera on the first platform measures the azimuths of the
         targets in its image. An action names the target to look at: the camera turns towards its predicted azimuth at
         ``slew`` rad/s at most. A turn of more than half the field of view blinds the camera until it has arrived and
@@ -67,6 +67,12 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
         tree lines block the camera's line of sight to a target; the radar sees through them. The process noise density
         of each target is known too. There is one waveform: r |rdot| stays below c lambda / 8, so a single pulse
         repetition frequency measures both range and range-rate without ambiguity.
+
+        Without the camera a target's cross-range is open, and its posterior bends along a circle about the radar. The
+        tracker is a Kalman filter in polar coordinates about the first platform [r, rdot, azimuth, cross velocity], in
+        which its measurements are linear; sigma points take the estimate through the motion. A look that does not find
+        a target is evidence against the azimuths in the image. The belief holds the polar Gaussian and its exact
+        Cartesian mean and covariance.
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
