@@ -9,9 +9,11 @@ from wavegym.core.system import System
 
 SETTINGS = {  # of every environment, with their meaning
     "num_envs": "number of environments, of a vector environment",
-    "reward": '"trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "error" (minus the squared true position '
-    'error), a comparison with the myopic scheduler on the same world ("relative", "relative-log", "relative-share", '
-    '"relative-scaled"), or with another heuristic ("relative:best-simple"); or a Reward of your own',
+    "reward": '"cost" (minus the cost: see Rewards), "log-cost" (minus its logarithm), "trace" (-trace(Lambda P), '
+    'summed over the targets), "error" (minus the squared true position error), "gospa" (minus the squared GOSPA '
+    'distance, where the info has it), a comparison with the myopic scheduler on the same world ("relative", '
+    '"relative-log", "relative-share", "relative-scaled"), or with another heuristic ("relative:best-simple"); or a '
+    "Reward of your own",
     "render_mode": 'None or "rgb_array"',
     "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
     "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "

@@ -151,6 +151,8 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
         1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
     )
 
+    nees_dimension = 4  # position and velocity
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         for name in ("sector", "ranges", "q"):
@@ -421,15 +423,16 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the camera.
 
-        For each target: ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
-        step), ``found`` (by the camera in this step) and ``lost`` (not found for more than thirty steps). For the
-        camera: ``pointing`` (rad) and ``settling`` (steps).
+        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
+        (quantities measured in this step), ``found`` (by the camera in this step) and ``lost`` (not found for more than
+        thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (steps).
         """
         truth, belief = state
         position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
         measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
+            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
             "nees": nees,
             "received": truth.received.copy(),
             "found": truth.seen.copy(),

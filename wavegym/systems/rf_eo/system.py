@@ -143,6 +143,8 @@ class RfEo(System, FusedTransition, BestAction, SequencePlan, LinearCost, MostIn
         unit="",
     )
 
+    nees_dimension = 4  # position and velocity
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
@@ -413,15 +415,17 @@ class RfEo(System, FusedTransition, BestAction, SequencePlan, LinearCost, MostIn
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the last settings.
 
-        For each target: ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this step)
-        and ``lost`` (nothing received for more than ten steps). For the settings: ``information``, the least weighted
-        information of any target as predicted, and ``below_threshold``; 0 and False before the first choice.
+        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
+        (quantities measured in this step) and ``lost`` (nothing received for more than ten steps). For the settings:
+        ``information``, the least weighted information of any target as predicted, and ``below_threshold``; 0 and False
+        before the first choice.
         """
         truth, belief = state
         position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
         kernels.measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
+            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
             "nees": nees,
             "received": truth.received.copy(),
             "lost": truth.unseen > LOST_AFTER,

@@ -97,6 +97,8 @@ class SectorSetup(System, LinearCost, Gain, Delay):
     )
     lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of .15 rad in the middle of region
 
+    nees_dimension = 4  # position and velocity
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_within("nearest_range", self.nearest_range, 0, self.reference_range, "m")
@@ -270,14 +272,16 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         )
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """For each target ``position_error`` (m), ``nees`` (expected: 4) and ``lost``: the error exceeds half the width
-        of the illuminated sector. For the step: ``detections``, and ``dead``: no pulse was sent.
+        """For each target ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost``: the
+        error exceeds half the width of the illuminated sector. For the step: ``detections``, and ``dead``: no pulse was
+        sent.
         """
         truth, belief = state
         position, nees = np.empty(belief.mean.shape[:2]), np.empty(belief.mean.shape[:2])
         measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
+            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
             "nees": nees,
             "lost": position > self.lost_beyond,
             "detections": truth.detections.copy(),
