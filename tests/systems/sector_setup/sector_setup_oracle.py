@@ -1,4 +1,8 @@
-"""One step of the sector-setup loop in plain NumPy: full matrices, Joseph's form, Jacobians by complex steps."""
+"""One step of the sector-setup loop in plain NumPy: full matrices, Joseph's form, Jacobians by complex steps.
+
+Posterior linearisation as its paper has it (moments of the points, no shortcut for the residual), with the diagonal of
+the residual's covariance.
+"""
 
 from __future__ import annotations
 
@@ -53,6 +57,36 @@ def noise(system, waveform, eta):
     return np.square(system.waveforms[waveform]) * system.reference_snr / eta
 
 
+def curved(system, mean, covariance, waveform, seen):
+    """Whether a seen quantity's second-order terms over the prior's spread exceed a fifth of its deviation."""
+    spread, restless = (np.trace(covariance[a::2, a::2]) for a in (0, 1))
+    _, eta = measure(system, mean)
+    squared = system.reference_range**2 * np.sqrt(system.reference_snr / eta)  # product of the legs
+    far, rate = np.array([noise(system, waveform, each) for each in eta]).T
+    bend = (spread / 2) ** 2 / squared
+    turn = spread * restless / squared + bend * (mean[1] ** 2 + mean[3] ** 2) / squared
+    return bool((seen & ((bend > 0.04 * far) | (turn > 0.04 * rate))).any())
+
+
+def relinearised(system, x, P, z, waveform, seen, estimate):
+    """Regress the measurements over the estimate's spread, and update the prediction x, P again, until it rests."""
+    for _ in range(1, system.iterations):
+        mean, covariance = estimate
+        root = 2.0 * np.linalg.cholesky(covariance).T
+        points = np.concatenate([mean + root, mean - root])
+        looks = [measure(system, point) for point in points]
+        Z = np.array([h[seen].ravel() for h, _ in looks])
+        errors = [np.concatenate([noise(system, waveform, each) for each in eta[seen]]) for _, eta in looks]
+        h, cross = Z.mean(axis=0), (points - mean).T @ (Z - Z.mean(axis=0)) / 8
+        H = np.linalg.solve(covariance, cross).T
+        residual = np.diag((Z - h).T @ (Z - h) / 8 - H @ covariance @ H.T)
+        y = z[seen].ravel() - h - H @ (x - mean)
+        estimate = update(x, P, y, H, np.diag(residual + np.mean(errors, axis=0)))
+        if np.abs((estimate[0] - mean) / np.sqrt(np.diag(estimate[1]))).max() < 0.1:
+            break
+    return estimate
+
+
 def step(system, world, k, action, mean, covariance, truth, pointed, dead, q, visible):
     """From step k to k + 1; arrays of one environment."""
     target, waveform = divmod(action, len(system.waveforms))
@@ -73,5 +107,9 @@ def step(system, world, k, action, mean, covariance, truth, pointed, dead, q, vi
     h, expected = measure(system, mean[target])
     R = np.diag(np.concatenate([noise(system, waveform, each) for each in expected[seen]]))
     H = jacobian(system, mean[target])[seen].reshape(-1, 4)
-    mean[target], covariance[target] = update(mean[target], covariance[target], (z - h)[seen].ravel(), H, R)
+    x, P = mean[target], covariance[target]
+    estimate = update(x, P, (z - h)[seen].ravel(), H, R)
+    if curved(system, x, P, waveform, seen):
+        estimate = relinearised(system, x, P, z, waveform, seen, estimate)
+    mean[target], covariance[target] = estimate
     return Step(mean, covariance, truth, target, 0, int(seen.sum()))

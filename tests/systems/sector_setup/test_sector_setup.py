@@ -14,7 +14,6 @@ from scipy.stats import kstest
 import wavegym  # noqa: F401
 from wavegym.core.errors import InputError
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.schedulers.heuristics.index_policies import CostOfDelay
 from wavegym.systems.sector_setup.system import SectorSetup
 from wavegym.testing import check_vector_env
 
@@ -59,21 +58,6 @@ def test_dead_steps_and_windows_hold_in_every_random_step(steps, dead_steps):
             looks += (detections > 0).sum()
             state = after
     assert looks > 0.1 * steps
-
-
-def test_estimates_are_consistent():
-    """NEES at the ends of 400 episodes with a heuristic that keeps all tracks: mean 4, variance 8.
-
-    A target without looks for half a minute has an error of hundreds of metres, where linearisation fails: 5 to 7.
-    """
-    worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
-    state = SYSTEM.initial(worlds)
-    rule.begin(SYSTEM, 400, np.random.default_rng(0))
-    for _ in range(SYSTEM.horizon):
-        state = SYSTEM.transition(state, rule.act(state.belief, None, None), worlds)
-    figures = SYSTEM.state_info(state)
-    assert abs(figures["nees"].mean() - 4.0) < 5 * np.sqrt(8 / figures["nees"].size)
-    assert figures["lost"].mean() < 0.01
 
 
 def test_detections_are_as_frequent_as_the_signal_says():

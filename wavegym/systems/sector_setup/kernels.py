@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
-from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
+from wavegym.trackers.posterior_linearisation_kernels import regress_one, spread_points_one, update_from_one
+from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
 
 PLACE = (0, 2)  # elements of [x xdot y ydot] on which a range depends
 ALL = (0, 1, 2, 3)  # elements on which a range-rate depends
+SECOND_ORDER = 0.2  # standard deviations: a greater linearisation error makes the update iterate
+CONVERGED = 0.1  # standard deviations: the iteration ends when the estimate moves by less
 
 
 class Radar(NamedTuple):
@@ -31,6 +34,7 @@ class Radar(NamedTuple):
     log_false_alarm: float
     dt: float
     dead_steps: int
+    iterations: int
 
 
 @inlined
@@ -120,15 +124,108 @@ def shrink_by(i, j, P, H, w, accuracy, eta, v, nn):
     shrink_one(i, P, v, s, nn)
 
 
+class Scratch(NamedTuple):
+    """Arrays that an update overwrites."""
+
+    h: NDArray[np.float64]  # (a,) predicted measurements
+    H: NDArray[np.float64]  # (a, n) their Jacobian, or the slopes of their regression
+    R: NDArray[np.float64]  # (a,) variances, infinite where a receiver did not detect
+    y: NDArray[np.float64]  # (a,) innovations
+    d: NDArray[np.float64]  # (n,) correction of the mean
+    v: NDArray[np.float64]  # (n,) gain before its division
+    at: NDArray[np.float64]  # (1, n) estimate around which the measurements are regressed
+    prior: NDArray[np.float64]  # (n, n)
+    A: NDArray[np.float64]  # (1, n, n) Cholesky factor
+    points: NDArray[np.float64]  # (2 n, n)
+    Z: NDArray[np.float64]  # (2 n, a) measurements of the points
+    residual: NDArray[np.float64]  # (a,)
+
+
 @inlined
-def absorb_by(i, j, P, H, y, w, accuracy, eta, d, v, nn):
-    """As ``shrink_by``, and add the correction of the mean by the innovations y (a,) to d (n,)."""
-    s = gain_one(i, P, H, 2 * j, v, nn, PLACE) + accuracy[w, 0] / eta
-    correct_one(d, H, 2 * j, v, s, y[2 * j], nn)
-    shrink_one(i, P, v, s, nn)
-    s = gain_one(i, P, H, 2 * j + 1, v, nn, ALL) + accuracy[w, 1] / eta
-    correct_one(d, H, 2 * j + 1, v, s, y[2 * j + 1], nn)
-    shrink_one(i, P, v, s, nn)
+def scratch(receivers, n):
+    """New ``Scratch`` for so many receivers and n states."""
+    rows = 2 * receivers
+    return Scratch(
+        np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n),
+        np.empty((1, n)), np.empty((n, n)), np.empty((1, n, n)), np.empty((2 * n, n)), np.empty((2 * n, rows)),
+        np.empty(rows)
+    )  # fmt: skip
+
+
+@inlined
+def measure_one(e, k, t, w, truth, uniform, error, accuracy, radar, z, seen, G):
+    """Measure target t of ``truth`` (t, n) with waveform w: fills z (a,) and seen (j,), whether a receiver detects.
+
+    SNR, Pd and errors follow from the truth; G (a, n) is scratch space. Returns the number of detections.
+    """
+    detections = 0
+    for j in range(len(seen)):
+        eta = look_one(t, truth, j, radar, z, G)
+        seen[j] = uniform[e, k, j, t] < probability(eta, radar)
+        detections += seen[j]
+        for a in range(2):
+            z[2 * j + a] += np.sqrt(accuracy[w, a] / eta) * error[e, k, j, t, a]
+    return detections
+
+
+@inlined
+def curved_one(i, x, P, j, R, eta, radar):
+    """Whether second-order terms of the quantities of receiver j matter over the prior's spread; R (a,): variances.
+
+    For a displacement d across the line of sight and a leg r, the second-order term of a range is d^2 / 2r; those of
+    its rate are d / r times the velocity's spread, and d^2 / 2r^2 times the speed. r is the legs' geometric mean.
+    """
+    spread, restless = P[i, 0, 0] + P[i, 2, 2], P[i, 1, 1] + P[i, 3, 3]
+    squared_speed = x[i, 1] * x[i, 1] + x[i, 3] * x[i, 3]
+    inverse = np.sqrt(eta / radar.strength)  # 1 / r^2
+    bend = 0.25 * spread * spread * inverse
+    turn = spread * restless * inverse + squared_speed * bend * inverse
+    return max(bend / R[2 * j], turn / R[2 * j + 1]) > SECOND_ORDER * SECOND_ORDER
+
+
+@kernel
+def iterate_one(i, x, P, w, z, seen, accuracy, radar, work, nn):
+    """Posterior linearisation of the prediction x[i], ``work.prior``, from the estimate ``work.at``, P[i] on.
+
+    Ends when the estimate moves by less than CONVERGED standard deviations, or after ``radar.iterations``, of which the
+    first gave that estimate. Error variances are means over the estimate's spread, too.
+    """
+    h, H, R, y, d, v, at, prior, A, points, Z, residual = work
+    for _ in range(1, radar.iterations):
+        spread_points_one(at, P, i, A, points, nn)
+        R[:] = 0.0
+        for p in range(len(points)):
+            for j in range(len(seen)):
+                eta = look_one(p, points, j, radar, Z[p], H)
+                for a in range(2):
+                    R[2 * j + a] += accuracy[w, a] / (eta * len(points)) if seen[j] else np.inf
+        regress_one(Z, A, h, H, residual, nn)
+        for a in range(len(R)):
+            R[a] += residual[a]
+        if update_from_one(i, x, P, prior, at, z, h, H, R, y, d, v, nn) < CONVERGED * CONVERGED:
+            return
+
+
+@inlined
+def track_one(i, x, P, w, z, seen, accuracy, radar, work, nn):
+    """Update the prediction x[i], P[i] with the measurements z (a,) of the receivers that detect, seen (j,).
+
+    An extended Kalman filter with the predicted SNR; where the measurements are curved, the iteration goes on from it.
+    """
+    curved = False
+    for j in range(len(seen)):
+        eta = look_one(i, x, j, radar, work.h, work.H)
+        for a in range(2):
+            work.R[2 * j + a] = accuracy[w, a] / eta if seen[j] else np.inf
+            work.y[2 * j + a] = z[2 * j + a] - work.h[2 * j + a]
+        curved |= seen[j] and curved_one(i, x, P, j, work.R, eta, radar)
+    work.prior[:] = P[i]
+    absorb_rows_one(i, P, work.H, work.y, work.R, work.d, work.v, nn)
+    for a in range(len(nn)):
+        work.at[0, a] = x[i, a] + work.d[a]
+    if curved:
+        iterate_one(i, x, P, w, z, seen, accuracy, radar, work, nn)
+    x[i] = work.at[0]
 
 
 @kernel
@@ -145,46 +242,19 @@ def move(e, k, q, truth, process, L, mean, P, radar, truth_out, x, P_out, nn):
 
 
 @kernel
-def receive(e, k, t, w, truth, uniform, error, accuracy, radar, x, P, work, nn):
-    """Update x[e, t], P[e, t] with the detections of target t; return their number.
-
-    SNR, Pd and errors follow from the truth; the tracker uses the predicted SNR.
-    """
-    h, H, z, G, y, d, v = work
-    for a in range(len(nn)):
-        d[a] = 0.0
-    detected = 0
-    for j in range(uniform.shape[2]):
-        true = look_one(t, truth[e], j, radar, z, G)
-        if uniform[e, k, j, t] >= probability(true, radar):
-            continue
-        detected += 1
-        eta = look_one(t, x[e], j, radar, h, H)
-        for a in range(2):
-            y[2 * j + a] = z[2 * j + a] + np.sqrt(accuracy[w, a] / true) * error[e, k, j, t, a] - h[2 * j + a]
-        absorb_by(t, j, P[e], H, y, w, accuracy, eta, d, v, nn)
-    for a in range(len(nn)):
-        x[e, t, a] += d[a]
-    return detected
-
-
-@kernel
 def transition(
     step, mean, P, pointed, dead, q, visible, truth, target, waveform, process, uniform, error, L, accuracy, radar,
     x, P_out, pointed_out, dead_out, truth_out, detections, silent, nn
 ):  # fmt: skip
     """One step of every environment; detections (e,): their number, silent (e,): whether no pulse was sent."""
-    rows, n = 2 * uniform.shape[2], len(nn)
-    work = (
-        np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(n),
-        np.empty(n)
-    )  # fmt: skip
+    receivers, n = uniform.shape[2], len(nn)
+    z, seen, work = np.empty(2 * receivers), np.empty(receivers, np.bool_), scratch(receivers, n)
     for e in range(len(step)):
         k, t = step[e], target[e]
         move(e, k, q, truth, process, L, mean, P, radar, truth_out, x, P_out, nn)
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
         silent[e], detections[e] = not sent, 0
         if sent and is_visible(e, k, t, visible):
-            detections[e] = receive(
-                e, k, t, waveform[e], truth_out, uniform, error, accuracy, radar, x, P_out, work, nn
-            )
+            w = waveform[e]
+            detections[e] = measure_one(e, k, t, w, truth_out[e], uniform, error, accuracy, radar, z, seen, work.H)
+            track_one(t, x[e], P_out[e], w, z, seen, accuracy, radar, work, nn)

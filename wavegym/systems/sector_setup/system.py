@@ -40,8 +40,9 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         error variances with 1 / eta; receivers detect independently with probability Pd = Pf^(1 / (1 + eta / 2)). The
         world uses eta at the true position, tracker and schedulers at the predicted position. Targets become visible
         and hidden at times known from the start: they drive behind buildings on a map. Targets are far apart, so the
-        association is known and there are no false returns. An extended Kalman filter uses the detections. One step
-        ahead a set-up never pays; over a window of visibility it does.
+        association is known and there are no false returns. An extended Kalman filter uses the detections. Where they
+        are curved over the spread of the prediction, posterior linearisation iterates the update. One step ahead a
+        set-up never pays; over a window of visibility it does.
 
     Rewards
         -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
@@ -55,7 +56,8 @@ class SectorSetup(System, LinearCost, Gain, Delay):
 
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
-        targets in clutter" (SNR and detection). The set-up time is this suite's own.
+        targets in clutter" (SNR and detection). A. F. Garcia-Fernandez et al., "Posterior linearization filter:
+        principles and implementation using sigma points", 2015 (the iteration). The set-up time is this suite's own.
     """
 
     horizon: int = parameter(60, "steps in an episode", ge=1, le=100_000)
@@ -95,6 +97,9 @@ class SectorSetup(System, LinearCost, Gain, Delay):
     weights: tuple[NonNegative, NonNegative, NonNegative, NonNegative] = parameter(
         (1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2"
     )
+    iterations: int = parameter(
+        10, "most iterations of an update; 1 is the plain extended Kalman filter", ge=1, le=1_000_000
+    )
     lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of .15 rad in the middle of region
 
     def __post_init__(self) -> None:
@@ -132,7 +137,7 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         accuracy = self.reference_snr * np.square(np.array(self.waveforms))
         sites, strength = np.array([self.illuminator, *self.receivers]), self.reference_snr * self.reference_range**4
         law = (strength, self.nearest_range, math.log(self.false_alarm))
-        return accuracy, kernels.Radar(sites, *law, self.dt, self.dead_steps)
+        return accuracy, kernels.Radar(sites, *law, self.dt, self.dead_steps, self.iterations)
 
     @cached_property
     def _weights(self) -> Array:
