@@ -47,3 +47,16 @@ def test_the_registrations_and_the_pulse_of_your_own_work(monkeypatch):
     assert made == ["mine/ShipRadar-v0", "mine/Own-v0"]
     assert {"mine/ShipRadar-v0", "mine/NarrowBand-v0"} <= set(wavegym.list_envs())
     assert namespace["R"].shape == (2, 2, 2)
+
+
+@pytest.mark.usefixtures("_registry")
+def test_the_parts_of_your_own_work(tmp_path, monkeypatch, capsys):
+    """A tracker, a library, another truth, and a composed loop that is registered and compared."""
+    monkeypatch.chdir(tmp_path)
+    namespace: dict = {}
+    run("how_to/own_loop.md", namespace)
+    assert type(namespace["envs"].system.tracker).__name__ == "FadingMemory"
+    assert namespace["env"].unwrapped.system.truth_model.q == 4.0
+    out = capsys.readouterr().out
+    assert "lookahead:2" in out
+    assert "random" in out

@@ -27,7 +27,7 @@ SYSTEMS = {
     "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
 }
 
-SHELL = ("reward", "forecasts", "render_mode", "autoreset_mode")  # settings of an environment, not of its system
+SHELL = ("reward", "forecasts", "measurements", "render_mode", "autoreset_mode")  # of an environment, not its system
 PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
@@ -62,16 +62,12 @@ def _check_system(system: Any, parameters: dict[str, Any]) -> None:
             raise InputError(f"system is {system!r}, expected 'package.module:Class'")
         return
     # NumPy and pydantic, which ``import wavegym`` does without.
-    from wavegym.core.parameters import make_checked
     from wavegym.core.system import System
+    from wavegym.envs.build import build_system
 
-    if isinstance(system, System):
-        if parameters:
-            raise InputError(f"parameters {sorted(parameters)} were given beside a finished system, expected its class")
-    elif isinstance(system, type) and issubclass(system, System):
-        make_checked(system, parameters, beside=SHELL)
-    else:
+    if not isinstance(system, System) and not (isinstance(system, type) and issubclass(system, System)):
         raise InputError(f"system is {system!r}, expected a System, its class, or 'package.module:Class'")
+    build_system(system, parameters)
 
 
 def register_suite() -> None:

@@ -136,9 +136,10 @@ def test_every_capability_of_the_suite_holds(name):
     assert capability_defect(make_task(name, {}).system) is None
 
 
+KALMAN = "BestSequence ClosedForm DeterministicRecursion FusedTransition InnovationCovariance LinearCost"
 OFFERED = {
-    "KershawEvans": "BestSequence ClosedForm DeterministicRecursion InnovationCovariance LinearCost",
-    "KershawEvansPosition": "BestSequence ClosedForm DeterministicRecursion InnovationCovariance LinearCost",
+    "KershawEvans": KALMAN,
+    "KershawEvansPosition": KALMAN,
     "AgileClutter": "BestAction LinearCost SensorBySensor",
     "RfEo": "BestAction LinearCost Margin MostInformation SequencePlan",
     "RfEoFar": "BestAction LinearCost Margin MostInformation SequencePlan",

@@ -93,6 +93,6 @@ def test_a_subclass_inherits_the_declarations_and_a_plain_dataclass_adds_its_own
         count: int = dataclasses.field(default=3, metadata={"description": "how many", "unit": "1"})
         name: str = ""
 
-    declared = [ParameterInfo("q", "m^2/s^3", "noise density"), ParameterInfo("count", "1", "how many")]
-    assert parameter_infos(Derived) == [*declared, ParameterInfo("name", "", "")]
+    declared = [ParameterInfo("q", "m^2/s^3", "noise density", False), ParameterInfo("count", "1", "how many", False)]
+    assert parameter_infos(Derived) == [*declared, ParameterInfo("name", "", "", False)]
     assert parameter_infos(Base) == declared[:1]

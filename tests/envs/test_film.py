@@ -172,11 +172,11 @@ def test_the_ellipse_is_two_sigma():
 
 def test_the_pulse_drawn_is_the_pulse_transmitted():
     system, box = KershawEvansPosition(), KershawEvansPosition(action="box")
-    assert transmitted(system, np.array([34])) is system.library[34]
+    assert transmitted(system, np.array([34])) is system.actions[34]
     pulse = transmitted(box, box.candidates()[[34]])
     assert isinstance(pulse, GaussianChirp)
-    assert pulse.label == system.library[34].label
-    np.testing.assert_allclose(pulse.fisher_information(), system.library[34].fisher_information(), rtol=1e-9)
+    assert pulse.label == system.actions[34].label
+    np.testing.assert_allclose(pulse.fisher_information(), system.actions[34].fisher_information(), rtol=1e-9)
 
 
 def test_a_system_of_ones_own_gets_its_observation_drawn_and_needs_no_prediction():

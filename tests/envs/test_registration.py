@@ -55,7 +55,7 @@ def test_a_time_limit_of_no_steps_is_refused():
         (KershawEvans, {"horizn": 5}, "setting 'horizn' is unknown to KershawEvans; did you mean 'horizon'"),
         (KershawEvans, {"rewrd": "trace"}, "setting 'rewrd' is unknown to KershawEvans; did you mean 'reward'"),
         (KershawEvans, {"horizon": 0}, "horizon is 0, expected an integer >= 1"),
-        (KershawEvans(), {"horizon": 5}, r"parameters \['horizon'\] were given beside a finished system"),
+        (KershawEvans(), {"horizn": 5}, "setting 'horizn' is unknown to KershawEvans; did you mean 'horizon'"),
     ],
 )
 def test_what_cannot_be_made_is_not_registered(system, parameters, words):
@@ -63,6 +63,15 @@ def test_what_cannot_be_made_is_not_registered(system, parameters, words):
         wavegym.register("tests/Wrong-v0", system, **parameters)
     assert "\n" not in str(caught.value)
     assert "tests/Wrong-v0" not in gym.registry
+
+
+def test_a_finished_system_takes_other_parameters():
+    wavegym.register("tests/Finished-v0", KershawEvans(q=9.0), horizon=5)
+    try:
+        system = gym.make("tests/Finished-v0", truth={"q": 2.0}).unwrapped.system
+    finally:
+        del gym.registry["tests/Finished-v0"]
+    assert system == KershawEvans(q=9.0, horizon=5, truth={"q": 2.0})
 
 
 def test_a_string_is_not_imported_when_it_is_registered():

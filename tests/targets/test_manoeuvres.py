@@ -7,8 +7,13 @@ import pytest
 from scipy.linalg import expm
 
 from wavegym.core.errors import InputError
-from wavegym.targets import ScriptedPath, Segment
-from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
+from wavegym.targets import ScriptedPath, Segment, constant_velocity
+from wavegym.targets.manoeuvres import (
+    constant_turn,
+    coordinated_turn,
+    nearly_constant_acceleration,
+    nearly_constant_velocity,
+)
 
 T, OMEGA = 0.25, np.pi / 20
 
@@ -22,6 +27,16 @@ def test_a_turn_is_the_scripted_path_s(rate) -> None:
         at = path.sample(k * T)
         np.testing.assert_allclose(state[:4], [*at.positions, *at.velocities], rtol=1e-12, atol=1e-15)
         assert not state[4:].any()
+
+
+@pytest.mark.parametrize("order", ["axis", "derivative"])
+def test_a_constant_turn_is_the_coordinated_turn_with_white_acceleration(order) -> None:
+    straight, places = constant_velocity(T, 2.0, ("x", "y"), order), [0, 2, 1, 3] if order == "axis" else [0, 1, 2, 3]
+    turn = constant_turn(T, 2.0, OMEGA, order)
+    np.testing.assert_array_equal(turn.F, coordinated_turn(T, OMEGA, 0.1).F[np.ix_(places, places)])
+    np.testing.assert_array_equal(turn.Q, straight.Q)
+    assert turn.names == straight.names
+    np.testing.assert_array_equal(constant_turn(T, 2.0, 0.0, order).F, straight.F)
 
 
 def test_straight_on_and_constant_acceleration() -> None:

@@ -40,6 +40,14 @@ class Capability(ABC):  # noqa: B024  (what is abstract stands in the capabiliti
             cls.members, cls.shortcut_for = tuple(members), tuple(shortcut_for)
 
 
+class FusedTransition(Capability, members=("fused_transition",), shortcut_for=("move", "measure", "track", "note")):
+    """A whole step in compiled form."""
+
+    @abstractmethod
+    def fused_transition(self, state: Any, action: Array, world: Any) -> Any:
+        """The state after ``move``, ``measure``, ``track`` and ``note``; see ``System.transition``."""
+
+
 class BestAction(Capability, members=("best_action",), shortcut_for=("predict", "cost", "candidates")):
     """The one-step choice of least cost, or nearly so, found faster than by trying all candidates."""
 
@@ -65,7 +73,9 @@ class SequencePlan(Capability, members=("plan",), shortcut_for=("predict", "cost
 
 
 class DeterministicRecursion(
-    Capability, members=("deterministic_recursion",), shortcut_for=("transition", "cost", "candidates")
+    Capability,
+    members=("deterministic_recursion",),
+    shortcut_for=("transition", "fused_transition", "move", "measure", "track", "cost", "candidates"),
 ):
     """A covariance that depends on nothing but the actions, so that finite-horizon optima can be computed."""
 
@@ -203,6 +213,7 @@ class SensorBySensor(Capability, members=("sensor_costs",), shortcut_for=("predi
 
 
 CAPABILITIES: tuple[type[Capability], ...] = (
+    FusedTransition,
     BestAction,
     BestSequence,
     SequencePlan,

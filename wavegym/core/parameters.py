@@ -34,16 +34,17 @@ Count = Annotated[int, Field(ge=1)]
 Interval = tuple[float, float]  # least and greatest
 
 
-def parameter(default: Any, description: str, *, unit: str = "1", **bounds: Any) -> Any:
+def parameter(default: Any, description: str, *, unit: str = "1", truth: bool = False, **bounds: Any) -> Any:
     """A field of a parameter set, with its meaning, unit and bounds.
 
     Args:
         default: the default value.
         description: the meaning; one line of the parameter table on the environment's page.
         unit: such as ``"s"``; ``"1"`` for a pure number, ``""`` for a value that is not a number.
+        truth: whether the world may differ in it from what the tracker assumes (``System.truth``).
         **bounds: as pydantic's ``Field`` takes them: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ...
     """
-    return Field(default, description=description, json_schema_extra={"unit": unit}, **bounds)
+    return Field(default, description=description, json_schema_extra={"unit": unit, "truth": truth}, **bounds)
 
 
 def changed_default(base: type, name: str, default: Any) -> Any:
@@ -77,6 +78,7 @@ class ParameterInfo(NamedTuple):
     name: str
     unit: str
     description: str
+    truth: bool  # whether the world may differ in it from what the tracker assumes
 
 
 def parameter_infos(made: type) -> list[ParameterInfo]:
@@ -84,12 +86,12 @@ def parameter_infos(made: type) -> list[ParameterInfo]:
     stated = getattr(made, "__pydantic_fields__", {})
     infos = []
     for field in dataclasses.fields(made):
+        about: Mapping[str, Any] = field.metadata
         if field.name in stated:
-            about = stated[field.name]
-            unit, description = (about.json_schema_extra or {}).get("unit", ""), about.description or ""
-        else:
-            unit, description = (str(field.metadata.get(key, "")) for key in ("unit", "description"))
-        infos.append(ParameterInfo(field.name, unit, description))
+            declared = stated[field.name]
+            about = {"description": declared.description or "", **(declared.json_schema_extra or {})}
+        unit, description = (str(about.get(key, "")) for key in ("unit", "description"))
+        infos.append(ParameterInfo(field.name, unit, description, bool(about.get("truth", False))))
     return infos
 
 

@@ -13,18 +13,27 @@ Axis 0 of every array is the environment. There are three kinds of data, each a 
 * **Truth**: what no scheduler may see, such as the true targets;
 * **Belief**: the tracker's estimates, resources, time and the known map. Its field ``step`` is an int array (env,).
 
+The truth and the belief have a model each. They are equal unless the parameter ``truth`` changes the world; tracker and
+schedulers then keep their assumptions. One step has three parts: ``move`` the targets, ``measure``, ``track``.
+
 What a system offers beyond this contract is declared by deriving from a class of ``wavegym.core.capabilities``.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+import dataclasses
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from wavegym.core.action_sets import ActionSet, PerSensorLibrary
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import FusedTransition, offers
+from wavegym.core.errors import InputError, nearest
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.parameters import make_checked, parameter_infos
 
 
 class State(NamedTuple):
@@ -44,10 +53,15 @@ class ObservationField(NamedTuple):
     meaning: str
 
 
+@dataclasses.dataclass(frozen=True)
 class System:
     """Base class of all systems: the contract, with defaults for what most systems share.
 
+    A subclass is a frozen dataclass.
+
     Attributes:
+        truth: parameters in which the world differs from what the tracker and the schedulers assume, by name; None for
+            no difference. Only parameters that are declared with ``truth=True`` may differ.
         horizon: steps in an episode.
         dt: time step in seconds.
         actions: the action set: a Library or a JointLibrary (an action is an index), a PerSensorLibrary (one index for
@@ -60,10 +74,40 @@ class System:
         outcome_shape: the shape of the uniform draws that decide one step's outcome in ``predict``; (0,) for none.
     """
 
-    horizon: int
-    dt: float
+    if TYPE_CHECKING:  # a subclass has them as fields, properties or class attributes
+        horizon: int = dataclasses.field(init=False)
+        dt: float = dataclasses.field(init=False)
     terminates: ClassVar[bool] = True
     strict: ClassVar[bool] = True
+
+    truth: Mapping[str, Any] | None = dataclasses.field(
+        default=None,
+        kw_only=True,
+        metadata={"description": "parameters in which the world differs from what the tracker assumes", "unit": ""},
+    )
+
+    @cached_property
+    def truth_model(self) -> Self:
+        """The system whose parameters the world follows: this one, or its twin with the parameters of ``truth``.
+
+        Raises:
+            InputError: ``truth`` names a parameter that may not differ, or a value out of range.
+        """
+        if not self.truth:
+            return self
+        allowed = [info.name for info in parameter_infos(type(self)) if info.truth]
+        for name in self.truth:
+            if name not in allowed:
+                listed = f"one of {', '.join(allowed)}" if allowed else "None: no parameter may differ"
+                raise InputError(f"truth has {name!r}, expected {listed}{nearest(name, allowed)}")
+        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.init}
+        twin: Self = make_checked(type(self), {**own, "truth": None, **self.truth})
+        return twin
+
+    @cached_property
+    def belief_model(self) -> Self:
+        """The system as the tracker and the schedulers assume it: without ``truth``."""
+        return dataclasses.replace(self, truth=None) if self.truth else self
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
@@ -97,9 +141,45 @@ class System:
         """One step: move the targets, sense with the chosen waveform, track. Returns fresh arrays.
 
         Reads the tape at [env, belief.step], since environments may be at different steps. ``action`` is (env,),
-        (env, sensor) or (env, d).
+        (env, sensor) or (env, d). By default ``move``, ``measure``, ``track`` and ``note``, or ``fused_transition`` of
+        a system that offers ``FusedTransition``.
+        """
+        if self._is_fused:
+            return self.fused_transition(state, action, world)  # type: ignore[attr-defined]
+        return self.composed_transition(state, action, world)
+
+    @cached_property
+    def _is_fused(self) -> bool:
+        return offers(self, FusedTransition)
+
+    def composed_transition(self, state: State, action: Array, world: Any) -> State:
+        """``transition`` as the sequence of ``move``, ``measure``, ``track`` and ``note``."""
+        truth = self.move(state.truth, state.belief.step, world)
+        measurements = self.measure(truth, state.belief, action, world)
+        return State(self.note(truth, measurements), self.track(state.belief, action, measurements))
+
+    def move(self, truth: Any, step: Array, world: Any) -> Any:
+        """The truth with all targets one step later; ``step`` (env,) is the step before. Returns fresh arrays."""
+        raise NotImplementedError
+
+    def measure(self, truth: Any, belief: Any, action: Array, world: Any) -> Any:
+        """What the sensors report of one step: a NamedTuple of arrays, axis 0 = environment.
+
+        Args:
+            truth: after the targets have moved.
+            belief: before the step. A sensor may steer by it: a camera points at an estimate.
+            action: as in ``transition``.
+            world: the tape, read at [env, belief.step].
         """
         raise NotImplementedError
+
+    def track(self, belief: Any, action: Array, measurements: Any) -> Any:
+        """The belief one step later: the tracker predicts, associates the measurements and updates."""
+        raise NotImplementedError
+
+    def note(self, truth: Any, measurements: Any) -> Any:
+        """The truth with the figures of the scan that ``state_info`` reports; by default the truth itself."""
+        return truth
 
     def predict(self, belief: Any, actions: Array, outcome: Any = None) -> Any:
         """The belief after one step, as far as it can be predicted from the belief alone.

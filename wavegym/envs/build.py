@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
+import dataclasses
 from typing import Any
 
-from wavegym.core.errors import InputError
+from wavegym.core.loading import load_object
 from wavegym.core.parameters import make_checked
 from wavegym.core.system import System
 
@@ -16,30 +16,27 @@ SETTINGS = {  # of every environment, with their meaning
     '"relative-scaled"), or with another heuristic ("relative:best-simple"); or a Reward of your own',
     "render_mode": 'None or "rgb_array"',
     "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
+    "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "
+    '{"q": 4.0}; the parameters that may differ are marked',
+    "measurements": "whether the info of a step holds what the sensors reported: `measured_z` and so on",
     "max_episode_steps": "truncate after this many steps, before the system's own end",
     "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
 }
 
 
 def build_system(system: System | type[System] | str, parameters: dict[str, Any]) -> System:
-    """The system itself, or one built from its class or ``"package.module:Class"`` and parameters.
+    """A system with these parameters, built from its class, ``"package.module:Class"`` or another system.
 
     Raises:
         InputError: no such class, an unknown parameter (nearest named) or a value out of range.
     """
+    kind: Any = load_object("system", system) if isinstance(system, str) else system
     if isinstance(system, System):
-        if parameters:
-            raise InputError(f"parameters {sorted(parameters)} were given beside a finished system, expected its class")
-        return system
-    return make_checked(_load(system) if isinstance(system, str) else system, parameters, beside=SETTINGS)
-
-
-def _load(path: str) -> Any:
-    """The object at "package.module:name"."""
-    module, _, name = path.partition(":")
-    if not name:
-        raise InputError(f"system is {path!r}, expected 'package.module:Class'")
-    try:
-        return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"system is {path!r}, which cannot be loaded: {error}") from None
+        if not parameters:
+            return system
+        kind = type(system)
+        own = {field.name: getattr(system, field.name) for field in dataclasses.fields(system) if field.init}
+        parameters = {**own, **parameters}
+    made: System = make_checked(kind, parameters, beside=SETTINGS)
+    made.truth_model  # noqa: B018  (an invalid truth is reported here)
+    return made

@@ -71,7 +71,8 @@ def describe(id: str, /, **parameters: Any) -> str:
         "## Info",
         _info(env, system),
         "## Parameters",
-        f'Of the system: `gym.make("{id}", name=value)`.',
+        f'Of the system: `gym.make("{id}", name=value)`. Where the truth may differ, `truth={{"name": value}}` changes '
+        "the world and not what the tracker and the schedulers assume.",
         _parameters(system),
         "Of every environment:",
         _settings(),
@@ -99,7 +100,7 @@ def _forms(system: System) -> dict[str, System]:
     for form in FORMS:
         if form != current:
             with suppress(ValueError):  # this system lacks the form; validation errors and InputErrors are ValueErrors
-                forms[form] = dataclasses.replace(system, action=form)
+                forms[form] = dataclasses.replace(system, action=form)  # type: ignore[call-arg]
     return forms
 
 
@@ -176,9 +177,18 @@ def _parameters(system: System) -> str:
     """Every parameter with its value in this environment, its unit and its meaning."""
     if not dataclasses.is_dataclass(system):
         return "None."
-    infos = parameter_infos(type(system))
-    rows = [(f"`{info.name}`", _value(getattr(system, info.name)), info.unit, info.description) for info in infos]
-    return table(("parameter", "value", "unit", "meaning"), rows)
+    rows = [
+        (
+            f"`{info.name}`",
+            _value(getattr(system, info.name)),
+            info.unit,
+            "yes" if info.truth else "",
+            info.description,
+        )
+        for info in parameter_infos(type(system))
+        if info.name not in SETTINGS
+    ]
+    return table(("parameter", "value", "unit", "truth may differ", "meaning"), rows)
 
 
 def _settings() -> str:

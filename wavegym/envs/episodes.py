@@ -28,10 +28,19 @@ class Episodes:
         num_envs: number of episodes.
         reward: scores each step.
         forecasts: whether observations also hold forecasts of each candidate.
+        measurements: whether a step also returns what the sensors reported.
+
+    Raises:
+        InputError: measurements of a system that does not measure apart from tracking.
     """
 
-    def __init__(self, system: System, num_envs: int, reward: Reward, forecasts: bool = False) -> None:
-        self.system, self.num_envs, self.reward = system, num_envs, reward
+    def __init__(
+        self, system: System, num_envs: int, reward: Reward, forecasts: bool = False, measurements: bool = False
+    ) -> None:
+        if measurements and type(system).measure is System.measure:
+            wanted = f"False (nearest): {type(system).__name__} has no method measure"
+            raise InputError(f"measurements is True, expected {wanted}")
+        self.system, self.num_envs, self.reward, self.measurements = system, num_envs, reward, measurements
         self.observer = Observer(system, forecasts)
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self.seeds: list[int | None] = [None] * num_envs  # -1 where a generator was given instead
@@ -86,7 +95,7 @@ class Episodes:
         """Advance all environments except those in ``keep`` (bool, env), whose states stay unchanged.
 
         Returns:
-            Observations, state info, rewards (env,), and the reward's own terms.
+            Observations, state info, rewards (env,), and the transition info: the reward's own terms, and measurements.
         """
         if keep is not None and keep.all():
             return *self.observe(), np.zeros(self.num_envs), {}
@@ -99,4 +108,12 @@ class Episodes:
         reward, terms = self.reward(
             Transition(self.system, previous, actions, following, state_info["cost"], self._memory)
         )
+        if self.measurements:
+            terms = {**terms, **self._measured(previous, actions)}
         return observation, state_info, reward, terms
+
+    def _measured(self, previous: State, actions: Array) -> Info:
+        """What the sensors reported in the step from ``previous``: ``measured_z`` for the field z, and so on."""
+        truth = self.system.move(previous.truth, previous.belief.step, self.world)
+        measurements = self.system.measure(truth, previous.belief, actions, self.world)
+        return {f"measured_{name}": values for name, values in measurements._asdict().items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import os
 import re
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wavegym.core.errors import InputError
+from wavegym.core.loading import load_object
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.policies.pretrained import pretrained_folder
@@ -67,12 +67,8 @@ def load_code(source: str, trust: bool) -> Any:
     Raises:
         InputError: without ``trust``, since importing runs the module's code; or it cannot be imported.
     """
-    module, _, name = source.partition(":")
-    _check_trusted(source, f"the module {module}", trust)
-    try:
-        return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"policy is {source!r}, which cannot be loaded: {error}") from error
+    _check_trusted(source, f"the module {source.partition(':')[0]}", trust)
+    return load_object("policy", source)
 
 
 def load_archive(path: Path, trust: bool) -> Any:

@@ -68,7 +68,7 @@ class Myopic:
         self._system: Any = system
         if self.margin is not None:
             require(f"myopic-margin:{self.margin:g}", system, Margin)
-            self._system = replace(system, margin=self.margin)  # type: ignore[type-var]
+            self._system = replace(system, margin=self.margin)  # type: ignore[call-arg]
         self._searches = self.fused and self.objective is trace and offers(self._system, BestAction)
         self._candidates: Array | None = None  # computed on demand: the system's own search may not need them
 

@@ -52,6 +52,7 @@ from __future__ import annotations
 
 from wavegym.targets.catalogue import Windows, range_paths, windows
 from wavegym.targets.manoeuvres import (
+    constant_turn,
     coordinated_turn,
     nearly_constant_acceleration,
     nearly_constant_velocity,
@@ -70,6 +71,7 @@ __all__ = [
     "Segment",
     "Windows",
     "constant_acceleration",
+    "constant_turn",
     "constant_velocity",
     "coordinated_turn",
     "nearly_constant_acceleration",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from wavegym.core.capabilities import (
     Capability,
     Delay,
     DeterministicRecursion,
+    FusedTransition,
     Gain,
     LinearCost,
     MostInformation,
@@ -55,8 +57,13 @@ def capability_defect(system: System, seed: int = 0) -> str | None:
                     continue  # the capability is not for this form of the action set
                 if defect:
                     return f"{kind.__name__} at step {int(state.belief.step[0])}: {defect}"
+        if offers(system, FusedTransition):
+            defect = _fused(system, state, world, candidates)
+            if defect:
+                return f"FusedTransition at step {int(state.belief.step[0])}: {defect}"
         if offers(system, DeterministicRecursion):
-            defect = _recursion(system, world)
+            with suppress(NotImplementedError):  # not with another tracker
+                defect = _recursion(system, world)
             if defect:
                 return f"DeterministicRecursion: {defect}"
     return None
@@ -196,6 +203,17 @@ def _sensor_by_sensor(system: Any, belief: Any, candidates: Array) -> str | None
         predicted = system.after_sensor(predicted, sensor, np.repeat(C[:, sensor], WORLDS, axis=0))
     got = system.sensor_costs(predicted, last, C[None, :, last])[:, 0]
     return f"sensor by sensor costs {got.tolist()}, predict() {want.tolist()}" if _differ(got, want, want) else None
+
+
+def _fused(system: Any, state: Any, world: Any, candidates: Array) -> str | None:
+    """The compiled step against the sequence of its parts, leaf by leaf."""
+    action = np.repeat(candidates[-1:], WORLDS, axis=0)
+    whole, parts = (step(state, action, world) for step in (system.fused_transition, system.composed_transition))
+    for half, got, want in (("truth", whole.truth, parts.truth), ("belief", whole.belief, parts.belief)):
+        for name, value in want._asdict().items():
+            if isinstance(value, np.ndarray) and not np.allclose(getattr(got, name), value, EXACT, 0.0, equal_nan=True):
+                return f"{name} of the {half} differs from that of move(), measure(), track() and note()"
+    return None
 
 
 def _recursion(system: Any, world: Any) -> str | None:

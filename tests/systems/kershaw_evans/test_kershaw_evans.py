@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import filterpy.kalman
+import gymnasium as gym
 import numpy as np
 import oracles
 import pytest
@@ -75,7 +78,7 @@ def test_the_filter_is_consistent(kwargs):
     """NEES of 600 worlds at every step inside its 95 % bounds, but for about one step in twenty."""
     system = KershawEvans(**kwargs)
     worlds = oracles.worlds(system, 600, seed=3)
-    actions = np.random.default_rng(4).integers(len(system.library), size=(600, system.horizon))
+    actions = np.random.default_rng(4).integers(len(system.actions), size=(600, system.horizon))
     means = np.array([system.state_info(state)["nees"].mean() for state in play(system, worlds, actions)])
     low, high = chi2.ppf([0.025, 0.975], 2 * 600) / 600
     assert ((means > low) & (means < high)).mean() > 0.8  # steps are correlated, hence not 0.95 sharp
@@ -223,3 +226,49 @@ def test_parameters_are_checked(parameters, words):
     with pytest.raises(InputError, match=words) as caught:
         build_system(KershawEvans, parameters)
     assert "\n" not in str(caught.value)
+
+
+MISMATCHES: list[tuple[dict[str, Any], slice]] = [  # and the steps in which it shows
+    ({"q": 16.0}, slice(20, 40)),
+    ({"reference_range": 30e3}, slice(20, 40)),
+    ({"prior_variance": (9e4, 9e4)}, slice(0, 1)),
+]
+
+
+@pytest.mark.parametrize("settings", [{}, {"model": "ca", "weights": (1, 1, 1), "prior_variance": (1e4, 1e4, 1.0)}])
+def test_a_compiled_step_is_that_of_its_parts(settings) -> None:
+    """But for rounding: the measurement carries R = C (1 / eta), the compiled step computes 1 / eta at once."""
+    system = KershawEvans(**settings, sweeps=MODERATE, truth={"q": 3.0, "reference_range": 45e3})
+    world = oracles.worlds(system, 9)
+    fused = composed = system.initial(world)
+    for k in range(6):
+        action = (np.arange(9) * 7 + k) % len(system.actions)
+        fused, composed = system.transition(fused, action, world), system.composed_transition(composed, action, world)
+    np.testing.assert_array_equal(fused.truth.targets, composed.truth.targets)
+    np.testing.assert_allclose(fused.belief.mean, composed.belief.mean, rtol=1e-10)
+    np.testing.assert_allclose(fused.belief.covariance, composed.belief.covariance, rtol=1e-10)
+
+
+@pytest.mark.parametrize(("truth", "steps"), MISMATCHES)
+def test_a_tracker_that_is_not_told_of_the_world_is_overconfident(truth, steps) -> None:
+    """The covariance is that of the assumed model; the errors are the world's, here all greater than assumed."""
+    nees, costs = {}, {}
+    for name, given in (("assumed", {}), ("told", truth), ("not told", {"truth": truth})):
+        env = gym.make_vec("wavegym/KershawEvans-v0", num_envs=500, start_covariance="random", **given)
+        env.reset(seed=3)
+        infos = [env.step(np.full(500, 12))[-1] for _ in range(steps.stop)][steps]
+        nees[name] = np.mean([info["nees"] for info in infos])
+        costs[name] = np.mean([info["cost"] for info in infos])
+    # 500 values of mean 2 and deviation 2, at worst wholly correlated over the steps: 4 standard errors are .36
+    assert abs(nees["assumed"] - 2.0) < 0.36
+    assert abs(nees["told"] - 2.0) < 0.36
+    assert nees["not told"] > 2.36
+    assert costs["told"] > costs["not told"]
+
+
+def test_a_truth_equal_to_the_assumptions_changes_nothing() -> None:
+    told = KershawEvans(truth={"q": 1.0, "reference_range": 50e3, "start_range": (20e3, 40e3)})
+    worlds, actions = oracles.worlds(told, 4), np.random.default_rng(2).integers(88, size=(4, told.horizon))
+    for one, other in zip(play(told, worlds, actions), play(KershawEvans(), worlds, actions), strict=True):
+        for a, b in zip((*one.truth, *one.belief), (*other.truth, *other.belief), strict=True):
+            np.testing.assert_array_equal(a, b)

@@ -27,17 +27,19 @@ class GaussianActions:
         sweeps: in Hz, negative = down.
         carrier_hz: fc.
         continuous: actions are points of the box instead of indices.
+        own: pulses to transmit in place of the durations and sweeps.
     """
 
     durations: tuple[float, ...]
     sweeps: tuple[float, ...]
     carrier_hz: float
     continuous: bool
+    own: Library | None = None
 
     @cached_property
     def library(self) -> Library:
-        """The waveforms, duration-major."""
-        return gaussian_chirp_library(self.durations, self.sweeps)
+        """The waveforms, duration-major, or the given ones."""
+        return self.own or gaussian_chirp_library(self.durations, self.sweeps)
 
     @cached_property
     def box(self) -> ParameterBox:
@@ -54,6 +56,13 @@ class GaussianActions:
     def actions(self) -> Library | ParameterBox:
         """What an action means."""
         return self.box if self.continuous else self.library
+
+    @property
+    def middle(self) -> int:
+        """The pulse of middle duration with the widest sweep; of given pulses the middle one."""
+        if self.own:
+            return len(self.own) // 2
+        return len(self.durations) // 2 * len(self.sweeps) + int(np.argmax(np.abs(self.sweeps)))
 
     @cached_property
     def candidates(self) -> Array:

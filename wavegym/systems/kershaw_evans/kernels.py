@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.kernels import kernel
+from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers.kernels import (
     factor_innovation_one,
@@ -20,28 +20,65 @@ from wavegym.trackers.kernels import (
 )
 
 
+@inlined
+def receive_one(e, k, truth, normal, C, scale, z):
+    """z[e] (2,): range and range-rate of truth[e] with errors of covariance C[e] times ``scale``.
+
+    The errors are the Cholesky factor of the covariance times the last two draws of normal[e, k].
+    """
+    last = normal.shape[2] - 1
+    first = np.sqrt(C[e, 0, 0] * scale)
+    cross = C[e, 1, 0] * scale / first
+    rest = np.sqrt(C[e, 1, 1] * scale - cross * cross)
+    z[e, 0] = truth[e, 0] + first * normal[e, k, last - 1]
+    z[e, 1] = truth[e, 1] + cross * normal[e, k, last - 1] + rest * normal[e, k, last]
+
+
+@inlined
+def track_one(e, mean, P, z, R, scale, F, Q, M, T, y, L, D, V, w, x, P_out, nn, mm):
+    """x[e], P_out[e]: predict mean[e], P[e] and update with z[e] of covariance R[e] times ``scale``."""
+    predict_mean_one(e, mean, F, 0, x, nn)
+    predict_covariance_one(e, P, F, Q, 0, T, P_out, nn)
+    for i in range(2):
+        y[e, i] = z[e, i] - x[e, i]
+    factor_innovation_one(e, P_out, M, 0, R, e, scale, L, D, V, nn, mm)
+    update_mean_one(e, x, y, L, D, V, w, x, nn, mm)
+    update_covariance_one(e, P_out, D, V, e, P_out, nn, mm)
+
+
 @kernel
-def transition(mean, P, step, path, normal, C, F, Q, M, r0, nearest, nn, mm, x, P_out, truth):
-    """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n) and truth (e, n)."""
+def transition(mean, P, step, path, normal, C, true_law, F, Q, M, r0, nearest, nn, mm, x, P_out, truth):
+    """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n) and truth (e, n).
+
+    ``true_law``: reference and nearest range by which the world's SNR falls; the tracker assumes r0 and nearest.
+    """
     count, n = mean.shape[0], len(nn)
-    y = np.empty((count, 2))
+    y, z = np.empty((count, 2)), np.empty((count, 2))
     T, L, D, V, w = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2)), np.empty(2)
     for e in range(count):
         k = step[e] + 1
         for i in range(n):
             truth[e, i] = path[e, k, i]
-        predict_mean_one(e, mean, F, 0, x, nn)
-        predict_covariance_one(e, P, F, Q, 0, T, P_out, nn)
+        receive_one(e, k, truth, normal, C, inverse_snr(truth[e, 0], true_law[0], true_law[1]), z)
         scale = inverse_snr(truth[e, 0], r0, nearest)
-        # measurement error with covariance R = C / eta: its Cholesky factor times two standard normal draws
-        first = np.sqrt(C[e, 0, 0] * scale)
-        cross = C[e, 1, 0] * scale / first
-        rest = np.sqrt(C[e, 1, 1] * scale - cross * cross)
-        y[e, 0] = truth[e, 0] + first * normal[e, k, n] - x[e, 0]
-        y[e, 1] = truth[e, 1] + cross * normal[e, k, n] + rest * normal[e, k, n + 1] - x[e, 1]
-        factor_innovation_one(e, P_out, M, 0, C, e, scale, L, D, V, nn, mm)
-        update_mean_one(e, x, y, L, D, V, w, x, nn, mm)
-        update_covariance_one(e, P_out, D, V, e, P_out, nn, mm)
+        track_one(e, mean, P, z, C, scale, F, Q, M, T, y, L, D, V, w, x, P_out, nn, mm)
+
+
+@kernel
+def receive(truth, step, normal, C, reference, nearest, z):
+    """Fill z (e, 2) with the measurements of the step after ``step``; reference, nearest: the world's SNR law."""
+    for e in range(len(step)):
+        receive_one(e, step[e] + 1, truth, normal, C, inverse_snr(truth[e, 0], reference, nearest), z)
+
+
+@kernel
+def track(mean, P, z, R, F, Q, M, nn, mm, x, P_out):
+    """Fill x (e, n), P_out (e, n, n): one step of the Kalman filter with measurements z (e, 2) of covariance R."""
+    count, n = mean.shape[0], len(nn)
+    y = np.empty((count, 2))
+    T, L, D, V, w = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2)), np.empty(2)
+    for e in range(count):
+        track_one(e, mean, P, z, R, 1.0, F, Q, M, T, y, L, D, V, w, x, P_out, nn, mm)
 
 
 @kernel

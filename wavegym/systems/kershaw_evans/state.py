@@ -23,6 +23,13 @@ class Truth(NamedTuple):
     path: Array  # (env, H + 1, n) the truth at every step; no choice changes it
 
 
+class Measurements(NamedTuple):
+    """What the receiver reports of one pulse."""
+
+    z: Array  # (env, 2) range and range-rate
+    R: Array  # (env, 2, 2) covariance of their errors as the tracker assumes it
+
+
 class Belief(NamedTuple):
     """The belief."""
 

@@ -14,7 +14,14 @@ import numpy as np
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import BestSequence, ClosedForm, DeterministicRecursion, InnovationCovariance, LinearCost
+from wavegym.core.capabilities import (
+    BestSequence,
+    ClosedForm,
+    DeterministicRecursion,
+    FusedTransition,
+    InnovationCovariance,
+    LinearCost,
+)
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
 from wavegym.core.parameter_box import ParameterBox
@@ -25,7 +32,7 @@ from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
 from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
-from wavegym.systems.kershaw_evans.state import Belief, Truth, World, covariance_fields
+from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
 from wavegym.targets import (
     MotionModel,
     Segment,
@@ -36,6 +43,7 @@ from wavegym.targets import (
     windows,
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, make_tracker
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -43,16 +51,18 @@ MEASURED = 2  # range and range-rate
 
 
 @system_parameters
-class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, InnovationCovariance, ClosedForm):
+class KershawEvans(
+    System, FusedTransition, BestSequence, DeterministicRecursion, LinearCost, InnovationCovariance, ClosedForm
+):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
     Description
         The state is range and range-rate, x = [r, rdot] (m, m/s; ``model="ca"`` adds rddot), x_{k+1} = F x_k + w with
         white-noise acceleration of power spectral density q (m^2/s^3). A pulse of duration k and chirp rate g measures
         range and range-rate with covariance R = C(k, g) / eta, where C is the inverse Fisher information at unit SNR
-        and eta = (r0 / r)^4 at the *true* range: the receiver measures its SNR. Every
-        pulse detects. Long pulses measure range-rate, short ones range, and a chirp couples the two errors; det R is
-        the same for all.
+        and eta = (r0 / r)^4 at the *true* range: the receiver measures its SNR, with the r0 that the tracker assumes.
+        Every pulse detects. Long pulses measure range-rate, short ones range, and a chirp couples the two errors;
+        det R is the same for all.
 
     Rewards
         -trace(Lambda P) with Lambda = diag(weights); P in m^2 and m^2/s^2, so a weight on range-rate has the unit s^2
@@ -76,10 +86,10 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
     horizon: int = parameter(50, "steps in an episode", ge=1, le=100_000)
     dt: float = parameter(1.0, "time step", unit="s", gt=0)
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
-    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", gt=0)
-    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", gt=0)
+    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
+    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
     model: Literal["cv", "ca"] = parameter("cv", "constant velocity or constant acceleration", unit="")
-    q: float = parameter(1.0, "process noise density (ca: m^2/s^5)", unit="m^2/s^3", ge=0)
+    q: float = parameter(1.0, "process noise density (ca: m^2/s^5)", unit="m^2/s^3", truth=True, ge=0)
     weights: tuple[NonNegative, ...] = parameter((1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
     durations: tuple[Positive, ...] = parameter(DURATIONS, "durations k of the library", unit="s", min_length=1)
     sweeps: tuple[float, ...] = parameter(
@@ -91,18 +101,32 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
     action: Literal["library", "box"] = parameter(
         "library", "an index, or a point of a box: log duration, and the signed sweep that sets the chirp rate", unit=""
     )
-    start_range: Interval = parameter((20e3, 40e3), "bounds of the first range", unit="m")
-    start_speed: Interval = parameter((-200.0, 200.0), "bounds of the first range-rate", unit="m/s")
-    start_acceleration: Interval = parameter((-5.0, 5.0), "bounds of the first acceleration (ca)", unit="m/s^2")
+    library: Library | None = parameter(
+        None, "a Library of waveforms of your own, in place of ``durations`` and ``sweeps``", unit=""
+    )
+    tracker: Any = parameter(
+        None,
+        "a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one; by default the "
+        "compiled Kalman filter",
+        unit="",
+    )
+    start_range: Interval = parameter((20e3, 40e3), "bounds of the first range", unit="m", truth=True)
+    start_speed: Interval = parameter((-200.0, 200.0), "bounds of the first range-rate", unit="m/s", truth=True)
+    start_acceleration: Interval = parameter(
+        (-5.0, 5.0), "bounds of the first acceleration (ca)", unit="m/s^2", truth=True
+    )
     start_covariance: Literal["steady", "random"] = parameter("steady", "P0; see Starting state", unit="")
     prior_variance: tuple[Positive, ...] = parameter(
-        (1e4, 1e4), "diagonal of P0 where start_covariance is random", unit="m^2, m^2/s^2"
+        (1e4, 1e4), "diagonal of P0 where start_covariance is random", unit="m^2, m^2/s^2", truth=True
     )
     targets: Literal["random", "scripted", "recorded"] = parameter(
-        "random", "drawn from the model, a drawn start followed by ``script``, or windows of ``tracks``", unit=""
+        "random",
+        "drawn from the model, a drawn start followed by ``script``, or windows of ``tracks``",
+        unit="",
+        truth=True,
     )
     script: tuple[tuple[float, float], ...] = parameter(
-        ((15.0, 0.0), (10.0, 10.0), (10.0, -10.0)), "segments: duration and acceleration", unit="s, m/s^2"
+        ((15.0, 0.0), (10.0, 10.0), (10.0, -10.0)), "segments: duration and acceleration", unit="s, m/s^2", truth=True
     )
     tracks: Path | None = parameter(None, "recording with targets='recorded': a CSV file", unit="")
     radar: tuple[float, ...] | None = parameter(
@@ -125,22 +149,27 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
         check_positive("sum of weights", sum(self.weights))
         for name in ("start_range", "start_speed", "start_acceleration"):
             check_ordered(name, *getattr(self, name))
-        self.library, self.actions, self._paths  # noqa: B018  (an invalid pulse or recording is reported here)
+        if self.library is not None and self.action == "box":
+            raise InputError(
+                "library is given with action='box', expected action='library': a box spans Gaussian chirps"
+            )
+        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
+        self.action_set.covariances, self.actions, self._paths  # noqa: B018  (an invalid pulse or recording)
 
     @cached_property
     def motion(self) -> MotionModel:
-        """The target's motion model, shared by the world and the filter."""
+        """The target's motion model, of the filter; ``truth_model.motion`` is the world's."""
         return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, self.q)
+
+    @cached_property
+    def _own_tracker(self) -> Tracker | None:
+        return None if self.tracker is None else make_tracker(self.tracker)
 
     @cached_property
     def action_set(self) -> GaussianActions:
         """What may be transmitted."""
-        return GaussianActions(self.durations, self.sweeps, self.carrier_hz, continuous=self.action == "box")
-
-    @property
-    def library(self) -> Library:
-        """Every duration with every sweep, duration-major."""
-        return self.action_set.library
+        pulses = (self.durations, self.sweeps, self.carrier_hz)
+        return GaussianActions(*pulses, continuous=self.action == "box", own=self.library)
 
     @property
     def actions(self) -> Library | ParameterBox:
@@ -148,7 +177,7 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
         return self.action_set.actions
 
     def candidates(self) -> Array:
-        """The library: indices (A,), or its points of the box (A, 2)."""
+        """The pulses of the library: indices (A,), or their points of the box (A, 2)."""
         return self.action_set.candidates
 
     @cached_property
@@ -158,9 +187,8 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
 
     @cached_property
     def steady_covariance(self) -> Array:
-        """Fixed point of the covariance recursion, (n, n): middle duration, widest sweep, middle of the start range."""
-        default = len(self.durations) // 2 * len(self.sweeps) + int(np.argmax(np.abs(self.sweeps)))
-        R = self.action_set.covariances[default] / range_law_snr(
+        """Fixed point of the covariance recursion, (n, n), with the middle pulse at the middle of the start range."""
+        R = self.action_set.covariances[self.action_set.middle] / range_law_snr(
             np.mean(self.start_range), self.reference_range, self.nearest_range
         )
         P = np.diag(self.prior_variance).astype(np.float64)
@@ -203,10 +231,15 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
         n = len(self.weights)
         return self.motion.F[None].copy(), self.motion.Q[None].copy(), np.eye(MEASURED, n)[None]
 
+    @property
+    def _snr_law(self) -> tuple[float, float]:
+        """The range at which eta = 1, and the range below which the SNR grows no further."""
+        return self.reference_range, self.nearest_range
+
     @cached_property
     def _law(self) -> tuple[Any, ...]:
         """Kernel arguments: range law, and n as a tuple."""
-        return self.reference_range, self.nearest_range, (0,) * len(self.weights)
+        return *self._snr_law, (0,) * len(self.weights)
 
     @cached_property
     def _radar(self) -> tuple[Any, ...]:
@@ -221,23 +254,67 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
     def initial(self, world: World) -> State:
         """The true path, and the first estimate drawn around its start."""
         n = len(self.weights)
-        path = self._paths(world.uniform[:, 0], world.normal[:, 1:, :n].copy())
-        if self.start_covariance == "steady":
-            covariance = np.repeat(self.steady_covariance[None], len(path), axis=0)
-        else:
-            variance = np.asarray(self.prior_variance) * np.power(10.0, 2.0 * world.uniform[:, 1] - 1.0)
-            covariance = variance[:, :, None] * np.eye(n)
-        mean = path[:, 0] + (np.linalg.cholesky(covariance) * world.normal[:, :1, :n]).sum(axis=2)
+        path = self.truth_model._paths(world.uniform[:, 0], world.normal[:, 1:, :n].copy())
+        true_spread = np.linalg.cholesky(self.truth_model.first_covariance(world))
+        mean = path[:, 0] + (true_spread * world.normal[:, :1, :n]).sum(axis=2)
         step = np.zeros(len(path), dtype=np.int64)
-        return State(Truth(path[:, 0].copy(), path), Belief(step, mean, covariance))
+        return State(Truth(path[:, 0].copy(), path), Belief(step, mean, self.first_covariance(world)))
 
-    def transition(self, state: State, action: Array, world: World) -> State:
-        """One pulse: predict, measure at the true range, update."""
+    def first_covariance(self, world: World) -> Array:
+        """P0 of each world, (env, n, n)."""
+        if self.start_covariance == "steady":
+            return np.repeat(self.steady_covariance[None], len(world.uniform), axis=0)
+        variance = np.asarray(self.prior_variance) * np.power(10.0, 2.0 * world.uniform[:, 1] - 1.0)
+        return variance[:, :, None] * np.eye(len(self.weights))
+
+    def fused_transition(self, state: State, action: Array, world: World) -> State:
+        """One pulse: predict, measure at the true range, update; by its parts where ``tracker`` is given."""
+        if self._own_tracker:
+            return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance) = state
         C = self.unit_covariance(action)
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
-        kernels.transition(mean, covariance, step, path, world.normal, C, *self._radar, x, P, truth)
+        kernels.transition(
+            mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar, x, P, truth
+        )
         return State(Truth(truth, path), Belief(step + 1, x, P))
+
+    def move(self, truth: Truth, step: Array, world: World) -> Truth:
+        """The target one step along its path."""
+        return truth._replace(targets=truth.path[np.arange(len(step)), step + 1])
+
+    def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
+        """Range and range-rate with an error of covariance C / eta at the true range."""
+        C, z = self.unit_covariance(action), np.empty((len(belief.step), MEASURED))
+        kernels.receive(truth.targets, belief.step, world.normal, C, *self.truth_model._snr_law, z)
+        eta = range_law_snr(truth.targets[:, 0], *self._snr_law)
+        return Measurements(z, C * (1.0 / eta)[:, None, None])
+
+    def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
+        """One step of the Kalman filter, or of ``tracker``."""
+        if self._own_tracker:
+            return self._tracked(self._own_tracker, belief, measurements)
+        x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
+        sizes = (0,) * len(self.weights), (0,) * MEASURED
+        kernels.track(belief.mean, belief.covariance, *measurements, *self._model, *sizes, x, P)
+        return Belief(belief.step + 1, x, P)
+
+    def _tracked(self, tracker: Tracker, belief: Belief, measurements: Measurements) -> Belief:
+        """``track`` by the given tracker."""
+        count = len(belief.step)
+        predicted = tracker.predict(Estimate(belief.mean[:, None], belief.covariance[:, None]), self.motion)
+        z, R = (array[:, None] for array in measurements)
+        is_detected, target = np.ones((count, 1), np.bool_), np.zeros((count, 1), np.int64)
+        after = tracker.update(predicted, Scan(z, is_detected, target, R, self._line_of_sight))
+        return Belief(belief.step + 1, after.mean[:, 0], after.covariance[:, 0])
+
+    @cached_property
+    def _line_of_sight(self) -> MeasurementModel:
+        """Range and range-rate are the first two elements of the state."""
+        H = np.eye(MEASURED, len(self.weights))
+        return MeasurementModel(
+            lambda x: np.array(x[..., :MEASURED]), lambda x: np.broadcast_to(H, (*x.shape[:-1], *H.shape))
+        )
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range."""
@@ -266,9 +343,15 @@ class KershawEvans(System, BestSequence, DeterministicRecursion, LinearCost, Inn
         )
 
     def deterministic_recursion(self, world: World) -> Recursion:
-        """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone."""
+        """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone.
+
+        Raises:
+            NotImplementedError: another tracker than the Kalman filter.
+        """
+        if self._own_tracker:
+            raise NotImplementedError
         state = self.initial(world)
-        eta = range_law_snr(state.truth.path[:, 1:, 0], self.reference_range, self.nearest_range)
+        eta = range_law_snr(state.truth.path[:, 1:, 0], *self._snr_law)
         (F, Q, M), C = self._model, self.unit_covariance(self.candidates())
         return Recursion(state.belief.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
 

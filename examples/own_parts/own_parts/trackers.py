@@ -1,0 +1,142 @@
+"""Trackers of other packages, and one of our own, as the tracker of a loop: ``gym.make(id, tracker=...)``."""
+
+import numpy as np
+
+from wavegym.trackers.protocol import Estimate, ExtendedKalman, OneByOne
+
+
+class FilterpyEkf:
+    """filterpy's extended Kalman filter, for one target."""
+
+    def predict(self, x, P, motion):
+        """Mean and covariance one step later."""
+        kf = self._filter(x, P, len(x))
+        kf.F, kf.Q = motion.F, motion.Q
+        kf.predict()
+        return kf.x, kf.P
+
+    def update(self, x, P, z, R, model):
+        """Mean and covariance with the measurement z."""
+        kf = self._filter(x, P, len(z))
+        kf.update(z, model.jacobian, model.measure, R=R)
+        return kf.x, kf.P
+
+    def _filter(self, x, P, measured):
+        from filterpy.kalman import ExtendedKalmanFilter
+
+        kf = ExtendedKalmanFilter(dim_x=len(x), dim_z=measured)
+        kf.x, kf.P = x, P
+        return kf
+
+
+class FilterpyUkf:
+    """filterpy's unscented Kalman filter, for one target."""
+
+    def predict(self, x, P, motion):
+        """Mean and covariance one step later."""
+        kf = self._filter(x, P, len(x), fx=lambda s, dt: motion.F @ s, hx=None)
+        kf.Q = motion.Q
+        kf.predict()
+        return kf.x, kf.P
+
+    def update(self, x, P, z, R, model):
+        """Mean and covariance with the measurement z."""
+        kf = self._filter(x, P, len(z), fx=None, hx=model.measure)
+        kf.sigmas_f = kf.points_fn.sigma_points(x, P)
+        kf.update(z, R=R)
+        return kf.x, kf.P
+
+    def _filter(self, x, P, measured, fx, hx):
+        from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+        points = MerweScaledSigmaPoints(len(x), alpha=0.5, beta=2.0, kappa=3.0 - len(x))
+        kf = UnscentedKalmanFilter(len(x), measured, dt=1.0, hx=hx, fx=fx, points=points)
+        kf.x, kf.P = x, P
+        return kf
+
+
+class StoneSoupFilter:
+    """Stone Soup's predictor and updater, for one target."""
+
+    def predict(self, x, P, motion):
+        """Mean and covariance one step later."""
+        from datetime import datetime, timedelta
+
+        from stonesoup.models.transition.linear import LinearGaussianTimeInvariantTransitionModel
+        from stonesoup.predictor.kalman import KalmanPredictor
+
+        transition = LinearGaussianTimeInvariantTransitionModel(transition_matrix=motion.F, covariance_matrix=motion.Q)
+        start = datetime(2000, 1, 1)
+        after = KalmanPredictor(transition).predict(self._state(x, P, start), timestamp=start + timedelta(seconds=1))
+        return np.array(after.mean, float).ravel(), np.array(after.covar, float)
+
+    def update(self, x, P, z, R, model):
+        """Mean and covariance with the measurement z."""
+        from datetime import datetime
+
+        from stonesoup.types.detection import Detection
+        from stonesoup.types.hypothesis import SingleHypothesis
+        from stonesoup.types.prediction import GaussianStatePrediction
+        from stonesoup.types.state import StateVector
+        from stonesoup.updater.kalman import ExtendedKalmanUpdater
+
+        now = datetime(2000, 1, 1)
+        prediction = GaussianStatePrediction(StateVector(x), P, timestamp=now)
+        detection = Detection(StateVector(z), timestamp=now, measurement_model=_StoneSoupModel(x, R, model))
+        after = ExtendedKalmanUpdater(None).update(SingleHypothesis(prediction, detection))
+        return np.array(after.mean, float).ravel(), np.array(after.covar, float)
+
+    def _state(self, x, P, time):
+        from stonesoup.types.state import GaussianState, StateVector
+
+        return GaussianState(StateVector(x), P, timestamp=time)
+
+
+def _StoneSoupModel(x, R, model):
+    """A measurement model of wavegym as one of Stone Soup's."""
+    from stonesoup.models.measurement.nonlinear import NonLinearGaussianMeasurement
+    from stonesoup.types.state import StateVector
+
+    class Model(NonLinearGaussianMeasurement):
+        def function(self, state, noise=False, **_):
+            return StateVector(model.measure(np.array(state.state_vector, float).ravel()))
+
+        def jacobian(self, state, **_):
+            return model.jacobian(np.array(state.state_vector, float).ravel())
+
+        @property
+        def ndim_meas(self):
+            return len(R)
+
+    return Model(ndim_state=len(x), mapping=range(len(x)), noise_covar=R)
+
+
+class FadingMemory(ExtendedKalman):
+    """A tracker of our own, for all targets at once: a Kalman filter that trusts old measurements less.
+
+    Args:
+        forgetting: factor on every predicted covariance, above 1.
+    """
+
+    def __init__(self, forgetting=1.05):
+        self.forgetting = forgetting
+
+    def predict(self, estimate, motion):
+        """The estimate one step later."""
+        mean, covariance = super().predict(estimate, motion)
+        return Estimate(mean, self.forgetting * covariance)
+
+
+def filterpy_ekf():
+    """A tracker of filterpy's extended Kalman filters."""
+    return OneByOne(FilterpyEkf())
+
+
+def filterpy_ukf():
+    """A tracker of filterpy's unscented Kalman filters."""
+    return OneByOne(FilterpyUkf())
+
+
+def stonesoup_kalman():
+    """A tracker of Stone Soup's predictor and updater."""
+    return OneByOne(StoneSoupFilter())
