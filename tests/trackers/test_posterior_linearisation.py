@@ -7,6 +7,7 @@ import oracles
 import pytest
 
 from wavegym.trackers import posterior_linearisation_kernels as kernels
+from wavegym.trackers.sigma_point_kernels import sigma_points_one
 
 NN = (0, 0, 0, 0)
 
@@ -15,16 +16,16 @@ def problem(seed, m=3):
     """Estimate (1, 4), covariance (1, 4, 4), its points (8, 4) and their Cholesky factor."""
     rng = np.random.default_rng(seed)
     at, P = rng.standard_normal((1, 4)), oracles.random_covariance(rng, 4, (1,))
-    A, points = np.full((1, 4, 4), np.nan), np.empty((8, 4))
-    kernels.spread_points_one(at, P, 0, A, points, NN)
+    A, points = np.full((4, 4), np.nan), np.empty((8, 4))
+    sigma_points_one(0, at, P, A, points, NN)
     return rng, at, P, A, points
 
 
 def regress(Z, A):
     """h, H and the residual's variances from the kernel."""
     m = Z.shape[1]
-    h, H, residual = np.empty(m), np.empty((m, 4)), np.empty(m)
-    kernels.regress_one(Z, A, h, H, residual, NN)
+    h, H, residual = np.empty(m), np.empty((m, 4)), np.zeros(m)
+    kernels.regress_one(Z.copy(), A, h, H, residual, NN)
     return h, H, residual
 
 
@@ -67,8 +68,8 @@ def test_a_linear_measurement_is_the_kalman_update_from_any_start(seed):
 
 def test_the_residual_of_a_square_over_four_states():
     """z = x1^2 at 0 with unit covariance: mean 1, no slope, residual (n - 1) for n = 4 states."""
-    A, points = np.empty((1, 4, 4)), np.empty((8, 4))
-    kernels.spread_points_one(np.zeros((1, 4)), np.eye(4)[None], 0, A, points, NN)
+    A, points = np.empty((4, 4)), np.empty((8, 4))
+    sigma_points_one(0, np.zeros((1, 4)), np.eye(4)[None], A, points, NN)
     h, H, residual = regress(points[:, :1] ** 2, A)
     np.testing.assert_allclose([h[0], residual[0]], [1.0, 3.0], rtol=1e-12)
     np.testing.assert_allclose(H, 0.0, atol=1e-12)

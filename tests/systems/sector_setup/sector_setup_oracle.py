@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from tests.oracles import motion, predict, update
 
@@ -25,9 +26,11 @@ class Step(NamedTuple):
 
 
 def model(system, q, seconds=None):
-    """F and Q of [x xdot y ydot]."""
-    F, Q = motion(2, system.dt if seconds is None else seconds, q)
-    return np.kron(np.eye(2), F), np.kron(np.eye(2), Q)
+    """F and Q of [x xdot y ydot]; F is the exponential of the turning motion's generator."""
+    seconds = system.dt if seconds is None else seconds
+    turn = np.array([[0.0, -system.turn_rate], [system.turn_rate, 0.0]])
+    generator = np.kron(np.eye(2), [[0.0, 1.0], [0.0, 0.0]]) + np.kron(turn, np.diag([0.0, 1.0]))
+    return expm(seconds * generator), np.kron(np.eye(2), motion(2, seconds, q)[1])
 
 
 def measure(system, x):
@@ -87,29 +90,28 @@ def relinearised(system, x, P, z, waveform, seen, estimate):
     return estimate
 
 
-def step(system, world, k, action, mean, covariance, truth, pointed, dead, q, visible):
-    """From step k to k + 1; arrays of one environment."""
-    target, waveform = divmod(action, len(system.waveforms))
-    mean, covariance, truth = mean.copy(), covariance.copy(), truth.copy()
+def step(system, world, k, action, truth, belief):
+    """From step k to k + 1; arrays of one environment. The world follows ``system.truth_model``."""
+    real, (target, waveform) = system.truth_model, divmod(action, len(system.waveforms))
+    mean, covariance, targets = belief.mean.copy(), belief.covariance.copy(), truth.targets.copy()
     for t in range(system.targets):
-        F, Q = model(system, q[t])
-        mean[t], covariance[t] = predict(mean[t], covariance[t], F, Q)
-        truth[t] = F @ truth[t] + np.linalg.cholesky(Q) @ world.process[k, t]
-    if target != pointed:
-        dead = system.dead_steps
+        mean[t], covariance[t] = predict(mean[t], covariance[t], *model(system, belief.q[t]))
+        F, Q = model(real, truth.q[t])
+        targets[t] = F @ targets[t] + np.linalg.cholesky(Q) @ world.process[k, t]
+    dead = belief.dead if target == belief.pointed else system.dead_steps
     if dead > 0:
-        return Step(mean, covariance, truth, target, dead - 1, 0)
-    z, eta = measure(system, truth[target])
-    seen = world.detection[k, :, target] < detection(system, eta)
-    if not visible[k, target] or not seen.any():
-        return Step(mean, covariance, truth, target, 0, 0)
-    z += np.sqrt([noise(system, waveform, each) for each in eta]) * world.error[k, :, target]
-    h, expected = measure(system, mean[target])
-    R = np.diag(np.concatenate([noise(system, waveform, each) for each in expected[seen]]))
-    H = jacobian(system, mean[target])[seen].reshape(-1, 4)
+        return Step(mean, covariance, targets, target, dead - 1, 0)
+    z, eta = measure(real, targets[target])
+    seen = world.detection[k, :, target] < detection(real, eta)
+    if not truth.visible[k, target] or not seen.any():
+        return Step(mean, covariance, targets, target, 0, 0)
+    z += np.sqrt([noise(real, waveform, each) for each in eta]) * world.error[k, :, target]
     x, P = mean[target], covariance[target]
+    h, expected = measure(system, x)
+    R = np.diag(np.concatenate([noise(system, waveform, each) for each in expected[seen]]))
+    H = jacobian(system, x)[seen].reshape(-1, 4)
     estimate = update(x, P, (z - h)[seen].ravel(), H, R)
     if curved(system, x, P, waveform, seen):
         estimate = relinearised(system, x, P, z, waveform, seen, estimate)
     mean[target], covariance[target] = estimate
-    return Step(mean, covariance, truth, target, 0, int(seen.sum()))
+    return Step(mean, covariance, targets, target, 0, int(seen.sum()))

@@ -7,6 +7,7 @@ import oracles
 import pytest
 import sector_setup_oracle as plain
 
+from wavegym.core.system import State
 from wavegym.schedulers.heuristics.index_policies import CostOfDelay
 from wavegym.systems.sector_setup.city import SectorSetupCity
 from wavegym.systems.sector_setup.system import SectorSetup
@@ -104,10 +105,10 @@ def test_an_update_has_the_moments_of_the_posterior(name, spread, speed, seen):
     deviations = np.array([spread, speed, spread, speed])
     mean, P = state.belief.mean, np.tile(np.diag(deviations**2), (count, system.targets, 1, 1))
     belief = state.belief._replace(
-        mean=state.truth.targets + deviations * rng.standard_normal(mean.shape), covariance=P, pointed=zero, dead=zero,
-        visible=np.ones_like(state.belief.visible),
-    )  # fmt: skip
-    after = system.transition(state._replace(belief=belief), zero, worlds)
+        mean=state.truth.targets + deviations * rng.standard_normal(mean.shape), covariance=P, pointed=zero, dead=zero
+    )
+    truth = state.truth._replace(visible=np.ones_like(state.truth.visible))
+    after = system.transition(State(truth, belief), zero, worlds)
     expected = []
     for e in range(count):
         F, Q = plain.model(system, belief.q[e, 0])
@@ -118,6 +119,5 @@ def test_an_update_has_the_moments_of_the_posterior(name, spread, speed, seen):
         exact, S = posterior(system, x, prior, z, 0, seen, estimate, rng)
         d = estimate[0] - exact
         expected.append(np.trace(np.linalg.solve(estimate[1], S + np.outer(d, d))))
-    print(name, seen, np.round(expected, 2))
     assert abs(np.mean(expected) - 4) < 0.3
     assert max(expected) < 6.0

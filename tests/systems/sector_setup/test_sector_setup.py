@@ -13,6 +13,7 @@ from scipy.stats import kstest
 
 import wavegym  # noqa: F401
 from wavegym.core.errors import InputError
+from wavegym.core.system import State
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.systems.sector_setup.system import SectorSetup
 from wavegym.testing import check_vector_env
@@ -64,8 +65,8 @@ def test_detections_are_as_frequent_as_the_signal_says():
     """Pd is about .85 at 4 km; counts agree with Pd at the true eta within five standard errors."""
     worlds, seen, expected = oracles.worlds(SYSTEM, 300), 0, []
     state = SYSTEM.initial(worlds)
-    belief = state.belief._replace(pointed=np.zeros(300, np.int64), visible=np.ones_like(state.belief.visible))
-    state = state._replace(belief=belief)
+    belief = state.belief._replace(pointed=np.zeros(300, np.int64))
+    state = State(state.truth._replace(visible=np.ones_like(state.truth.visible)), belief)
     for _ in range(10):
         state = SYSTEM.transition(state, np.zeros(300, np.int64), worlds)
         seen += state.truth.detections.sum()
