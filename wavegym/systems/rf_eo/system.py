@@ -69,8 +69,8 @@ class RfEo(System, FusedTransition, BestAction, SequencePlan, LinearCost, MostIn
         fast targets, a low PRF distant targets, and a wide image has coarse pixels. An extended Kalman filter in
         information form (eqs. 8 to 11) updates each target with the quantities received. It iterates where the prior is
         so wide that a single linearisation would mislead, and counts the bend of the measurement as noise where the
-        posterior is as wide too, as after a range alone (posterior linearisation). Schedulers predict the covariance with a variance that grows
-        at the edge of the field of view (eqs. 12 and 13).
+        posterior is as wide too, as after a range alone (posterior linearisation). Schedulers predict the covariance
+        with a variance that grows at the edge of the field of view (eqs. 12 and 13).
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
