@@ -144,7 +144,7 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
     )
     fft_length: int = parameter(128, "Nfft, pulses integrated", truth=True, ge=1, le=1_000_000)
     iterations: int = parameter(
-        10, "most iterations of an update; 1 is the plain extended Kalman filter", ge=1, le=1_000_000
+        10, "most iterations of an update with several platforms; a single one needs none", ge=1, le=1_000_000
     )
     weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
     nearest_range: float = parameter(
