@@ -145,6 +145,8 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
     components: int = parameter(16, "most components of a target with tracker='mixture'", ge=1, le=10_000)
 
+    nees_dimension = 4  # position and velocity
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
@@ -402,11 +404,11 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         return out
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Of each target, 0 unless ``present``: ``position_error`` (m), ``squared_error`` (m^2, weighted with Lambda)
-        and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen outside its gates. Of the step:
-        ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"`` also ``ess`` and ``ancestors``,
-        effective sample size and distinct ancestors as shares of the particles; with ``tracker="mixture"`` of each
-        target the ``components`` in use.
+        """Of each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
+        (m^2, weighted with Lambda) and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen
+        outside its gates. Of the step: ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"``
+        also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the particles; with
+        ``tracker="mixture"`` of each target the ``components`` in use.
         """
         truth, belief = state
         present = np.empty(truth.outside.shape, np.bool_)
@@ -415,6 +417,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         figures = {
             "present": present,
             "position_error": position,
+            "position_variance": np.where(present, belief.covariance[..., 0, 0] + belief.covariance[..., 1, 1], 0.0),
             "squared_error": squared,
             "nees": nees,
             "lost": truth.outside > LOST_AFTER,

@@ -139,6 +139,8 @@ class KershawEvans(
     farthest_range: float = parameter(200e3, "recorded windows beyond it are left out", unit="m", gt=0)
     smoothing: float = parameter(7.0, "time constant against the jitter of a recording's time stamps", unit="s")
 
+    nees_dimension = 2  # range and range-rate
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("lower bound of start_range", self.start_range[0], "m")
@@ -390,10 +392,13 @@ class KershawEvans(
         return out
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2)."""
+        """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2);
+        ``position_variance`` (m^2).
+        """
         out = np.empty((3, len(state.belief.step)))
         kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
-        return {"position_error": out[0], "velocity_error": out[1], "nees": out[2]}
+        variance = state.belief.covariance[:, 0, 0].copy()
+        return {"position_error": out[0], "position_variance": variance, "velocity_error": out[1], "nees": out[2]}
 
 
 @system_parameters

@@ -31,7 +31,7 @@ from wavegym.systems.urban.state import (
 )
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import Tracks, UrbanTracker
-from wavegym.trackers.urban.tracker import MODELS
+from wavegym.trackers.urban.tracker import EMPTY, MODELS
 from wavegym.waveforms import GaussianChirp, PulseTrain, measurement_covariances
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -121,6 +121,8 @@ class Urban(System):
     weights: tuple[NonNegative, NonNegative, NonNegative] = parameter(
         (1.0, 1.0, 1.0), "diagonal of Lambda, for positions, velocities and accelerations", unit="1, s^2, s^4"
     )
+
+    nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -281,6 +283,12 @@ class Urban(System):
         each = self.absent - belief.existence * (self.absent - trace)
         return np.sort(each, axis=-1)[..., : self.charged].sum(axis=-1)
 
+    def trace(self, belief: Belief) -> Array:
+        """trace(W P) summed over the tracks in use, however doubtful they are."""
+        _, P = Tracks(*belief[1:]).combined()
+        each = (np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1)
+        return np.where(belief.status == EMPTY, 0.0, each).sum(axis=-1)
+
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The time left, and each slot."""
@@ -298,9 +306,9 @@ class Urban(System):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target ``held``: a confirmed track is within 20 m; ``position_error`` of the nearest track (20 m if
-        not held, 0 while the target is absent) and its ``nees`` (expected: 4); ``present``: equal to ``held``, which
-        selects the targets that evaluations average; ``lost``: both direct paths are visible, but the target is not
-        held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative`` tracks, of tracks ``refused`` a
-        slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
+        not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4);
+        ``present``: equal to ``held``, which selects the targets that evaluations average; ``lost``: both direct paths
+        are visible, but the target is not held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative``
+        tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.scene.direct)
