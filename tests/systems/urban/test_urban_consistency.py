@@ -8,8 +8,6 @@ import pytest
 
 from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED
 
 SYSTEM = Urban()
 ELSEWHERE = (  # drawn once at random among places outside all buildings
@@ -35,7 +33,7 @@ class Errors:
         for _ in range(system.horizon):
             state = system.transition(state, rng.integers(len(system.actions.labels), size=count), worlds)
             figures = system.state_info(state)
-            rows.append((figures["held"], figures["nees"], figures["position_error"], believed(state)))
+            rows.append([figures[name] for name in ("held", "nees", "position_error", "position_variance")])
         self.held, self.nees, self.error, self.believed = (np.stack(each) for each in zip(*rows, strict=True))
 
     def mean_nees(self):
@@ -52,14 +50,6 @@ class Errors:
         """Fraction of the tracks of a target that end before the episode does."""
         ended = (self.held[:-1] & ~self.held[1:]).sum()
         return ended / (self.held[1:] & ~self.held[:-1]).sum()
-
-
-def believed(state):
-    """Trace of the position covariance of the confirmed track nearest each target, (env, target)."""
-    x, P = Tracks(*state.belief[1:]).combined()
-    off = np.linalg.norm(state.truth.targets[:, :, None, :2] - x[:, None, :, :2], axis=-1)
-    near = np.where((state.belief.status == CONFIRMED)[:, None], off, np.inf).argmin(axis=2)
-    return np.trace(P[..., :2, :2], axis1=-2, axis2=-1)[np.arange(len(x))[:, None], near]
 
 
 def test_the_tracker_is_consistent_over_all_scans():
