@@ -93,7 +93,8 @@ def scans() -> dict[str, float]:
         f"tracker's scan, both receivers, batch of {BATCH}": median_us(many.track, BATCH, 10),
     }
     for pulses in (25, 249):
-        scan = partial(UrbanSignal(pulses=pulses).signals.scan, np.uint64(1), SCANS, LONG_UP, 0)
+        system = UrbanSignal(pulses=pulses)
+        scan = partial(system.signals.scan, np.uint64(1), SCANS, system.scene.truth[SCANS], LONG_UP, 0)
         rows[f"signals of one receiver, {pulses} pulses"] = median_us(scan)
     return rows
 

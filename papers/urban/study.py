@@ -42,6 +42,7 @@ FILTERS: dict[str, dict[str, Any]] = {
 }
 MYOPIC, TURNS, LONG, SHORT, RANDOM = "myopic", "round-robin", "fixed:2", "fixed:0", "random"
 POLICIES = (MYOPIC, TURNS, LONG, SHORT, RANDOM)
+PAPER: dict[str, Any] = {"direction_of_arrival": False, "truth": {"sigma": 0.0}}  # targets keep to the route
 PULSES = (0.5e-6, 1.375e-6)  # s, in the paper's order: without a track the scheduler sends the first
 CHUNK = 50  # worlds played as one batch
 
@@ -122,7 +123,7 @@ def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None)
 
 def system(case: Case) -> Urban:
     """The closed loop that a case is played in."""
-    return Urban(vaguest=STARTS[case.setting], ghosts=case.ghosts, durations=PULSES, **FILTERS[case.filter])
+    return Urban(**PAPER, vaguest=STARTS[case.setting], ghosts=case.ghosts, durations=PULSES, **FILTERS[case.filter])
 
 
 def _play(case: Case, seeds: Sequence[int], scans: int = 0) -> Runs:

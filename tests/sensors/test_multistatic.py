@@ -8,6 +8,7 @@ import pytest
 from wavegym.core.errors import InputError
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic, multistatic_range_and_rate
+from wavegym.sensors.multistatic_kernels import direction_variance
 from wavegym.sensors.urban_map import Building, UrbanMap
 
 CROSSING = UrbanMap.load("intersection")
@@ -93,3 +94,24 @@ def test_mistakes() -> None:
         Multistatic(Antenna(CROSSING, (2085.0, 1470.5)), Antenna(UrbanMap(), (0.0, 0.0)))
     with pytest.raises(InputError, match=r"state has shape \(3,\)"):
         PAIR.measure([1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_direction_is_that_of_the_last_leg_of_the_ray(state) -> None:
+    """The angle between the axis of the array and the ray that arrives, over walls too."""
+    axis = (0.6, 0.8)
+    pair = Multistatic(PAIR.transmitter, Antenna(CROSSING, PAIR.receiver.position, axis))
+    cosines = pair.directions(state[:2])
+    for path in np.flatnonzero(pair.visible(state[:2])):
+        leg = np.diff(polyline(pair.receiver, pair.paths[path, 1], state[:2])[:2], axis=0)[0]
+        assert cosines[path] == pytest.approx(leg @ axis / np.linalg.norm(leg), abs=1e-9)
+
+
+@pytest.mark.parametrize("elements", [2, 3, 8])
+def test_the_variance_of_a_direction_is_the_bound(elements) -> None:
+    """Fisher information of the cosine from samples a exp(j (phase + pi m c)), m = 0, 1, ..., in unit noise."""
+    eta, m = 37.0, np.arange(elements)
+    amplitude = np.sqrt(eta / 2.0 / elements)
+    slopes = amplitude * np.stack([1j * np.pi * m, 1j * np.ones(elements), np.ones(elements) / amplitude], axis=1)
+    information = 2.0 * (slopes.conj().T @ slopes).real
+    assert direction_variance(eta, elements) == pytest.approx(np.linalg.inv(information)[0, 0], rel=1e-12)

@@ -72,15 +72,17 @@ def test_without_noise_the_peak_is_where_the_target_is(duration, direction):
     for r, rate, angle in ((40.0, 0.3, 0.2), (123.4, -17.9, 1.5), (290.0, 18.7, 2.9), (77.7, 0.0, 4.0)):
         peaks = array.peaks(array.image(echo(array, r, rate, 200.0, angle)), 7.0)
         assert len(peaks.z) == 1
-        assert (np.abs(peaks.z[0] - [r, rate]) < 0.05 * bound).all()
+        assert (np.abs(peaks.z[0, :2] - [r, rate]) < 0.05 * bound).all()
+        assert abs(peaks.z[0, 2] - math.cos(angle)) < 0.1 * math.sqrt(peaks.R[0, 2, 2])
         assert 0.94 * 198 < peaks.snr[0] < 1.01 * 198  # 2 less: the noise is absent
 
 
 def test_the_peak_s_own_shape_says_the_bound():
     peaks = LONG.peaks(LONG.image(echo(LONG, 100.0, 5.0, 1e4)), 7.0)
     np.testing.assert_allclose(
-        np.diag(peaks.R[0]), np.diag(LONG.train.measurement_covariance(CARRIER, peaks.snr[0])), rtol=0.05
+        np.diag(peaks.R[0])[:2], np.diag(LONG.train.measurement_covariance(CARRIER, peaks.snr[0])), rtol=0.05
     )
+    np.testing.assert_allclose(peaks.R[0, 2, 2], 12.0 / (math.pi**2 * (3**2 - 1) * peaks.snr[0]))
 
 
 def test_sidelobes_are_no_targets():
@@ -88,7 +90,7 @@ def test_sidelobes_are_no_targets():
     strong = echo(LONG, 60.0, 3.3, 1e7)
     assert len(LONG.peaks(LONG.image(strong), 7.0).z) == 1
     both = LONG.peaks(LONG.image(strong + echo(LONG, 120.0, -8.0, 200.0)), 7.0)
-    np.testing.assert_allclose(both.z, [[60.0, 3.3], [120.0, -8.0]], atol=0.05)
+    np.testing.assert_allclose(both.z[:, :2], [[60.0, 3.3], [120.0, -8.0]], atol=0.05)
 
 
 def test_two_targets_a_resolution_cell_or_two_apart_are_two():
@@ -130,20 +132,25 @@ def test_noise_has_unit_power_and_passes_the_threshold_as_often_as_theory_says(e
 def test_errors_reach_the_bound():
     """4000 echoes of eta = 200 at random places: standard deviations, covariances of the fits, no bias."""
     trials, rng = 4000, np.random.default_rng(11)
-    errors, said = [], []
+    errors, said, directions = [], [], []
     for _ in range(trials):
         r, rate = rng.uniform(20.0, 290.0), rng.uniform(-15.0, 15.0)
-        samples = echo(LONG, r, rate, 200.0, *rng.uniform(0.0, 2.0 * np.pi, 2)) + noise(LONG, rng)
+        angle, phase = rng.uniform(0.0, 2.0 * np.pi, 2)
+        samples = echo(LONG, r, rate, 200.0, angle, phase) + noise(LONG, rng)
         peaks = LONG.peaks(LONG.image(samples), LONG.threshold(1e-3))
-        assert np.abs(peaks.z[0] - [r, rate]).max() < 5.0  # strongest first
-        errors.append(peaks.z[0] - [r, rate])
-        said.append(np.diag(peaks.R[0]))
+        off = peaks.z[0, :2] - [r, rate]
+        assert np.abs(off).max() < 5.0  # strongest first
+        errors.append(off)
+        said.append(np.diag(peaks.R[0])[:2])
+        directions.append((peaks.z[0, 2] - math.cos(angle) + 1.0) % 2.0 - 1.0)  # a cosine is measured modulo 2
     bound = np.diag(LONG.train.measurement_covariance(CARRIER, 200.0))
     deviation = np.std(errors, axis=0)
     assert (deviation / np.sqrt(bound) > 0.9).all()
     assert (deviation / np.sqrt(bound) < 1.15).all()
     np.testing.assert_allclose(np.mean(said, axis=0), bound, rtol=0.1)
     assert (np.abs(np.mean(errors, axis=0)) < 3.0 * deviation / math.sqrt(trials)).all()
+    assert 0.95 < np.std(directions) / math.sqrt(12.0 / (math.pi**2 * 8.0 * 200.0)) < 1.1
+    assert abs(np.mean(directions)) < 3.0 * np.std(directions) / math.sqrt(trials)
 
 
 def test_delays_are_those_of_every_element_by_itself():

@@ -102,6 +102,20 @@ class Multistatic:
         images = self.transmitter.images[self.paths[:, 0]], self.receiver.images[self.paths[:, 1]]
         return multistatic_range_and_rate(state, *images)
 
+    def directions(self, points: ArrayLike) -> Array:
+        """Direction cosine of each path at the array of the receiver, visible or not, (..., path), in [-1, 1].
+
+        The cosine of the angle between the axis of the array and the direction of arrival. A linear array does not tell
+        a direction from its mirror image in the axis.
+
+        Args:
+            points: the target, (x, y) in m, (..., 2).
+        """
+        images = self.receiver.images[self.paths[:, 1]]
+        towards = check_finite("points", points, 2)[..., None, :] - images
+        along = (towards * self.receiver.axes[self.paths[:, 1]]).sum(axis=-1)
+        return np.asarray(along / np.hypot(towards[..., 0], towards[..., 1]))
+
     def delays(self, state: ArrayLike, path: ArrayLike, times: ArrayLike, offsets: ArrayLike) -> Array:
         """Delay of each path at each element of the receiver while the target moves, s, (n, time, element).
 

@@ -21,6 +21,7 @@ from wavegym.core.array_checks import check_elements, check_finite, check_shape
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive, check_within
 from wavegym.sensors import receiver_kernels as kernels
+from wavegym.sensors.multistatic_kernels import direction_variance
 from wavegym.waveforms import PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -39,8 +40,8 @@ SIDELOBE_MARGIN = 2.0  # a peak is kept 3 dB above the sidelobes of stronger pea
 class Peaks(NamedTuple):
     """Measurements from one image, strongest first."""
 
-    z: Array  # range and range-rate, m and m/s, (peak, 2)
-    R: Array  # error covariance from the shape of the peak, (peak, 2, 2)
+    z: Array  # range and range-rate, m and m/s, and direction cosine, (peak, 3)
+    R: Array  # error covariance from the shape and the SNR of the peak, (peak, 3, 3)
     snr: Array  # eta = 2E/N0 (peak,)
 
 
@@ -141,7 +142,11 @@ class ArrayReceiver:
         return np.asarray(scipy.fft.fft(by_delay, self._dopplers, overwrite_x=True))
 
     def peaks(self, image: ComplexArray, threshold: float) -> Peaks:
-        """Range, range-rate and covariance of the peaks of an image in any direction.
+        """Range, range-rate, direction and covariance of the peaks of an image.
+
+        The direction is the cosine of the angle between the axis of the array and the direction of arrival, modulo 2;
+        of infinite variance for a single element. Where two paths share a cell, no direction explains all elements:
+        the variance grows with the power that is left.
 
         Args:
             image: result of ``image``.
@@ -161,17 +166,21 @@ class ArrayReceiver:
         count = kernels.drop_sidelobes(
             power, found, count, C[0, 0], self.train.count, self._dopplers / self.train.count, SIDELOBE_MARGIN
         )
-        rows = np.empty((count, 6))
+        rows = np.empty((count, 8))
         kernels.fit_peaks(image, found, count, _NINE, (C[0, 0], C[0, 1], C[1, 1]), rows)
         return self._measured(rows)
 
     def _measured(self, rows: Array) -> Peaks:
-        """Conversion of peaks from cells to m and m/s."""
+        """Conversion of peaks from cells to m, m/s and direction cosines."""
         turns = rows[:, 1] / self._dopplers
         step = self._cells[1, 1] * self._dopplers
-        z = np.stack([rows[:, 0] * self._cells[0, 0], step * (turns - np.rint(turns))], axis=1)
+        cosine = -2.0 * (rows[:, 6] - np.rint(rows[:, 6]))  # the phase falls along the beam: half a cycle per element
+        z = np.stack([rows[:, 0] * self._cells[0, 0], step * (turns - np.rint(turns)), cosine], axis=1)
         C = rows[:, [2, 3, 3, 4]].reshape(-1, 2, 2)
-        R = self._cells @ np.linalg.inv(C) @ self._cells / rows[:, 5, None, None]
+        R = np.zeros((len(rows), 3, 3))
+        R[:, :2, :2] = self._cells @ np.linalg.inv(C) @ self._cells / rows[:, 5, None, None]
+        mixed = np.maximum(rows[:, 7], 1.0)
+        R[:, 2, 2] = mixed * direction_variance(rows[:, 5], self.elements) if self.elements > 1 else np.inf
         return Peaks(z, R, rows[:, 5])
 
     def false_returns(self, threshold: float) -> float:

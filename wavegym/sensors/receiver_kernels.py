@@ -142,7 +142,10 @@ def drop_sidelobes(power, found, count, delay_decay, pulses, oversampled, margin
 
 @kernel
 def fit_peaks(cube, found, count, solve, own, peaks):
-    """Fit log|A|^2 = a - (x - x0)^T C (x - x0) about each maximum, in cells: peaks (peak, 6) = x0, C00, C01, C11, eta.
+    """Fit log|A|^2 = a - (x - x0)^T C (x - x0) about each maximum, in cells.
+
+    peaks (peak, 8) = x0, C00, C01, C11, eta, the spatial frequency of the direction in cycles per element, and the
+    power that one plane wave leaves at the elements, relative to that of noise: more if two paths share the cell.
 
     solve (6, 9) maps the nine log powers, in the direction of greatest power, to the coefficients of
     1, d, f, d^2, df, f^2. A fit without a maximum within a cell is replaced by the centre of the cell and by ``own``
@@ -165,7 +168,8 @@ def fit_peaks(cube, found, count, solve, own, peaks):
             C00, C01, C11 = own
         peaks[i, 0], peaks[i, 1] = d + x, f + y
         peaks[i, 2], peaks[i, 3], peaks[i, 4] = C00, C01, C11
-        peaks[i, 5] = 2.0 * max(np.exp(top) - 1.0, 0.5)
+        peaks[i, 5], peaks[i, 6] = 2.0 * max(np.exp(top) - 1.0, 0.5), u
+        peaks[i, 7] = _rest(cube, d, f, u)
 
 
 @kernel
@@ -178,10 +182,31 @@ def _steered(cube, d, f, u):
 
 
 @kernel
+def _rest(cube, d, f, u):
+    """Power of a cell that a plane wave of spatial frequency u leaves, over its mean in noise; 1 for one element.
+
+    Noise has the power 1 / L at each of L elements. Of L complex numbers the wave explains one, and u half a number.
+    """
+    elements = len(cube)
+    if elements == 1:
+        return 1.0
+    total = 0.0
+    for m in range(elements):
+        total += cube[m, d, f].real ** 2 + cube[m, d, f].imag ** 2
+    return (total - _steered(cube, d, f, u) / elements) * elements / (elements - 1.5)
+
+
+@kernel
 def _direction(cube, d, f):
+    """Spatial frequency of greatest power: the best of a grid, and the vertex of a parabola through its neighbours."""
     best, direction = -1.0, 0.0
     for k in range(STEERINGS):
         power = _steered(cube, d, f, k / STEERINGS)
         if power > best:
             best, direction = power, k / STEERINGS
-    return direction
+    before, after = (
+        _steered(cube, d, f, direction - 1.0 / STEERINGS),
+        _steered(cube, d, f, direction + 1.0 / STEERINGS),
+    )
+    bend = 2.0 * best - before - after
+    return direction + (0.5 * (after - before) / bend / STEERINGS if bend > 0.0 else 0.0)

@@ -73,6 +73,7 @@ class VisibilityMap:
     grid: Grid
     which: NDArray[np.int64]  # (image,), index among the images of the antenna
     images: Array  # (image, 2), m
+    axes: Array  # (image, 2), axis of the array in each image
     order: NDArray[np.int64]  # (image,), number of walls
     reflected: Array  # (image,), fraction of the power left after the walls
     visible: NDArray[np.bool_]  # (column, row, image)
@@ -91,7 +92,13 @@ def visibility_map(antenna: Antenna, grid: Grid) -> VisibilityMap:
     visible[outdoors] = antenna.visible(grid.centres[outdoors])
     kept = np.flatnonzero(visible.any(axis=(0, 1)) | (antenna.order == 0))
     return VisibilityMap(
-        grid, kept, antenna.images[kept], antenna.order[kept], antenna.reflected[kept], visible[..., kept]
+        grid,
+        kept,
+        antenna.images[kept],
+        antenna.axes[kept],
+        antenna.order[kept],
+        antenna.reflected[kept],
+        visible[..., kept],
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.geometry_kernels import multistatic_range_and_rate, range_and_rate
+from wavegym.sensors.multistatic_kernels import direction_cosine
 
 
 @kernel
@@ -81,3 +82,36 @@ def predict_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
 def left_one(row, e, i, j, P, A):
     """cov(x_i, x_j) given the position: P less the share of the first two columns of A."""
     return P[e, i, j] - A[row, i, 0] * A[row, j, 0] - A[row, i, 1] * A[row, j, 1]
+
+
+@inlined
+def predict_direction_one(row, e, x, P, tx, ty, sx, sy, ax, ay, A, z, S, G, nn):
+    """Extend the result of ``predict_multistatic_one`` by the direction cosine at (sx, sy), of axis (ax, ay).
+
+    Fills z[row, 2], S[row, 2, :], S[row, :, 2] and G[row, :, 2] from the same sigma points; A[row] is the factor that
+    ``predict_multistatic_one`` left. The cosine depends on the position only.
+    """
+    n = len(nn)
+    reach, share = np.sqrt(np.float64(n)), 0.5 / n
+    r0, v0 = multistatic_range_and_rate(x[e, 0], x[e, 1], x[e, 2], x[e, 3], tx, ty, sx, sy)
+    c0 = direction_cosine(x[e, 0], x[e, 1], sx, sy, ax, ay)
+    mean = rc = vc = cc = 0.0
+    for j in range(n):
+        G[row, j, 2] = 0.0
+    for i in range(2):
+        d0, d1, d2, d3 = reach * A[row, 0, i], reach * A[row, 1, i], reach * A[row, 2, i], reach * A[row, 3, i]
+        r1, v1 = multistatic_range_and_rate(x[e, 0] + d0, x[e, 1] + d1, x[e, 2] + d2, x[e, 3] + d3, tx, ty, sx, sy)
+        r2, v2 = multistatic_range_and_rate(x[e, 0] - d0, x[e, 1] - d1, x[e, 2] - d2, x[e, 3] - d3, tx, ty, sx, sy)
+        c1 = direction_cosine(x[e, 0] + d0, x[e, 1] + d1, sx, sy, ax, ay) - c0
+        c2 = direction_cosine(x[e, 0] - d0, x[e, 1] - d1, sx, sy, ax, ay) - c0
+        mean += c1 + c2
+        rc += (r1 - r0) * c1 + (r2 - r0) * c2
+        vc += (v1 - v0) * c1 + (v2 - v0) * c2
+        cc += c1 * c1 + c2 * c2
+        for j in range(i, n):
+            G[row, j, 2] += share * reach * A[row, j, i] * (c1 - c2)
+    mean *= share
+    z[row, 2] = c0 + mean
+    S[row, 0, 2] = S[row, 2, 0] = share * rc - (z[row, 0] - r0) * mean
+    S[row, 1, 2] = S[row, 2, 1] = share * vc - (z[row, 1] - v0) * mean
+    S[row, 2, 2] = share * cc - mean * mean

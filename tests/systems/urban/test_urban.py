@@ -10,9 +10,9 @@ from urban_plays import LONG_UP, played
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
+from wavegym.core.system import State
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import rollout
-from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban.state import MOST, Belief
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
@@ -34,22 +34,24 @@ def test_targets_drive_as_the_paper_says():
 
 def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     """Direct return of the first target at scan 100 in 4000 worlds: Pd, mean, covariance; number of other returns."""
-    count, scan, system = 4000, 100, Urban(arrivals=(0.0,))
+    count, scan, system = 4000, 100, Urban(arrivals=(0.0,), truth={"sigma": 0.0})
+    route = system.scene.truth[scan, 0, :4]
     worlds, state = oracles.worlds(system, count), system.initial(oracles.worlds(system, count))
-    state = state._replace(belief=state.belief._replace(step=np.full(count, scan - 1)))
+    state = at_scan(system, state, scan - 1)
     truth = system.transition(state, np.full(count, LONG_UP), worlds).truth
-    exact = multistatic_range_and_rate(system.scene.truth[scan, 0, :4], system.transmitters[0], system.receivers[0])
+    exact = np.append(system.pairs[0].measure(route)[0], system.pairs[0].directions(route[:2])[0])
     eta = 200.0 * (100.0 / exact[0]) ** 4
-    R = measurement_covariances(system.actions, 4e9)[LONG_UP] / eta + np.diag([0.0, 0.01])
+    R = np.diag([0.0, 0.01, 12.0 / (np.pi**2 * (3**2 - 1) * eta)])
+    R[:2, :2] += measurement_covariances(system.actions, 4e9)[LONG_UP] / eta
     paths = system.scene.z[0, scan, 0, : system.scene.path_count[0, scan, 0]]
     off = truth.z[:, 0, 0] - exact  # returns over paths come first, the direct one before all others
     squared = (off * np.linalg.solve(R, off.T).T).sum(axis=1)
-    detected = squared < chi2.ppf(1 - 1e-6, 2)
+    detected = squared < chi2.ppf(1 - 1e-6, 3)
     pd = 1e-3 ** (1.0 / (1.0 + eta / 2.0))
     assert abs(detected.mean() - pd) < 4.5 * np.sqrt(pd * (1 - pd) / count)
     errors = off[detected] / np.sqrt(np.diag(R))
     assert np.abs(errors.mean(axis=0)).max() < 4.5 / np.sqrt(detected.sum())
-    assert np.abs(errors.T @ errors / detected.sum() - np.eye(2)).max() < 4.5 * np.sqrt(2.0 / detected.sum())
+    assert np.abs(errors.T @ errors / detected.sum() - np.eye(3)).max() < 4.5 * np.sqrt(2.0 / detected.sum())
     expected = 1e-3 * 300.0 * 2.0 * system.ambiguity
     most = [
         1e-3 ** (1.0 / (1.0 + 100.0 * (100.0 / r) ** 4 * 0.4**k))
@@ -59,6 +61,27 @@ def test_returns_and_clutter_are_as_frequent_and_as_exact_as_they_should_be():
     assert abs(number - expected - sum(most)) < 4.5 * np.sqrt((expected + len(most) / 4) / count)
     assert truth.z.shape[2] == MOST
     assert poisson.sf(MOST // 2, expected) < 1e-6  # the array has room for all
+
+
+def at_scan(system, state, scan):
+    """The state with the targets and the clock of a scan, on the route."""
+    count = len(state.belief.step)
+    targets = np.repeat(system.scene.truth[scan][None], count, axis=0)
+    return State(state.truth._replace(targets=targets), state.belief._replace(step=np.full(count, scan)))
+
+
+def test_targets_leave_the_route_and_come_back():
+    """4000 targets after 30 s: the deviation has the covariance of the oscillator that white acceleration drives."""
+    count, system = 4000, Urban(arrivals=(0.0,))
+    worlds = oracles.worlds(system, count)
+    truth = system.initial(worlds).truth
+    for k in range(120):
+        truth = system.move(truth, np.full(count, k), worlds)
+    off = (truth.targets - system.scene.truth[120])[:, 0, :4]
+    white = 0.25**2 * 0.25  # spectral density of accelerations of .25 m/s^2 that last .25 s each
+    expected = np.array([white / (4 * 0.7 * 0.3**3)] * 2 + [white / (4 * 0.7 * 0.3)] * 2)
+    np.testing.assert_allclose(off.var(axis=0), expected, rtol=4.5 * np.sqrt(2.0 / count) + 0.03)  # .03: sampling
+    assert (np.abs(off.mean(axis=0)) < 4.5 * np.sqrt(expected / count)).all()
 
 
 def test_there_is_room_for_all_clutter():
@@ -218,6 +241,9 @@ def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
         ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "m from the nearest road, expected at most twice the reach"),
         ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
         ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
+        ({"array_axes": (0.0,)}, "array_axes has 1 azimuths, expected 2, one for each receiver"),
+        ({"truth": {"slots": 3}}, "truth has 'slots', expected one of "),
+        ({"truth": {"arrivals": (0.0,)}}, "truth has arrivals of 1 targets, expected 2"),
     ],
 )
 def test_mistakes(change, message):

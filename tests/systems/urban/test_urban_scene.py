@@ -129,7 +129,7 @@ def test_a_scan_panel_shows_measurements_targets_and_tracks(crossing):
     x, _ = tracks_of(now).combined()
     for m, axes in enumerate(scene._scans):
         number = now.truth.number[0, m]
-        np.testing.assert_array_equal(marked(".", axes.lines)[0].get_xydata(), now.truth.z[0, m, :number])
+        np.testing.assert_array_equal(marked(".", axes.lines)[0].get_xydata(), now.truth.z[0, m, :number, :2])
         exact = plain(now.truth.targets[0], SYSTEM.transmitters[0], SYSTEM.receivers[m])
         for t, cross in enumerate(marked("x", axes.lines)):
             np.testing.assert_allclose(cross.get_xydata(), exact[t : t + 1])

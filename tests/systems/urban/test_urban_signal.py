@@ -10,6 +10,7 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
+from wavegym.core.system import State
 from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban.signal import UrbanSignal
@@ -28,14 +29,15 @@ def plain(tmp_path_factory):
     """Neither walls nor trees, one target."""
     file = tmp_path_factory.mktemp("city") / "plain.toml"
     file.write_text(PLAIN)
-    return UrbanSignal(city=str(file), arrivals=(0.0,))
+    return UrbanSignal(city=str(file), arrivals=(0.0,), truth={"sigma": 0.0})
 
 
 def scanned(system, scan, count, waveform):
     """Measurements of scan number ``scan`` in ``count`` worlds."""
     worlds = oracles.worlds(system, count)
     state = system.initial(worlds)
-    state = state._replace(belief=state.belief._replace(step=np.full(count, scan - 1)))
+    targets = np.repeat(system.scene.truth[scan - 1][None], count, axis=0)
+    state = State(state.truth._replace(targets=targets), state.belief._replace(step=np.full(count, scan - 1)))
     return system.transition(state, np.full(count, waveform), worlds).truth
 
 
@@ -45,10 +47,15 @@ def test_errors_without_walls_are_those_of_the_measurement_level(plain, waveform
     count, scan = 200, 30
     truth = scanned(plain, scan, count, waveform)
     for m, place in enumerate(plain.receivers):
-        exact = multistatic_range_and_rate(plain.scene.truth[scan, 0, :4], plain.transmitters[0], place)
+        target = plain.scene.truth[scan, 0, :4]
+        range_and_rate = multistatic_range_and_rate(target, plain.transmitters[0], place)
+        exact = np.append(range_and_rate, plain.pairs[m].directions(target[:2])[0])
         eta = 200.0 * plain.durations[waveform // 2] / plain.durations[0] * (100.0 / exact[0]) ** 4
-        sigma = np.sqrt(np.diag(measurement_covariances(plain.actions, 4e9)[waveform]) / eta)
-        errors = (truth.z[:, m, 0] - exact) / sigma  # strongest first
+        variances = np.diag(measurement_covariances(plain.actions, 4e9)[waveform])
+        sigma = np.sqrt(np.append(variances, 12.0 / (math.pi**2 * (3**2 - 1))) / eta)
+        off = truth.z[:, m, 0] - exact  # strongest first
+        off[:, 2] -= 2.0 * np.rint(off[:, 2] / 2.0)  # a direction cosine is measured modulo 2
+        errors = off / sigma
         assert (np.abs(errors.mean(axis=0)) < 4.0 / math.sqrt(count)).all()
         np.testing.assert_allclose(errors.std(axis=0), 1.0, atol=0.2)
 
@@ -59,7 +66,7 @@ def test_without_targets_there_are_no_more_returns_than_from_noise():
     number = scanned(empty, 1, count, LONG_UP).number
     expected = number.size * empty.clutter_density * empty.reach * 2.0 * empty.ambiguity
     assert abs(number.sum() / expected - 1.0) < 0.15 + 4.0 / math.sqrt(expected)  # the theory is accurate to 15 %
-    samples = empty.signals.samples(np.uint64(1), 1, LONG_UP, 0)
+    samples = empty.signals.samples(np.uint64(1), 1, empty.scene.truth[1], LONG_UP, 0)
     array, threshold = empty.signals.arrays[LONG_UP], empty.signals.thresholds[LONG_UP]
     still = np.abs(array.peaks(array.image(samples), threshold).z[:, 1]) < 0.2
     assert still.sum() > 3  # of twelve visible; those within a cell of a stronger one merge with it
@@ -67,12 +74,12 @@ def test_without_targets_there_are_no_more_returns_than_from_noise():
 
 def test_noise_is_independent():
     """Noise differs between scans, receivers and worlds, and is reproducible."""
-    signals, key = SYSTEM.signals, np.uint64(7)
-    first = signals.samples(key, 3, LONG_UP, 0)
-    np.testing.assert_array_equal(first, signals.samples(key, 3, LONG_UP, 0))
+    signals, key, targets = SYSTEM.signals, np.uint64(7), SYSTEM.scene.truth[3]
+    first = signals.samples(key, 3, targets, LONG_UP, 0)
+    np.testing.assert_array_equal(first, signals.samples(key, 3, targets, LONG_UP, 0))
     background = [signals.background(key, LONG_UP, m) for m in range(2)]
-    another = signals.samples(key, 3, LONG_UP, 1) - background[1]
-    others = [signals.samples(key, 4, LONG_UP, 0), signals.samples(np.uint64(8), 3, LONG_UP, 0)]
+    another = signals.samples(key, 3, targets, LONG_UP, 1) - background[1]
+    others = [signals.samples(key, 4, targets, LONG_UP, 0), signals.samples(np.uint64(8), 3, targets, LONG_UP, 0)]
     for other in (another, *(each - background[0] for each in others)):
         a, b = (first - background[0]).ravel(), other.ravel()
         assert abs(np.vdot(a, b)) / np.linalg.norm(a) / np.linalg.norm(b) < 5.0 / math.sqrt(a.size)

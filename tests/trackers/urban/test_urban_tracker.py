@@ -51,8 +51,8 @@ def test_a_visible_target_is_found_confirmed_and_followed():
         noise, tracks = np.random.default_rng(seed), OPEN.empty(1)
         for k in range(40):
             state = np.array([2050.0 + 2.0 * k, 1530.0, 8.0, 0.0])
-            tracks, refused = OPEN.scan(tracks, *scan_of(state, noise), R, SNR)
-            assert refused.sum() == 0
+            tracks = OPEN.scan(tracks, *scan_of(state, noise), R, SNR)
+            assert tracks.refused.sum() == 0
             if (tracks.status[0] == CONFIRMED).any() and len(first) == seed:
                 first.append(k)
         (slot,) = np.flatnonzero(tracks.status[0] == CONFIRMED)
@@ -76,11 +76,11 @@ def test_a_batch_is_its_environments_and_nothing_given_is_changed():
     both, alone = TRACKER.empty(2), [TRACKER.empty(1), TRACKER.empty(1)]
     for k in range(5):
         before = Tracks(*(leaf.copy() for leaf in both))
-        both, _ = TRACKER.scan(after := both, z[k], count[k], R, SNR)
+        both = TRACKER.scan(after := both, z[k], count[k], R, SNR)
         for a, b in zip(after, before, strict=True):
             np.testing.assert_array_equal(a, b)
         for e in range(2):
-            alone[e], _ = TRACKER.scan(alone[e], z[k, e : e + 1], count[k, e : e + 1], R, SNR)
+            alone[e] = TRACKER.scan(alone[e], z[k, e : e + 1], count[k, e : e + 1], R, SNR)
             for a, b in zip(both, alone[e], strict=True):
                 np.testing.assert_array_equal(a[e], b[0])
     assert (both.status == CONFIRMED).any()
@@ -92,7 +92,7 @@ def test_missed_detections_count_where_the_target_is_visible():
     for state in (seen, hidden):
         tracks = held(TRACKER, state)
         for _ in range(8):
-            tracks, _ = TRACKER.scan(tracks, *NOTHING, R, SNR)
+            tracks = TRACKER.scan(tracks, *NOTHING, R, SNR)
         after.append(tracks)
     assert after[0].status[0, 0] == EMPTY
     assert after[0].existence[0, 0] == 0.0
@@ -102,7 +102,7 @@ def test_missed_detections_count_where_the_target_is_visible():
 
 def test_a_track_that_leaves_the_roads_ends():
     for state, left in (((2110.0, 1430.0, 0.0, 0.0), EMPTY), ((2069.0, 1530.0, 0.0, 0.0), CONFIRMED)):
-        tracks, _ = TRACKER.scan(held(TRACKER, state), *scan_of(state), R, SNR)
+        tracks = TRACKER.scan(held(TRACKER, state), *scan_of(state), R, SNR)
         assert tracks.status[0, 0] == left
 
 
@@ -110,10 +110,10 @@ def test_of_two_tracks_at_one_place_the_confirmed_then_the_older_stays():
     here, beside = (2069.0, 1530.0, 0.0, 5.0), (2070.0, 1531.0, 0.5, 5.0)
     for status, age, existence, stays in ((TENTATIVE, 50, 0.1, 0), (CONFIRMED, 5, 0.99, 0), (CONFIRMED, 50, 0.99, 1)):
         tracks = held(TRACKER, beside, existence, status, age, slot=1, tracks=held(TRACKER, here))
-        tracks, _ = TRACKER.scan(tracks, *scan_of([here, beside]), R, SNR)
+        tracks = TRACKER.scan(tracks, *scan_of([here, beside]), R, SNR)
         assert np.flatnonzero(tracks.status[0] == CONFIRMED).tolist() == [stays]
     apart = held(TRACKER, (2069.0, 1545.0, 0.0, 5.0), slot=1, tracks=held(TRACKER, here))
-    tracks, _ = TRACKER.scan(apart, *scan_of([here, (2069.0, 1545.0, 0.0, 5.0)]), R, SNR)
+    tracks = TRACKER.scan(apart, *scan_of([here, (2069.0, 1545.0, 0.0, 5.0)]), R, SNR)
     assert np.flatnonzero(tracks.status[0]).tolist() == [0, 1]
 
 
@@ -122,13 +122,13 @@ def test_no_more_tracks_than_slots():
     few = UrbanTracker(CROSSING, (TX,), RX, slots=2)
     new, old = (2040.0, 1500.0, 8.0, 0.0), (2069.0, 1530.0, 0.0, 5.0)
     tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), 0.5, TENTATIVE, slot=1, tracks=held(few, old))
-    tracks, refused = few.scan(tracks, *scan_of([old, new]), R, SNR)
-    assert refused.tolist() == [1]
+    tracks = few.scan(tracks, *scan_of([old, new]), R, SNR)
+    assert tracks.refused.tolist() == [1]
     assert tracks.status[0].tolist() == [CONFIRMED, TENTATIVE]
     assert np.abs(tracks.x[0, 1, 0, :2] - new[:2]).max() < 0.5
     tracks = held(few, (1950.0, 1500.0, 0.0, 0.0), slot=1, tracks=held(few, old))
-    tracks, refused = few.scan(tracks, *scan_of([old, new]), R, SNR)
-    assert refused.tolist() == [1]
+    tracks = few.scan(tracks, *scan_of([old, new]), R, SNR)
+    assert tracks.refused.tolist() == [1]
     assert tracks.status[0].tolist() == [CONFIRMED, CONFIRMED]
 
 
@@ -144,7 +144,7 @@ def test_returns_over_walls_start_no_tracks_once_their_target_is_known():
     begun = {}
     for ghosts in (True, False):
         tracker = UrbanTracker(CROSSING, (TX,), RX, ghosts=ghosts, vaguest=60.0)
-        tracks, _ = tracker.scan(held(tracker, before, spread=0.3), z, count, R, SNR)
+        tracks = tracker.scan(held(tracker, before, spread=0.3), z, count, R, SNR)
         begun[ghosts] = int((tracks.status[0] == TENTATIVE).sum())
     assert begun[True] == 0
     assert begun[False] > 0
@@ -186,6 +186,10 @@ def test_combined_is_the_mixture():
         ({"false_alarm": 1.0}, r"false_alarm is 1\.0, expected a probability above 0 and below 1"),
         ({"clutter_density": -1.0}, "clutter_density is -1"),
         ({"survival": 1.1}, r"survival is 1\.1"),
+        ({"stay": 1.0}, r"stay is 1\.0"),
+        ({"axes": ((1.0, 0.0),)}, "axes has 1 entries, expected 2: one for each receiver"),
+        ({"axes": ((1.0, 0.0), (0.0, 2.0))}, "expected a unit vector"),
+        ({"axes": ((1.0, 0.0), (0.0, 1.0)), "elements": 1}, "elements is 1, expected an integer >= 2"),
         ({"models": "vsim"}, "models is 'vsim'"),
         ({"reech": 3.0}, "setting 'reech' is unknown to UrbanTracker; did you mean 'reach'"),
     ],
@@ -237,3 +241,64 @@ def test_impossible_waveforms_are_refused(R, snr, message):
     ):
         with pytest.raises(InputError, match=message):
             use()
+
+
+AXES = ((1.0, 0.0), (0.0, 1.0))
+TURNED = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, stay=0.97)
+IN_LINE = ((2088.0, 1470.5), (2078.0, 1470.5))  # antennas on a line along x
+
+
+def pointed(state, receivers=RX, axes=AXES):
+    """Direct measurements of one target (4,) with directions of arrival, without errors: z, count of one scan."""
+    z = np.zeros((1, 2, 1, 3))
+    for m, (place, axis) in enumerate(zip(receivers, axes, strict=True)):
+        pair = Multistatic(Antenna(PLAIN, TX), Antenna(PLAIN, place, axis))
+        z[0, m, 0] = *pair.measure(state)[0], pair.directions(state[:2])[0]
+    return z, np.ones((1, 2), np.int64)
+
+
+@pytest.mark.parametrize("place", [(2000.0, 1540.0), (2085.0, 1520.0), (2150.0, 1505.0)])
+def test_with_directions_a_track_starts_at_its_target_alone(place):
+    """Two orthogonal arrays leave one position, and its covariance is that of all measured quantities together."""
+    state = np.array([*place, 3.0, -2.0])
+    tracks = TURNED.scan(TURNED.empty(1), *pointed(state), R, SNR)
+    (slot,) = np.flatnonzero(tracks.status[0])
+    x, P = (leaf[0, slot] for leaf in tracks.combined())
+    np.testing.assert_allclose(x[:2], place, atol=0.05)
+    information = np.diag([0.0, 0.0, 1e-2, 1e-2])
+    for m in range(2):
+        eta = SNR * (100.0 / multistatic_range_and_rate(state, TX, RX[m])[0]) ** 4
+        variances = np.array([R[0, 0] / eta, R[1, 1] / eta + 0.01, 12.0 / (np.pi**2 * 8.0 * eta)])
+        H = np.stack(
+            [(pointed(x[:4] + s)[0] - pointed(x[:4] - s)[0])[0, m, 0] / 2e-4 for s in 1e-4 * np.eye(4)], axis=1
+        )
+        information += H.T @ (H / variances[:, None])
+    np.testing.assert_allclose(P[:4, :4], np.linalg.inv(information), rtol=0.02, atol=1e-3)
+
+
+def test_arrays_on_the_line_of_the_antennas_cannot_tell_left_from_right():
+    """Arrays along the line keep both hypotheses; turned by 90 degrees one is left."""
+    wide = UrbanMap(roads=(Road(((1900.0, 1470.0), (2200.0, 1470.0)), 200.0),))
+    state = np.array([2040.0, 1530.0, 3.0, 4.0])
+    for axes, wanted in ((((1.0, 0.0),) * 2, 2), (AXES, 1)):
+        tracker = UrbanTracker(wide, (TX,), IN_LINE, axes=axes)
+        tracks = tracker.scan(tracker.empty(1), *pointed(state, IN_LINE, axes), R, SNR)
+        places = tracks.x[0, tracks.status[0] != EMPTY, 0, :2]
+        assert len(places) == wanted
+        assert np.abs(places - state[:2]).sum(axis=1).min() < 0.1
+        if wanted == 2:
+            assert np.abs(places - [2040.0, 2 * 1470.5 - 1530.0]).sum(axis=1).min() < 0.1
+
+
+def test_a_measurement_of_larger_covariance_counts_less():
+    """One scan with the covariances doubled is the update with R doubled."""
+    state = np.array([2060.0, 1540.0, 3.0, 4.0])
+    z, count = pointed(np.array([2061.0, 1540.5, 3.0, 4.0]))
+    tracker = UrbanTracker(PLAIN, (TX,), RX, models="ncv", axes=AXES, clutter_density=1e-9, rate_floor=1e-6)
+    waves = np.broadcast_to(R, (1, 2, 2, 2)), np.full((1, 2), SNR)
+    given = tracker.direct_errors(z, count, *waves)
+    plain, doubled = (tracker.scan(held(tracker, state), z, count, R, SNR, k * given) for k in (1.0, 2.0))
+    assert np.trace(doubled.P[0, 0, 0]) > np.trace(plain.P[0, 0, 0])
+    half = tracker.scan(held(tracker, state), z, count, R, SNR / 2.0)
+    np.testing.assert_allclose(doubled.x[0, 0, 0], half.x[0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(doubled.P[0, 0, 0], half.P[0, 0, 0], atol=1e-6)

@@ -3,69 +3,114 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
-from wavegym.core.kernels import inlined, kernel
+from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.multistatic_kernels import noise, snr_at
+from wavegym.sensors.geometry_kernels import multistatic_range_and_rate
+from wavegym.sensors.multistatic_kernels import direction_cosine, direction_variance, folded, noise, snr_at
 from wavegym.trackers.urban.kernels import CONFIRMED, EMPTY
 
 CLUTTER = 10_000  # number of the random stream of clutter, beyond those of all paths
+DRIVERS = 40_000  # number of the stream of the targets' random accelerations
 
 
-@inlined
-def folded(rate, limit):
-    """Range-rate as a pulse train measures it: folded into [-limit, limit]."""
-    return rate - 2.0 * limit * np.rint(rate / (2.0 * limit))
+class SensorLaw(NamedTuple):
+    """How the world's receivers measure."""
+
+    density: float  # expected false returns per (m x m/s)
+    log_false_alarm: float
+    rate_floor: float  # standard deviation of range-rate in addition to its noise, m/s
+    reach: float  # half path length beyond which nothing is received, m
+    elements: int  # of each array
+    limit: float  # greatest unambiguous range-rate, m/s
 
 
 @kernel
-def measure_targets(key, scan, pair, scene, constants, wave, reference, limit, z, count):
-    """Append the detections of targets to z[: count]; return the new count."""
-    targets, most = scene.z.shape[2], scene.z.shape[3]
-    for g in range(targets):
+def move_targets(keys, scans, before, route, present, F, g, sigma, after):
+    """after (env, target, 6): the targets in scan ``scans[e]``, from those ``before`` in the last scan.
+
+    A target is its place on the route (scan, target, 6) and a deviation, which starts at 0 when the target arrives:
+    see ``drivers.deviation_model`` for F and g. sigma: standard deviation of the random acceleration on each axis.
+    """
+    for e in range(len(keys)):
+        scan = scans[e]
+        own = stream(stream(keys[e], scan), DRIVERS)
+        for t in range(route.shape[1]):
+            for i in range(6):
+                after[e, t, i] = route[scan, t, i]
+            for axis in range(2 if present[scan - 1, t] else 0):
+                p, v = (
+                    before[e, t, axis] - route[scan - 1, t, axis],
+                    before[e, t, axis + 2] - route[scan - 1, t, axis + 2],
+                )
+                push = sigma * normal(own, 2 * t + axis)
+                after[e, t, axis] += F[0, 0] * p + F[0, 1] * v + g[0] * push
+                after[e, t, axis + 2] += F[1, 0] * p + F[1, 1] * v + g[1] * push
+                after[e, t, axis + 4] += push
+
+
+@kernel
+def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, count):
+    """Append the detections of targets (target, 6) to z[: count]; return the new count.
+
+    The paths are those that are visible from the route.
+    """
+    most = scene.path_index.shape[3]
+    for g in range(len(targets)):
+        x, y, u, v = targets[g, 0], targets[g, 1], targets[g, 2], targets[g, 3]
         for w in range(scene.path_count[pair, scan, g]):
-            r = scene.z[pair, scan, g, w, 0]
-            if r > constants.reach or count >= len(z):
+            tx, ty, sx, sy, ax, ay = scene.images[pair, scene.path_index[pair, scan, g, w]]
+            r, rate = multistatic_range_and_rate(x, y, u, v, tx, ty, sx, sy)
+            if r > law.reach or count >= len(z):
                 continue
             own = stream(key, g * most + w)
             eta = snr_at(r, reference, scene.reflected[pair, scan, g, w])
-            if uniform(own, 0) < detection(0.5 * eta, constants.log_false_alarm):
-                R00, R01, R11 = noise(wave, eta, constants.rate_floor)
+            if uniform(own, 0) < detection(0.5 * eta, law.log_false_alarm):
+                R00, R01, R11 = noise(wave, eta, law.rate_floor)
                 a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
                 b = R01 / a
                 z[count, 0] = r + a * n0
-                z[count, 1] = folded(scene.z[pair, scan, g, w, 1] + b * n0 + np.sqrt(R11 - b * b) * n1, limit)
+                z[count, 1] = folded(rate + b * n0 + np.sqrt(R11 - b * b) * n1, law.limit)
+                if z.shape[1] == 3:
+                    spread = np.sqrt(direction_variance(eta, law.elements))
+                    z[count, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + spread * normal(own, 3), 1.0)
                 count += 1
     return count
 
 
 @kernel
-def measure_clutter(key, constants, limit, z, count):
-    """Append false returns, uniform in range and range-rate, to z[: count]; return the new count."""
-    own, expected, sum_of_gaps, i = stream(key, CLUTTER), constants.density * constants.reach * 2.0 * limit, 0.0, 0
+def measure_clutter(key, law, z, count):
+    """Append false returns, uniform in all measured quantities, to z[: count]; return the new count."""
+    own, expected, sum_of_gaps, i = stream(key, CLUTTER), law.density * law.reach * 2.0 * law.limit, 0.0, 0
     while count < len(z):
         sum_of_gaps += exponential(own, 3 * i)
         if sum_of_gaps > expected:
             break
-        z[count, 0] = constants.reach * uniform(own, 3 * i + 1)
-        z[count, 1] = limit * (2.0 * uniform(own, 3 * i + 2) - 1.0)
+        z[count, 0] = law.reach * uniform(own, 3 * i + 1)
+        z[count, 1] = law.limit * (2.0 * uniform(own, 3 * i + 2) - 1.0)
+        if z.shape[1] == 3:
+            z[count, 2] = 2.0 * uniform(stream(key, CLUTTER + 1), i) - 1.0
         count, i = count + 1, i + 1
     return count
 
 
 @kernel
-def measure(keys, scans, scene, constants, wave, reference, limit, z, count):
-    """Scan ``scans[e]`` of every environment e: z (env, pair, measurement, 2), count (env, pair).
+def measure(keys, scans, targets, scene, law, wave, reference, z, count):
+    """Scan ``scans[e]`` of every environment e with its targets (env, target, 6).
 
-    wave (env, pair, 2, 2), reference (env, pair): covariance at unit SNR, and SNR at 100 m, of each pair's waveform.
+    Fills z (env, pair, measurement, m) and count (env, pair). wave (env, pair, 2, 2), reference (env, pair): covariance
+    at unit SNR, and SNR at 100 m, of each pair's waveform. A measurement has range, range-rate and, if m = 3, the
+    direction cosine at the array of the receiver.
     """
     for e in range(len(keys)):
         for m in range(z.shape[1]):
             key = stream(stream(keys[e], scans[e]), m)
-            found = measure_targets(key, scans[e], m, scene, constants, wave[e, m], reference[e, m], limit, z[e, m], 0)
-            count[e, m] = measure_clutter(key, constants, limit, z[e, m], found)
+            found = measure_targets(key, scans[e], m, targets[e], scene, law, wave[e, m], reference[e, m], z[e, m], 0)
+            count[e, m] = measure_clutter(key, law, z[e, m], found)
 
 
 @kernel

@@ -35,14 +35,15 @@ def draw_urban_map(axes: Axes, system: Urban, moment: Moment) -> None:
     Lines join a target to the first transmitter and the receivers while the direct paths of the first two pairs are
     visible.
     """
-    scene, step, now = system.scene, len(moment.actions), moment.states[-1]
+    scene, step, now = system.truth_model.scene, len(moment.actions), moment.states[-1]
+    driven = np.array([state.truth.targets[0, :, PLANE] for state in moment.states])
     senders = len(system.transmitters)
     antennas = np.array([*system.transmitters, *system.receivers])
     places = np.delete(antennas, range(1, senders), axis=0)
     to_scale(axes, np.concatenate([scene.truth[scene.present][:, PLANE], antennas]).T)
     _draw_buildings(axes, system)
     for t in np.flatnonzero(scene.present[step]).tolist():
-        trail = scene.truth[: step + 1, t, PLANE][scene.present[: step + 1, t]]
+        trail = driven[scene.present[: step + 1, t], t]
         if scene.direct[step, t]:
             lines = np.stack([places, np.broadcast_to(trail[-1], places.shape), np.full(places.shape, np.nan)], axis=1)
             axes.plot(*lines.reshape(-1, 2).T, color=colour(t), **DIRECT_PATH)

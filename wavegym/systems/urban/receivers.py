@@ -47,23 +47,31 @@ class UrbanReceivers:
         """Peak threshold of each waveform, in units of the noise power."""
         return [array.threshold(self.density) for array in self.arrays]
 
-    def measure(self, keys: Array, scans: Array, sent: Array, z: Array, count: Array) -> None:
-        """One scan of every environment, as ``kernels.measure``: z (env, pair, most, 2), count (env, pair).
+    def measure(self, keys: Array, scans: Array, targets: Array, sent: Array, z: Array, R: Array, count: Array) -> None:
+        """One scan of every environment, as ``kernels.measure``: z (env, pair, most, m), count (env, pair).
 
-        sent: index of the waveform that the transmitter of each pair sends, (env, pair).
+        targets: (env, target, 6). sent: index of the waveform that the transmitter of each pair sends, (env, pair).
+        R (env, pair, most, m, m) receives the covariances that are fitted to the peaks. A peak that is higher than that
+        of a direct path of its range has the covariance at the SNR of that path: noise has raised it, and of the echoes
+        near the threshold only those that noise raises are detected.
         """
+        size = z.shape[3]
         for e, (key, scan) in enumerate(zip(keys, scans, strict=True)):
             for m in range(len(self.pairs)):
-                found = self.scan(key, scan, sent[e, m], m).z[: z.shape[2]]
-                z[e, m, : len(found)], count[e, m] = found, len(found)
+                found = self.scan(key, scan, targets[e], sent[e, m], m)
+                number = min(len(found.z), z.shape[2])
+                z[e, m, :number], count[e, m] = found.z[:number, :size], number
+                expected = snr_at(found.z[:number, 0], self.snr[sent[e, m]], 1.0)
+                raised = np.maximum(found.snr[:number] / expected, 1.0)
+                R[e, m, :number] = raised[:, None, None] * found.R[:number, :size, :size]
 
-    def scan(self, key: np.uint64, scan: int, waveform: int, m: int) -> Peaks:
-        """Measurements of pair m in one scan of one environment."""
+    def scan(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> Peaks:
+        """Measurements of pair m in one scan of one environment with the targets (target, 6)."""
         array = self.arrays[waveform]
-        image = array.image(self.samples(key, scan, waveform, m) - self.background(key, waveform, m))
+        image = array.image(self.samples(key, scan, targets, waveform, m) - self.background(key, waveform, m))
         return array.peaks(image, self.thresholds[waveform])
 
-    def samples(self, key: np.uint64, scan: int, waveform: int, m: int) -> NDArray[np.complex128]:
+    def samples(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> NDArray[np.complex128]:
         """Samples at the receiver of pair m in one scan: targets, static echoes, noise; (pulse, element, sample).
 
         An echo has the SNR of the measurement level, and a new phase in every scan.
@@ -71,12 +79,12 @@ class UrbanReceivers:
         array, pair, own = self.arrays[waveform], self.pairs[m], _stream(key, scan, m)
         visible = self.scene.path_count[m, scan]
         target, slot = np.nonzero(np.arange(self.scene.path_index.shape[-1]) < visible[:, None])
-        r, reflected = (of[m, scan, target, slot] for of in (self.scene.z[..., 0], self.scene.reflected))
+        path = self.scene.path_index[m, scan, target, slot]
+        delays = pair.delays(targets[target], path, array.times, array.offsets)
+        r = 0.5 * SPEED_OF_LIGHT * delays.mean(axis=(1, 2))
         received = r <= array.reach
-        target, slot, eta = target[received], slot[received], snr_at(r, self.snr[waveform], reflected)[received]
-        delays = pair.delays(
-            self.scene.truth[scan, target], self.scene.path_index[m, scan, target, slot], array.times, array.offsets
-        )
+        target, slot, delays = target[received], slot[received], delays[received]
+        eta = snr_at(r[received], self.snr[waveform], self.scene.reflected[m, scan, target, slot])
         phases = [uniform(_stream(own, number), 0) for number in target * self.scene.path_index.shape[-1] + slot]
         amplitudes = np.sqrt(0.5 * eta) * np.exp(2j * np.pi * np.array(phases))
         samples = array.receive(delays, amplitudes) + self._static_echoes[waveform][m]

@@ -11,8 +11,7 @@ from wavegym.rendering.drawings import CROSS, SIGMAS
 from wavegym.rendering.maps import colour, cross
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
-from wavegym.sensors import multistatic_range_and_rate
-from wavegym.systems.urban import kernels as urban_kernels
+from wavegym.sensors import multistatic_kernels, multistatic_range_and_rate
 from wavegym.systems.urban.map import RECEIVER, SURE, TRANSMITTER, TREE, UNSURE, draw_urban_map
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
@@ -121,13 +120,15 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
 
     All with the first transmitter. Range-rates beyond ``system.ambiguity`` are folded, as they are measured.
     """
-    scene, step, now = system.scene, len(moment.actions), moment.states[-1]
+    scene, step, now = system.truth_model.scene, len(moment.actions), moment.states[-1]
     measured = now.truth.z[0, receiver, : now.truth.number[0, receiver]]
-    axes.plot(*measured.T, **MEASURED)
+    axes.plot(*measured[:, :2].T, **MEASURED)
     antennas = system.transmitters[0], system.receivers[receiver]
     direct = multistatic_range_and_rate(now.truth.targets[0, :, :4], *antennas)[:, 0]
     for t in np.flatnonzero(scene.present[step]).tolist():
-        paths = folded(scene.z[receiver, step, t, : scene.path_count[receiver, step, t]], system.ambiguity)
+        every = system.pairs[receiver].measure(now.truth.targets[0, t, :4])
+        seen = scene.path_index[receiver, step, t, : scene.path_count[receiver, step, t]]
+        paths = folded(every[seen], system.ambiguity)
         straight = np.isclose(paths[:, 0], direct[t])
         axes.plot(*paths[~straight].T, color=colour(t), **BY_WALLS)
         axes.plot(*paths[straight].T, **cross(t))
@@ -140,7 +141,7 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
 
 def folded(z: Array, ambiguity: float) -> Array:
     """Range and range-rate (..., 2) as a pulse train measures them: the rate folded into [-ambiguity, ambiguity]."""
-    return np.stack([z[..., 0], urban_kernels.folded(z[..., 1], ambiguity)], axis=-1)
+    return np.stack([z[..., 0], multistatic_kernels.folded(z[..., 1], ambiguity)], axis=-1)
 
 
 def scan_caption(system: Urban, moment: Moment) -> str:
@@ -149,7 +150,7 @@ def scan_caption(system: Urban, moment: Moment) -> str:
         return ""
     now = moment.states[-1]
     figures = {name: value[0] for name, value in system.state_info(now).items()}
-    present, direct = now.truth.present[0], system.scene.direct[len(moment.actions)]
+    present, direct = now.truth.present[0], system.truth_model.scene.direct[len(moment.actions)]
     words = [f"{figures['measurements']} measurements"]
     held = np.where(figures["held"], "held", "not held")
     known = np.where(direct, held, np.char.add(held, ", hidden"))

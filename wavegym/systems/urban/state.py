@@ -34,9 +34,16 @@ class Truth(NamedTuple):
 
     targets: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
     present: Array  # (env, target)
-    z: Array  # (env, pair, most, 2): the last scan
+    z: Array  # (env, pair, most, m): the last scan
     number: Array  # (env, pair): number of its measurements
-    refused: Array  # (env,): new tracks that found no free slot in it
+
+
+class Measurements(NamedTuple):
+    """What the receivers report of one scan."""
+
+    z: Array  # (env, pair, most, m): range [m], range-rate [m/s] and direction cosine
+    R: Array  # (env, pair, most, m, m): covariances of their errors, without the floor of range-rate
+    number: Array  # (env, pair): number of measurements
 
 
 class Belief(NamedTuple):
@@ -49,6 +56,7 @@ class Belief(NamedTuple):
     existence: Array  # (env, slot)
     status: Array  # (env, slot)
     age: Array  # (env, slot)
+    refused: Array  # (env,)
 
 
 def room_for(expected: float) -> int:
@@ -67,13 +75,14 @@ def room_for(expected: float) -> int:
 
 
 class Scene(NamedTuple):
-    """Targets and their propagation paths, for every scan from 0 to the horizon; no action changes them."""
+    """The route of the targets and its propagation paths, for every scan from 0 to the horizon."""
 
-    truth: Array  # (scan, target, 6)
+    truth: Array  # (scan, target, 6): targets that keep to the route
     present: Array  # (scan, target)
     path_count: Array  # (pair, scan, target): number of visible paths; they come first along the path axis
     path_index: Array  # (pair, scan, target, path): index of each path in ``Multistatic.paths``
-    z: Array  # (pair, scan, target, path, 2): range and range-rate
+    images: Array  # (pair, index, 6): of transmitter and receiver, and the axis of the array, for each path index
+    z: Array  # (pair, scan, target, path, 2): range and range-rate of targets on the route
     reflected: Array  # (pair, scan, target, path): fraction of the power left after the walls
     direct: Array  # (scan, target): whether the direct paths of the first two pairs are visible
 
@@ -99,12 +108,23 @@ def make_scene(
     tables = [_table(pair, true_states, own, most) for pair, own in zip(pairs, visible, strict=True)]
     z, reflected, path_count, path_index = (np.stack(each) for each in zip(*tables, strict=True))
     direct = np.logical_and.reduce([own[..., 0] for own in visible[:2]])
-    return Scene(true_states, present, path_count, path_index, z, reflected, direct)
+    return Scene(true_states, present, path_count, path_index, _images(pairs), z, reflected, direct)
 
 
 def _driven(route: ScriptedPath, arrival: float, times: Array) -> tuple[Array, Array]:
     here = route.sample(np.maximum(times - arrival, 0.0))
     return np.concatenate([here.positions, here.velocities, here.accelerations], axis=1), times >= arrival
+
+
+def _images(pairs: Sequence[Multistatic]) -> Array:
+    """(x, y) of both images and the axis of the array for each path of each pair, (pair, index, 6); padded with 0."""
+    images = np.zeros((len(pairs), max(len(pair.paths) for pair in pairs), 6))
+    for own, pair in zip(images, pairs, strict=True):
+        out, back = pair.paths.T
+        own[: len(out)] = np.concatenate(
+            [pair.transmitter.images[out], pair.receiver.images[back], pair.receiver.axes[back]], axis=1
+        )
+    return images
 
 
 def _table(pair: Multistatic, true_states: Array, visible: Array, most: int) -> tuple[Array, Array, Array, Array]:
@@ -162,7 +182,7 @@ def urban_info(state: State, direct: Array) -> dict[str, Array]:
         "confirmed": sure.sum(axis=1),
         "false": nobody.sum(axis=1),
         "tentative": ((belief.status != EMPTY) & ~sure).sum(axis=1),
-        "refused": truth.refused,
+        "refused": belief.refused,
         "gospa": gospa(truth.targets[..., :2], x[..., :2], truth.present, sure, HELD_WITHIN).distance,
         "measurements": truth.number.sum(axis=1),
     }

@@ -18,9 +18,11 @@ from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import kernels
+from wavegym.systems.urban.drivers import deviation_model
 from wavegym.systems.urban.receivers import UrbanReceivers
 from wavegym.systems.urban.state import (
     Belief,
+    Measurements,
     Scene,
     Truth,
     World,
@@ -35,6 +37,8 @@ from wavegym.trackers.urban.tracker import EMPTY, MODELS
 from wavegym.waveforms import GaussianChirp, PulseTrain, measurement_covariances
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
+WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "confirm_after": 8}
+"""Settings of the tracker that directions of arrival make possible; without directions those of the paper."""
 EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps its bandwidth in this time
 
 
@@ -47,9 +51,13 @@ class Urban(System):
         targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left turn, speeding
         up. A scan is a train of Gaussian chirps of one of four kinds. Each receiver detects each propagation path from
         a transmitter by a target, over up to two walls, with Pd = Pfa^(1 / (1 + eta / 2)). The path is measured in
-        range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for range-rate; eta falls with the fourth
-        power of the half path length and by a factor of .4 at each wall. There are false returns. The tracker starts,
-        confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters.
+        range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for range-rate, and in direction of
+        arrival; eta falls with the fourth power of the half path length and by a factor of .4 at each wall. Each
+        receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between its
+        line and the direction, with variance 12 / (pi^2 (3^2 - 1) eta), and cannot tell a direction from its mirror
+        image in the line: the lines of two receivers stand at right angles. There are false returns. Random
+        accelerations push targets off the route, and their drivers steer back. The tracker starts, confirms and ends
+        tracks: LMIPDA and a variable-structure IMM of unscented filters.
 
     Rewards
         Minus the cost, summed over the ``charged`` slots of least cost: r min(trace(Lambda P), c0) + (1 - r) c0, with r
@@ -76,13 +84,22 @@ class Urban(System):
     receivers: tuple[Point, ...] = parameter(
         ((2088.0, 1475.0), (2078.0, 1467.0)), "positions (x, y) of the receivers, at least two", unit="m"
     )
-    arrivals: tuple[float, ...] = parameter((0.0, 10.0), "time at which each target starts", unit="s", min_length=1)
-    start: Point = parameter((1950.0, 1500.0), "start (x, y) of the route of all targets", unit="m")
-    velocity: Point = parameter((10.0, 0.0), "velocity (x, y) at the start", unit="m/s")
+    direction_of_arrival: bool = parameter(
+        True, "whether receivers report directions, and covariances of peaks; False: the tracker of the paper", unit=""
+    )
+    array_axes: tuple[float, ...] | None = parameter(
+        None, "azimuth of each receiver's line of elements; by default 0 and 90 in turn", unit="deg"
+    )
+    arrivals: tuple[float, ...] = parameter(
+        (0.0, 10.0), "time at which each target starts", unit="s", truth=True, min_length=1
+    )
+    start: Point = parameter((1950.0, 1500.0), "start (x, y) of the route of all targets", unit="m", truth=True)
+    velocity: Point = parameter((10.0, 0.0), "velocity (x, y) at the start", unit="m/s", truth=True)
     path: tuple[tuple[float, float, float], ...] = parameter(
         ((5.0, 0.0, 0.0), (5.0, -1.0, 0.0), (10.0, 0.0, math.pi / 20), (5.0, 1.0, 0.0)),
         "route: duration, acceleration along the motion and left turn rate of each segment; then constant velocity",
         unit="s, m/s^2, rad/s",
+        truth=True,
     )
     durations: tuple[Positive, ...] = parameter(
         (1.375e-6, 0.5e-6),
@@ -102,22 +119,30 @@ class Urban(System):
         1e-3, "time between pulses; range-rates beyond lambda / (4 interval) are folded", unit="s", gt=0
     )
     reference_snr: float = parameter(
-        200.0, "eta of the longest pulse at 100 m, a ratio; energy grows with duration", gt=0
+        200.0, "eta of the longest pulse at 100 m, a ratio; energy grows with duration", truth=True, gt=0
     )
     tracker: Literal["vsimm", "ncv"] = parameter(
         "vsimm", "motion models of the tracker: variable-structure IMM, or one nearly constant velocity", unit=""
     )
-    sigma: float = parameter(0.25, "standard deviation of acceleration in NCV and turn models", unit="m/s^2", ge=0)
+    sigma: float = parameter(
+        0.25,
+        "standard deviation of random acceleration: of the targets, and in NCV and turn models",
+        unit="m/s^2",
+        truth=True,
+        ge=0,
+    )
     vaguest: float = parameter(5.0, "largest standard deviation of the position of a new track", unit="m", gt=0)
     ghosts: bool = parameter(True, "whether the tracker uses the map to recognise ghosts", unit="")
     slots: int = parameter(8, "maximum number of tracks", ge=1, le=1000)
     charged: int = parameter(2, "number of slots in the cost", ge=1)
-    clutter_density: float = parameter(1e-3, "expected false returns", unit="1/(m m/s)", gt=0)
+    clutter_density: float = parameter(1e-3, "expected false returns", unit="1/(m m/s)", truth=True, gt=0)
     false_alarm: Probability | None = parameter(
-        None, "Pfa; by default 1e-3, or with fidelity='signal' the value that follows from clutter_density"
+        None, "Pfa; by default 1e-3, or with fidelity='signal' the value that follows from clutter_density", truth=True
     )
-    rate_floor: float = parameter(0.1, "standard deviation of range-rate in addition to its noise", unit="m/s", gt=0)
-    reach: float = parameter(300.0, "half path length beyond which nothing is received", unit="m", gt=0)
+    rate_floor: float = parameter(
+        0.1, "standard deviation of range-rate in addition to its noise", unit="m/s", truth=True, gt=0
+    )
+    reach: float = parameter(300.0, "half path length beyond which nothing is received", unit="m", truth=True, gt=0)
     weights: tuple[NonNegative, NonNegative, NonNegative] = parameter(
         (1.0, 1.0, 1.0), "diagonal of Lambda, for positions, velocities and accelerations", unit="1, s^2, s^4"
     )
@@ -132,6 +157,9 @@ class Urban(System):
         if self.fidelity == "signal" and self.false_alarm is not None:
             wanted = "expected none with fidelity='signal': it follows from clutter_density"
             raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
+        if len(self.truth_model.arrivals) != len(self.arrivals):
+            given = len(self.truth_model.arrivals)
+            raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)} as without truth")
         self._check_antennas()
         _ = self.actions, self.urban_tracker, self.scene, self._most
 
@@ -173,9 +201,19 @@ class Urban(System):
         return np.repeat(sent, len(self.receivers), axis=-1)
 
     @cached_property
+    def _axes(self) -> tuple[Point, ...]:
+        """Unit vector along the elements of each receiver."""
+        azimuths = self.array_axes or tuple(90.0 * (m % 2) for m in range(len(self.receivers)))
+        if len(azimuths) != len(self.receivers):
+            wanted = f"{len(self.receivers)}, one for each receiver"
+            raise InputError(f"array_axes has {len(azimuths)} azimuths, expected {wanted}")
+        return tuple((math.cos(a), math.sin(a)) for a in map(math.radians, azimuths))
+
+    @cached_property
     def pairs(self) -> list[Multistatic]:
         """Each transmitter with each receiver."""
-        out, back = ([Antenna(self.map, place) for place in side] for side in (self.transmitters, self.receivers))
+        out = [Antenna(self.map, place) for place in self.transmitters]
+        back = [Antenna(self.map, *array) for array in zip(self.receivers, self._axes, strict=True)]
         return [Multistatic(transmitter, receiver) for transmitter in out for receiver in back]
 
     @cached_property
@@ -195,10 +233,15 @@ class Urban(System):
     def urban_tracker(self) -> UrbanTracker:
         """The tracker."""
         return UrbanTracker(
-            self.map, self.transmitters, self.receivers, models=self.tracker, dt=self.dt, slots=self.slots,
+            self.map, self.transmitters, self.receivers, **self._tracker_settings,
+            models=self.tracker, dt=self.dt, slots=self.slots,
             clutter_density=self.clutter_density, false_alarm=self._false_alarm, rate_floor=self.rate_floor,
             reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
+
+    @property
+    def _tracker_settings(self) -> dict[str, Any]:
+        return {"axes": self._axes, **WITH_DIRECTIONS} if self.direction_of_arrival else {}
 
     @cached_property
     def scene(self) -> Scene:
@@ -233,25 +276,66 @@ class Urban(System):
 
     def initial(self, world: World) -> State:
         """The scene at scan 0 without tracks or measurements."""
-        count = len(world.key)
-        true_states, present = (np.repeat(a[:1], count, axis=0) for a in (self.scene.truth, self.scene.present))
-        nothing = np.zeros((count, len(self.pairs), self._most, 2)), np.zeros((count, len(self.pairs)), np.int64)
-        truth = Truth(true_states, present, *nothing, np.zeros(count, np.int64))
+        count, scene = len(world.key), self.truth_model.scene
+        true_states, present = (np.repeat(a[:1], count, axis=0) for a in (scene.truth, scene.present))
+        z, _, number = self._no_measurements(count)
+        truth = Truth(true_states, present, z, number)
         return State(truth, Belief(np.zeros(count, np.int64), *self.urban_tracker.empty(count)))
 
-    def transition(self, state: State, action: Array, world: World) -> State:
-        """One scan: measurements with the chosen trains update the tracks."""
-        scan = state.belief.step + 1
+    def _no_measurements(self, count: int) -> Measurements:
+        lead, size = (count, len(self.pairs)), self.urban_tracker.quantities
+        most = self.truth_model._most
+        return Measurements(
+            np.zeros((*lead, most, size)), np.zeros((*lead, most, size, size)), np.zeros(lead, np.int64)
+        )
+
+    @cached_property
+    def _sensor_law(self) -> kernels.SensorLaw:
+        return kernels.SensorLaw(
+            self.clutter_density, math.log(self._false_alarm), self.rate_floor, self.reach,
+            self.urban_tracker.elements, self.ambiguity,
+        )  # fmt: skip
+
+    @cached_property
+    def _deviation(self) -> tuple[Array, Array]:
+        return deviation_model(self.dt)
+
+    def move(self, truth: Truth, step: Array, world: World) -> Truth:
+        """The targets one scan on: along the route, and off it by random accelerations."""
+        scene, scan, targets = self.truth_model.scene, step + 1, np.empty(truth.targets.shape)
+        kernels.move_targets(
+            world.key, scan, truth.targets, scene.truth, scene.present, *self._deviation, self.truth_model.sigma,
+            targets,
+        )  # fmt: skip
+        return truth._replace(targets=targets, present=scene.present[scan])
+
+    def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
+        """One scan of all receivers, from the error model or from simulated signals."""
+        scan, sent, law = belief.step + 1, self._sent(action), self.truth_model
+        found = self._no_measurements(len(scan))
+        if self.fidelity == "signal":
+            law.signals.measure(world.key, scan, truth.targets, sent, *found)
+            if self.direction_of_arrival:
+                return found
+        else:
+            waves = (values[sent] for values in law._waves)
+            kernels.measure(world.key, scan, truth.targets, law.scene, law._sensor_law, *waves, found.z, found.number)
+        waves = (values[sent] for values in self._waves)
+        return found._replace(R=self.urban_tracker.direct_errors(found.z, found.number, *waves))
+
+    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+        """The truth with the measurements of the scan."""
+        return truth._replace(z=measurements.z, number=measurements.number)
+
+    def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
+        """One scan of the tracker."""
         sent = self._sent(action)
         R, snr = (values[sent] for values in self._waves)
-        z, count = np.zeros(state.truth.z.shape), np.zeros(state.truth.number.shape, np.int64)
-        if self.fidelity == "signal":
-            self.signals.measure(world.key, scan, sent, z, count)
-        else:
-            kernels.measure(world.key, scan, self.scene, self.urban_tracker.constants, R, snr, self.ambiguity, z, count)
-        tracks, refused = self.urban_tracker.scan(Tracks(*state.belief[1:]), z, count, R, snr)
-        truth = Truth(self.scene.truth[scan], self.scene.present[scan], z, count, refused)
-        return State(truth, Belief(scan, *tracks))
+        tracks = Tracks(*belief[1:])
+        return Belief(
+            belief.step + 1,
+            *self.urban_tracker.scan(tracks, measurements.z, measurements.number, R, snr, measurements.R),
+        )
 
     def predict(self, belief: Belief, actions: Array, outcome: Any = None) -> Belief:
         """Predicted tracks with the covariances expected after a scan; ``outcome`` is not used."""
@@ -297,7 +381,7 @@ class Urban(System):
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.zeros((len(belief.step), len(self.observation_fields)))
-        kernels.observe(*belief, self._centre, self.horizon, out)
+        kernels.observe(*belief[:7], self._centre, self.horizon, out)
         return out
 
     @cached_property
@@ -311,4 +395,4 @@ class Urban(System):
         are visible, but the target is not held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative``
         tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
-        return urban_info(state, self.scene.direct)
+        return urban_info(state, self.truth_model.scene.direct)

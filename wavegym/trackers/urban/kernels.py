@@ -11,10 +11,11 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.multistatic_kernels import noise, snr_at
-from wavegym.trackers.imm_kernels import log_density_one, mix_one, squared_length
+from wavegym.sensors.multistatic_kernels import snr_at
+from wavegym.trackers.imm_kernels import mix_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
-from wavegym.trackers.ukf_kernels import predict_multistatic_one
+from wavegym.trackers.ukf_kernels import predict_direction_one, predict_multistatic_one
+from wavegym.trackers.urban.update_kernels import factor_sum, log_density, whiten
 
 EMPTY, TENTATIVE, CONFIRMED = 0, 1, 2
 NEAR, ELSEWHERE = 0, 1  # sets of models: near a junction, elsewhere
@@ -63,33 +64,25 @@ def predict_tracks(tracks, constants, X, PP, c, T, nn, mm):
 
 
 @kernel
-def predict_measurements(tracks, constants, pair, wave, reference, centre, S, G, A, whole, pd, nn, mm):
-    """Predicted measurement of each model: centre, S, G (row, ...); of each track: whole (t, 5) = z, S; pd = Pd Pg."""
+def predict_measurements(tracks, constants, pair, reference, predicted, scratch, nn, mm, ll):
+    """Predicted measurement of each model, and SNR and pd = Pd Pg of each track: fills ``predicted``."""
     x, P, mu, tx, rx = tracks.x, tracks.P, tracks.mu, constants.transmitters[pair], constants.receivers[pair]
+    axis, centre, S, G = constants.axes[pair], predicted.centre, predicted.S, predicted.G
     for t in range(len(mu)):
-        pd[t] = 0.0
+        predicted.pd[t] = 0.0
         if tracks.status[t] == EMPTY:
             continue
-        first = t * len(mm)
-        r = rate = 0.0
         for m in range(len(mm)):
-            row = first + m
-            predict_multistatic_one(row, row, x, P, tx[0], tx[1], rx[0], rx[1], A, centre, S, G, nn)
-            r, rate = r + mu[t, m] * centre[row, 0], rate + mu[t, m] * centre[row, 1]
-        eta = snr_at(r, reference, 1.0)
-        R00, R01, R11 = noise(wave, eta, constants.rate_floor)
-        s00 = s01 = s11 = 0.0
+            row = t * len(mm) + m
+            predict_multistatic_one(row, row, x, P, tx[0], tx[1], rx[0], rx[1], scratch.A, centre, S, G, nn)
+            if len(ll) == 3:
+                predict_direction_one(
+                    row, row, x, P, tx[0], tx[1], rx[0], rx[1], axis[0], axis[1], scratch.A, centre, S, G, nn
+                )
+        r = 0.0
         for m in range(len(mm)):
-            row = first + m
-            S[row, 0, 0] += R00
-            S[row, 0, 1] += R01
-            S[row, 1, 0] += R01
-            S[row, 1, 1] += R11
-            d0, d1 = centre[row, 0] - r, centre[row, 1] - rate
-            s00 += mu[t, m] * (S[row, 0, 0] + d0 * d0)
-            s01 += mu[t, m] * (S[row, 0, 1] + d0 * d1)
-            s11 += mu[t, m] * (S[row, 1, 1] + d1 * d1)
-        whole[t, 0], whole[t, 1], whole[t, 2], whole[t, 3], whole[t, 4] = r, rate, s00, s01, s11
+            r += mu[t, m] * centre[t * len(mm) + m, 0]
+        predicted.eta[t] = snr_at(r, reference, 1.0)
         a, b, _, _ = place_of(t, x, mu, len(mm))
         i, j = cell_of(a, b, constants)
         lit = (
@@ -98,12 +91,29 @@ def predict_measurements(tracks, constants, pair, wave, reference, centre, S, G,
             and constants.back_visible[pair, i, j, 0]
             and r <= constants.reach
         )
-        pd[t] = constants.gate_probability * (detection(0.5 * eta, constants.log_false_alarm) if lit else HIDDEN)
+        chance = detection(0.5 * predicted.eta[t], constants.log_false_alarm) if lit else HIDDEN
+        predicted.pd[t] = constants.gate_probability * chance
+
+
+@inlined
+def near_in_range(t, z, R, predicted, constants, mm):
+    """Whether the range of z alone lies in the gate of a model; where it does not, z lies in none: the quick test."""
+    near = False
+    for m in range(len(mm)):
+        row = t * len(mm) + m
+        d = z[0] - predicted.centre[row, 0]
+        near |= d * d <= constants.gate * (predicted.S[row, 0, 0] + R[0, 0])
+    return near
 
 
 @kernel
-def weigh_scan(tracks, constants, z, count, centre, S, whole, p, taken, mm):
-    """p (track, model, measurement): likelihood of each model inside the track's gate; taken: z lies in any gate."""
+def weigh_scan(tracks, constants, z, R, count, predicted, scratch, p, taken, mm, ll):
+    """p (track, model, measurement): likelihood of each model inside the track's gate; taken: z lies in any gate.
+
+    The gate of a track is the union of the gates of its models: at the start of a manoeuvre the model that explains it
+    is still improbable, and a gate of the mixture would leave the measurement out.
+    """
+    L, w = scratch.L, scratch.w
     for t in range(len(tracks.mu)):
         for i in range(count):
             for m in range(len(mm)):
@@ -111,11 +121,13 @@ def weigh_scan(tracks, constants, z, count, centre, S, whole, p, taken, mm):
         if tracks.status[t] == EMPTY:
             continue
         for i in range(count):
-            d0, d1 = z[i, 0] - whole[t, 0], z[i, 1] - whole[t, 1]
-            squared, _ = squared_length(d0, d1, whole[t, 2], whole[t, 3], whole[t, 4])
-            if squared <= constants.gate:
-                taken[i] = True
-                for m in range(len(mm)):
-                    row = t * len(mm) + m
-                    density = log_density_one(row, z[i, 0] - centre[row, 0], z[i, 1] - centre[row, 1], S)
-                    p[t, m, i] = np.exp(density) / constants.gate_probability
+            inside = False
+            for m in range(len(mm) if near_in_range(t, z[i], R[i], predicted, constants, mm) else 0):
+                row = t * len(mm) + m
+                log_determinant = factor_sum(predicted.S[row], R[i], L, ll)
+                squared = whiten(z[i], predicted.centre[row], L, w, ll)
+                p[t, m, i] = np.exp(log_density(squared, log_determinant, ll)) / constants.gate_probability
+                inside |= squared <= constants.gate and tracks.mu[t, m] > 0.0
+            taken[i] |= inside
+            for m in range(0 if inside else len(mm)):
+                p[t, m, i] = 0.0

@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.trackers.jpda_kernels import gain_one, shrink_one, update_one
+from wavegym.sensors.multistatic_kernels import snr_at
 from wavegym.trackers.lmipda_kernels import lmipda_one
-from wavegym.trackers.urban.ghost_kernels import claim_ghosts
+from wavegym.trackers.urban.ghost_kernels import claim_ghosts, end_ghosts
+from wavegym.trackers.urban.initiation_kernels import initiate
 from wavegym.trackers.urban.kernels import EMPTY, predict_measurements, predict_tracks, weigh_scan
-from wavegym.trackers.urban.track_management_kernels import initiate, update_status
+from wavegym.trackers.urban.track_management_kernels import update_status
+from wavegym.trackers.urban.update_kernels import covariance_at, factor_sum, shrink, update_one, whiten_gain
 
 
 class TrackerConstants(NamedTuple):
@@ -20,6 +22,8 @@ class TrackerConstants(NamedTuple):
 
     transmitters: Any  # (pair, 2), of each pair of a transmitter and a receiver
     receivers: Any
+    axes: Any  # (pair, 2), unit vectors along the elements of each receiver
+    elements: int
     F: Any  # (model, 6, 6)
     Q: Any
     transition: Any  # (2, model, model): near junctions, elsewhere
@@ -35,8 +39,10 @@ class TrackerConstants(NamedTuple):
     back_order: Any
     back_reflected: Any
     back_visible: Any
-    density: float
+    back_axes: Any  # (pair, image, 2)
+    density: float  # of false returns, per unit of all measured quantities
     gate: float  # squared
+    start_gate: float  # squared, of a new track
     gate_probability: float
     log_false_alarm: float
     rate_floor: float
@@ -68,31 +74,78 @@ class Tracks(NamedTuple):
     age: Any
 
 
-class Scratch(NamedTuple):
-    """Scratch space for one scan."""
+class Predicted(NamedTuple):
+    """Predicted measurements of one pair, of each model (slot * model, ...), and detection of each track (slot,)."""
 
-    x: Any
-    P: Any
-    c: Any
-    T: Any
-    A: Any
-    centre: Any
-    S: Any
-    G: Any
-    K: Any
-    whole: Any
-    pd: Any
+    centre: Any  # (slot * model, m)
+    S: Any  # (slot * model, m, m), without measurement errors
+    G: Any  # (slot * model, 6, m), covariance of state and measurement
+    eta: Any  # (slot,): SNR
+    pd: Any  # (slot,): Pd Pg
+
+
+class Scratch(NamedTuple):
+    """Scratch space for one scan; n = 6 states, m quantities of a measurement."""
+
+    x: Any  # (slot * model, n)
+    P: Any  # (slot * model, n, n)
+    c: Any  # (slot, model)
+    T: Any  # (n, n)
+    A: Any  # (slot * model, n, n)
+    R: Any  # (m, m)
+    none: Any  # (m, m), zeros
+    L: Any  # (m, m)
+    spread: Any  # (m, m)
+    w: Any  # (m,)
+    W: Any  # (m, n)
+    shift: Any  # (n,)
+    total: Any  # (n,)
+    h: Any  # (m,)
+    H: Any  # (m, 4)
+    start: Any  # (1, 4), of a new track
+    start_spread: Any  # (1, 4, 4)
+    J: Any  # (1, 4, 4)
 
 
 @kernel
-def scratch_for(slots, models, n):
-    """Scratch space; S and G start at 0 because empty slots read them unwritten."""
+def predicted_for(slots, models, n, m):
+    """Room for predicted measurements; 0 at first because empty slots read them unwritten."""
     rows = slots * models
+    return Predicted(
+        np.zeros((rows, m)), np.zeros((rows, m, m)), np.zeros((rows, n, m)), np.empty(slots), np.empty(slots),
+    )  # fmt: skip
+
+
+@kernel
+def scratch_for(slots, models, n, m):
+    """Scratch space; the fit of a new track needs two rows of A."""
+    rows = max(slots * models, 2)
     return Scratch(
         np.empty((rows, n)), np.empty((rows, n, n)), np.empty((slots, models)), np.empty((n, n)),
-        np.empty((rows, n, n)), np.zeros((rows, 2)), np.zeros((rows, 2, 2)), np.zeros((rows, n, 2)), np.empty((n, 2)),
-        np.empty((slots, 5)), np.empty(slots),
+        np.empty((rows, n, n)), np.empty((m, m)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)),
+        np.empty(m), np.empty((m, n)), np.empty(n), np.empty(n), np.empty(m), np.empty((m, 4)),
+        np.empty((1, 4)), np.empty((1, 4, 4)), np.empty((1, 4, 4)),
     )  # fmt: skip
+
+
+@kernel
+def direct_errors(z, count, wave, reference, elements, errors, ll):
+    """errors (env, pair, measurement, m, m): covariances at the SNR of a direct path of each measured range."""
+    for e in range(len(z)):
+        for pair in range(z.shape[1]):
+            for i in range(count[e, pair]):
+                eta = snr_at(z[e, pair, i, 0], reference[e, pair], 1.0)
+                covariance_at(eta, wave[e, pair], 0.0, elements, errors[e, pair, i], ll)
+
+
+@kernel
+def add_rate_floor(given, count, constants, R, ll):
+    """R (measurement, m, m): the covariance that the receiver gives, and the floor of range-rate."""
+    for i in range(count):
+        for j in range(len(ll)):
+            for k in range(len(ll)):
+                R[i, j, k] = given[i, j, k]
+        R[i, 1, 1] += constants.rate_floor * constants.rate_floor
 
 
 @kernel
@@ -103,92 +156,67 @@ def slots_of(e, x, P, mu, existence, status, age):
 
 
 @kernel
-def scan(x, P, mu, existence, status, age, constants, wave, reference, z, count, refused, nn, mm):
-    """One scan of all environments, in place: wave (env, pair, 2, 2), z (env, pair, measurement, 2).
+def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors, count, refused, nn, mm, ll):
+    """One scan of all environments, in place: wave (env, pair, 2, 2), z (env, pair, measurement, m).
 
+    errors (env, pair, measurement, m, m): covariances that the receivers give, without the floor of range-rate.
     refused (env,): tracks that found no free slot.
     """
     slots, pairs, most = mu.shape[1], z.shape[1], z.shape[2]
-    scratch, rows = scratch_for(slots, len(mm), len(nn)), slots * len(mm)
-    p, beta = np.empty((slots, len(mm), most)), np.empty((rows, most + 1))
+    scratch, rows = scratch_for(slots, len(mm), len(nn), len(ll)), slots * len(mm)
+    predicted = predicted_for(slots, len(mm), len(nn), len(ll))
+    p, beta, R = np.empty((slots, len(mm), most)), np.empty((rows, most + 1)), np.empty((pairs, most, len(ll), len(ll)))
     density, own, claim = np.empty((slots, most)), np.empty((slots, most)), np.empty((slots, most))
     ghosts, claims, taken = np.empty(most), np.empty(most), np.empty((pairs, most), np.bool_)
-    state, spread, J, R = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((4, 4)), np.empty((2, 2, 2))
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
         predict_tracks(tracks, constants, scratch.x, scratch.P, scratch.c, scratch.T, nn, mm)
         taken[:] = False
         for pair in range(pairs):
-            measured, number = z[e, pair], count[e, pair]
-            predict_measurements(
-                tracks, constants, pair, wave[e, pair], reference[e, pair], scratch.centre, scratch.S, scratch.G,
-                scratch.A, scratch.whole, scratch.pd, nn, mm,
-            )  # fmt: skip
-            weigh_scan(
-                tracks, constants, measured, number, scratch.centre, scratch.S, scratch.whole, p, taken[pair], mm
-            )
+            number, own_wave, own_snr = count[e, pair], wave[e, pair], reference[e, pair]
+            add_rate_floor(errors[e, pair], number, constants, R[pair], ll)
+            predict_measurements(tracks, constants, pair, own_snr, predicted, scratch, nn, mm, ll)
+            weigh_scan(tracks, constants, z[e, pair], R[pair], number, predicted, scratch, p, taken[pair], mm, ll)
             ghosts[:] = 0.0
             if constants.ghosts:
                 claim_ghosts(
-                    tracks,
-                    constants,
-                    pair,
-                    wave[e, pair],
-                    reference[e, pair],
-                    measured,
-                    number,
-                    scratch.x,
-                    scratch.P,
-                    ghosts,
-                    claims,
-                    nn,
-                    mm,
+                    tracks, constants, pair, own_wave, own_snr, z[e, pair], number, ghosts, claims, scratch, nn, mm, ll
                 )
             for i in range(number):
                 taken[pair, i] |= ghosts[i] > constants.density
                 for t in range(slots):
                     density[t, i] = constants.density + ghosts[i]
-            lmipda_one(p, tracks.mu, scratch.pd, tracks.existence, density, number, beta, own, claim)
+            lmipda_one(p, tracks.mu, predicted.pd, tracks.existence, density, number, beta, own, claim)
             for row in range(rows):
                 if tracks.status[row // len(mm)] != EMPTY:
                     update_one(
-                        row,
-                        tracks.x,
-                        tracks.P,
-                        measured,
-                        number,
-                        beta,
-                        row,
-                        scratch.centre,
-                        scratch.S,
-                        scratch.G,
-                        scratch.K,
-                        nn,
-                    )
+                        row, tracks.x, tracks.P, z[e, pair], R[pair], number, beta, predicted.centre, predicted.S,
+                        predicted.G, scratch, nn, ll,
+                    )  # fmt: skip
+        if constants.ghosts:
+            end_ghosts(tracks, constants, wave[e], reference[e], scratch, nn, mm, ll)
         update_status(tracks, constants, mm)
-        refused[e] = initiate(tracks, constants, z[e], count[e], taken, wave[e], reference[e], state, spread, J, R, mm)
+        refused[e] = initiate(tracks, constants, z[e], R, count[e], taken, scratch, mm, ll)
 
 
 @kernel
-def expect(x, P, mu, existence, status, age, constants, wave, reference, nn, mm):
+def expect(x, P, mu, existence, status, age, constants, wave, reference, nn, mm, ll):
     """Expected effect of a scan, in place: covariances shrink in proportion to the detection probability.
 
     Means, model probabilities and existence stay as predicted.
     """
-    scratch = scratch_for(mu.shape[1], len(mm), len(nn))
+    scratch = scratch_for(mu.shape[1], len(mm), len(nn), len(ll))
+    predicted = predicted_for(mu.shape[1], len(mm), len(nn), len(ll))
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
         predict_tracks(tracks, constants, scratch.x, scratch.P, scratch.c, scratch.T, nn, mm)
         for pair in range(len(constants.receivers)):
-            predict_measurements(
-                tracks, constants, pair, wave[e, pair], reference[e, pair], scratch.centre, scratch.S, scratch.G,
-                scratch.A, scratch.whole, scratch.pd, nn, mm,
-            )  # fmt: skip
+            predict_measurements(tracks, constants, pair, reference[e, pair], predicted, scratch, nn, mm, ll)
             for row in range(mu.shape[1] * len(mm)):
                 t = row // len(mm)
                 if tracks.status[t] != EMPTY:
-                    gain_one(row, scratch.G, scratch.S, scratch.K, nn)
-                    s00, s01, s11 = scratch.S[row, 0, 0], scratch.S[row, 0, 1], scratch.S[row, 1, 1]
-                    shrink_one(
-                        row, tracks.P, scratch.K, scratch.pd[t] * s00, scratch.pd[t] * s01, scratch.pd[t] * s11, nn
-                    )
+                    floor, elements = constants.rate_floor, constants.elements
+                    covariance_at(predicted.eta[t], wave[e, pair], floor, elements, scratch.R, ll)
+                    factor_sum(predicted.S[row], scratch.R, scratch.L, ll)
+                    whiten_gain(row, predicted.G, scratch.L, scratch.W, nn, ll)
+                    shrink(row, tracks.P, scratch.W, predicted.pd[t], nn, ll)

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
+from scipy.special import chdtri
 
-from wavegym.core.array_checks import check_elements, check_last_axes
+from wavegym.core.array_checks import check_elements, check_last_axes, check_shape
 from wavegym.core.arrays import Array
 from wavegym.core.errors import (
     InputError,
@@ -57,6 +58,7 @@ class Tracks(NamedTuple):
     existence: Array  # (env, slot): psi, 0 in an empty slot
     status: Array  # (env, slot): EMPTY, TENTATIVE or CONFIRMED
     age: Array  # (env, slot): scans since the track began
+    refused: Array  # (env,): new tracks of the last scan that found no free slot
 
     def combined(self) -> tuple[Array, Array]:
         """Mean (env, slot, 6) and covariance (env, slot, 6, 6) over each track's models."""
@@ -70,13 +72,19 @@ class UrbanTracker:
 
     Args:
         urban_map: the map.
-        transmitters, receivers: (x, y) in m; at least two receivers, the first two not in one line with the first
-            transmitter. Measurements are ordered by pairs: the first transmitter with each receiver first.
+        transmitters, receivers: (x, y) in m; at least two receivers. Measurements are ordered by pairs: the first
+            transmitter with each receiver first.
+        axes: unit vector along the line of array elements of each receiver, whose measurements then have a direction of
+            arrival; None for measurements without, as in the paper. The first two receivers must not stand in one line
+            with the first transmitter then.
+        elements: number of elements of each array, half a wavelength apart.
         models: "vsimm": constant velocity and acceleration, and turns near junctions; "ncv": constant velocity.
         dt: time between scans, s.
         turn_rate: turn rate of both turn models, rad/s.
         sigma: standard deviation of acceleration in NCV and turn models, m/s^2.
         sigma_acceleration: standard deviation of the change of acceleration in a scan, NCA, m/s^2.
+        stay: probability that a target keeps its motion model until the next scan; all others are equally likely. None
+            for the matrix of the paper, in which acceleration lasts three scans and turns last a hundred.
         slots: maximum number of tracks; when full, a new track replaces the tentative track of least existence.
         clutter_density: expected false returns in a scan of a receiver, per (m x m/s).
         gate_probability: Pg, probability that a gate holds the measurement of a detected target.
@@ -96,17 +104,21 @@ class UrbanTracker:
         cell: width of the cells of the grid, m.
 
     Raises:
-        InputError: an antenna in a building, fewer than two receivers, antennas in one line, a number out of range.
+        InputError: an antenna in a building, fewer than two receivers, antennas in one line, an axis that is missing or
+            no unit vector, a number out of range.
     """
 
     urban_map: UrbanMap
     transmitters: tuple[Point, ...]
     receivers: tuple[Point, ...]
+    axes: tuple[Point, ...] | None = None
+    elements: int = 3
     models: Literal["vsimm", "ncv"] = "vsimm"
     dt: float = 0.25
     turn_rate: float = math.pi / 20
     sigma: float = 0.25
     sigma_acceleration: float = 0.3
+    stay: float | None = None
     slots: int = 8
     clutter_density: float = 1e-3
     gate_probability: float = 0.99
@@ -130,7 +142,13 @@ class UrbanTracker:
             raise InputError("transmitters is (), expected at least one place (x, y) in m")
         if len(self.receivers) < 2:
             raise InputError(f"receivers is {self.receivers}, expected at least two: one gives no direction")
-        check_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
+        if self.axes is None:
+            check_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
+        elif len(self.axes) != len(self.receivers):
+            raise InputError(
+                f"axes has {len(self.axes)} entries, expected {len(self.receivers)}: one for each receiver"
+            )
+        check_int("elements", self.elements, 1 if self.axes is None else 2)
         check_int("slots", self.slots, 1)
         check_int("confirm_after", self.confirm_after, 1)
         for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
@@ -139,6 +157,8 @@ class UrbanTracker:
             check_probability(name, getattr(self, name))
         for name in ("survival", "birth", "confirm"):
             check_within(name, getattr(self, name), 0.0, 1.0)
+        if self.stay is not None:
+            check_probability("stay", self.stay)
         check_elements(lambda name, value: check_within(name, value, 0.0, 1.0), "drop", self.drop)
         check_elements(check_non_negative, "merge", self.merge)
         _ = self.constants
@@ -152,49 +172,74 @@ class UrbanTracker:
         turns = (coordinated_turn(self.dt, sign * self.turn_rate, self.sigma) for sign in (1.0, -1.0))
         return (straight, nearly_constant_acceleration(self.dt, self.sigma_acceleration), *turns)
 
+    @property
+    def quantities(self) -> int:
+        """Number of measured quantities: range and range-rate, and with ``axes`` the direction cosine."""
+        return 2 if self.axes is None else 3
+
     def empty(self, num_envs: int) -> Tracks:
         """No tracks."""
         lead, models = (num_envs, self.slots), len(self.motion)
         return Tracks(
             np.zeros((*lead, models, 6)), np.zeros((*lead, models, 6, 6)), np.full((*lead, models), 1.0 / models),
-            np.zeros(lead), np.zeros(lead, np.int64), np.zeros(lead, np.int64),
+            np.zeros(lead), np.zeros(lead, np.int64), np.zeros(lead, np.int64), np.zeros(num_envs, np.int64),
         )  # fmt: skip
 
     def scan(
-        self, tracks: Tracks, z: ArrayLike, count: ArrayLike, R: ArrayLike, snr: ArrayLike
-    ) -> tuple[Tracks, Array]:
+        self,
+        tracks: Tracks,
+        z: ArrayLike,
+        count: ArrayLike,
+        R: ArrayLike,
+        snr: ArrayLike,
+        errors: ArrayLike | None = None,
+    ) -> Tracks:
         """Tracks after one scan of all receivers.
 
         Args:
             tracks: tracks before the scan.
-            z: range and range-rate of the measurements of each pair, m and m/s, (env, pair, most, 2).
+            z: measurements of each pair, (env, pair, most, m): range and range-rate, m and m/s; with ``axes`` also the
+                direction cosine at the receiver's array, see ``Multistatic.directions``.
             count: number of measurements, (env, pair).
             R: error covariance at an SNR of 1 of the waveform that the transmitter of each pair sent, without the
                 range-rate variance rate_floor^2; leading axes broadcast to (env, pair, 2, 2).
             snr: SNR of this waveform at a half path length of 100 m without walls; broadcasts to (env, pair).
+            errors: covariance of each measurement as the receiver gives it, without rate_floor^2, (env, pair, most, m,
+                m); by default ``direct_errors``.
 
         Returns:
-            The tracks, and the number of new tracks that found no free slot, (env,): they replaced a tentative track or
-            were not started.
+            The tracks. A new track that finds no free slot replaces a tentative track or is not started, and counts as
+            ``refused``.
 
         Raises:
             InputError: a wrong shape, or an invalid count, R or SNR.
         """
         envs, pairs = len(tracks.existence), len(self.transmitters) * len(self.receivers)
-        z, count = np.array(check_last_axes("z", z, 2), order="C"), np.array(count)
+        size = self.quantities
+        z, count = np.array(check_last_axes("z", z, size), order="C"), np.array(count)
         if z.shape[:2] != (envs, pairs) or z.ndim != 4 or count.shape != (envs, pairs):
             raise InputError(
-                f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, 2) and "
+                f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, {size}) and "
                 f"({envs}, {pairs})"
             )
         wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
         if wrong.any():
             raise InputError(f"count is {count[wrong][0]}, expected an integer from 0 to {z.shape[2]}, the size of z")
-        after, refused = self._copied(tracks), np.zeros(envs, np.int64)
-        scan_kernels.scan(
-            *after, self.constants, *self._waves(R, snr, envs), z, count.astype(np.int64), refused, *self._sizes
-        )
-        return after, refused
+        after, waves, count = self._copied(tracks), self._waves(R, snr, envs), count.astype(np.int64)
+        given = self.direct_errors(z, count, *waves) if errors is None else np.array(errors, np.float64, order="C")
+        check_shape("errors", given, (*z.shape, size))
+        scan_kernels.scan(*after[:6], self.constants, *waves, z, given, count, after.refused, *self._sizes)
+        return after
+
+    def direct_errors(self, z: Array, count: Array, R: Array, snr: Array) -> Array:
+        """Covariance of each measurement at the SNR of a direct path of its range, without the floor of range-rate.
+
+        Arguments as in ``scan``, R and snr of the full shapes (env, pair, 2, 2) and (env, pair). Returns
+        (env, pair, most, m, m), 0 beyond the measurements.
+        """
+        errors = np.zeros((*z.shape, self.quantities))
+        scan_kernels.direct_errors(z, count, R, snr, self.elements, errors, self._sizes[-1])
+        return errors
 
     def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
         """Tracks after an expected scan: covariances shrink in proportion to the detection probability.
@@ -202,14 +247,14 @@ class UrbanTracker:
         Arguments as in ``scan``; means are the predicted means.
         """
         after = self._copied(tracks)
-        scan_kernels.expect(*after, self.constants, *self._waves(R, snr, len(after.existence)), *self._sizes)
+        scan_kernels.expect(*after[:6], self.constants, *self._waves(R, snr, len(after.existence)), *self._sizes)
         return after
 
     def _copied(self, tracks: Tracks) -> Tracks:
         """A copy that kernels overwrite; InputError for tracks of another tracker."""
         models, envs = len(self.motion), len(tracks.existence)
         cores: list[tuple[int, ...]] = [(models, 6), (models, 6, 6), (models,), (), (), ()]
-        for name, leaf, core in zip(Tracks._fields, tracks, cores, strict=True):
+        for name, leaf, core in zip(Tracks._fields, tracks, cores, strict=False):
             if leaf.shape != (envs, self.slots, *core):
                 wanted = (envs, self.slots, *core)
                 raise InputError(f"tracks.{name} has shape {leaf.shape}, expected {wanted}: this tracker's")
@@ -233,26 +278,31 @@ class UrbanTracker:
         return np.ascontiguousarray(covariance), np.ascontiguousarray(ratio)
 
     @property
-    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        return (0,) * 6, (0,) * len(self.motion)
+    def _sizes(self) -> tuple[tuple[int, ...], ...]:
+        return (0,) * 6, (0,) * len(self.motion), (0,) * self.quantities
 
     @cached_property
     def constants(self) -> scan_kernels.TrackerConstants:
         """Everything that kernels need."""
         grid = Grid.over(self.urban_map, (*self.transmitters, *self.receivers), self.cell)
-        pairs = list(product(self.transmitters, self.receivers))
-        out, back = (
-            [visibility_map(Antenna(self.urban_map, place), grid) for place in side]
-            for side in zip(*pairs, strict=True)
-        )
-        whole_set = self.models == "vsimm"
+        lines = self.axes or ((1.0, 0.0),) * len(self.receivers)
+        pairs = list(product(self.transmitters, zip(self.receivers, lines, strict=True)))
+        out = [visibility_map(Antenna(self.urban_map, place), grid) for place, _ in pairs]
+        back = [visibility_map(Antenna(self.urban_map, *array), grid) for _, array in pairs]
+        whole_set, models = self.models == "vsimm", len(MODELS)
+        changes = TRANSITION
+        if self.stay is not None:
+            changes = np.where(np.eye(models, dtype=np.bool_), self.stay, (1.0 - self.stay) / (models - 1))
         return scan_kernels.TrackerConstants(
-            transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, r in pairs]),
+            transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, (r, _) in pairs]),
+            axes=np.array([axis for _, (_, axis) in pairs], np.float64), elements=self.elements,
             F=np.stack([model.F for model in self.motion]), Q=np.stack([model.Q for model in self.motion]),
-            transition=variable_structure(TRANSITION, SETS) if whole_set else np.ones((2, 1, 1)),
+            transition=variable_structure(changes, SETS) if whole_set else np.ones((2, 1, 1)),
             corner=np.array(grid.corner), cell=float(grid.cell), road=metres_to_road(self.urban_map, grid),
             junction=in_junctions(self.urban_map, grid), **_images("out", out), **_images("back", back),
-            density=self.clutter_density, gate=-2.0 * math.log(1.0 - self.gate_probability),
+            back_axes=_padded(back, "axes", 0.0), density=self.clutter_density / 2.0 ** (self.quantities - 2),
+            gate=float(chdtri(self.quantities, 1.0 - self.gate_probability)),
+            start_gate=float(chdtri(4, 1.0 - self.gate_probability)),
             gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
             rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
             confirm=self.confirm, confirm_after=self.confirm_after,
@@ -264,17 +314,18 @@ class UrbanTracker:
 
 def _images(side: str, maps: list[VisibilityMap]) -> dict[str, Array]:
     """Tables of the images of the transmitter, or the receiver, of each pair, padded to one length."""
-    most = max(len(one.images) for one in maps)
-
-    def table(name: str, fill: float, axis: int = 0) -> Array:
-        parts = []
-        for one in maps:
-            values = getattr(one, name)
-            room = [(0, most - len(one.images)) if a == axis % values.ndim else (0, 0) for a in range(values.ndim)]
-            parts.append(np.pad(values, room, constant_values=fill))
-        return np.ascontiguousarray(np.stack(parts))
-
     return {
-        f"{side}_images": table("images", 0.0), f"{side}_order": table("order", NO_IMAGE),
-        f"{side}_reflected": table("reflected", 0.0), f"{side}_visible": table("visible", False, axis=-1),
+        f"{side}_images": _padded(maps, "images", 0.0), f"{side}_order": _padded(maps, "order", NO_IMAGE),
+        f"{side}_reflected": _padded(maps, "reflected", 0.0),
+        f"{side}_visible": _padded(maps, "visible", False, axis=-1),
     }  # fmt: skip
+
+
+def _padded(maps: list[VisibilityMap], name: str, fill: float, axis: int = 0) -> Array:
+    """One field of all maps, (pair, ...), with ``fill`` for the images that a map does not have."""
+    most, parts = max(len(one.images) for one in maps), []
+    for one in maps:
+        values = getattr(one, name)
+        room = [(0, most - len(one.images)) if a == axis % values.ndim else (0, 0) for a in range(values.ndim)]
+        parts.append(np.pad(values, room, constant_values=fill))
+    return np.ascontiguousarray(np.stack(parts))

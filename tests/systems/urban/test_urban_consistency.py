@@ -1,0 +1,152 @@
+"""The urban tracker believes what is true: errors against covariances, and what losing a track costs."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracles
+import pytest
+
+from wavegym.systems.urban.signal import UrbanSignal
+from wavegym.systems.urban.system import Urban
+
+SYSTEM = Urban()
+ELSEWHERE = (  # drawn once at random among places outside all buildings
+    ((2074.0, 1457.0), (2048.0, 1409.0)),
+    ((2054.0, 1595.0), (2044.0, 1499.0)),
+    ((2083.0, 1454.0), (2071.0, 1487.0)),
+    ((2143.0, 1463.0), (2058.0, 1560.0)),
+    ((2142.0, 1501.0), (2072.0, 1447.0)),
+    ((2046.0, 1587.0), (2083.0, 1448.0)),
+    ((2114.0, 1493.0), (2102.0, 1475.0)),
+    ((2046.0, 1511.0), (2065.0, 1592.0)),
+    ((2172.0, 1465.0), (2047.0, 1415.0)),
+    ((1984.0, 1505.0), (2012.0, 1498.0)),
+)
+
+
+class Errors:
+    """All scans of ``count`` episodes with random waveforms: arrays (scan, env, target)."""
+
+    def __init__(self, system, count, seed=0):
+        worlds, rng = oracles.worlds(system, count, seed), np.random.default_rng(seed)
+        state, rows = system.initial(worlds), []
+        for _ in range(system.horizon):
+            state = system.transition(state, rng.integers(len(system.actions.labels), size=count), worlds)
+            figures = system.state_info(state)
+            rows.append([figures[name] for name in ("held", "nees", "position_error", "position_variance")])
+        self.held, self.nees, self.error, self.believed = (np.stack(each) for each in zip(*rows, strict=True))
+
+    def mean_nees(self):
+        """Mean over all held targets and scans, and its standard error over episodes."""
+        return self._ratio(self.nees, 1.0)
+
+    def true_over_believed(self):
+        """Mean squared error of position over the mean that the tracker believes, and its standard error."""
+        return self._ratio(self.error**2, self.believed)
+
+    def _ratio(self, above, below):
+        """Sum over sum of the held targets, and the standard error over episodes (delta method)."""
+        above, below = (np.where(self.held, each, 0.0).sum(axis=(0, 2)) for each in (above, below))
+        ratio = above.sum() / below.sum()
+        return ratio, np.std(above - ratio * below) / below.mean() / np.sqrt(len(above))
+
+    def lost(self):
+        """Fraction of the tracks of a target that end before the episode does."""
+        ended = (self.held[:-1] & ~self.held[1:]).sum()
+        return ended / (self.held[1:] & ~self.held[:-1]).sum()
+
+
+def test_the_tracker_is_consistent_over_all_scans():
+    """200 episodes: mean NEES within 10 % of its expectation 4, true over believed at most 1.25, 2 % of tracks lost.
+
+    The mean lies below 4: the probabilities of motion models that the target does not follow widen the covariance.
+    """
+    found = Errors(SYSTEM, 200)
+    mean, error = found.mean_nees()
+    assert abs(mean - 4.0) < 0.4 + 2.0 * error
+    assert found.true_over_believed()[0] < 1.25
+    assert found.lost() <= 0.02
+
+
+def test_without_direction_of_arrival_the_tracker_deceives_itself():
+    """The tracker of the paper: mirror images in the line of the antennas are confirmed with small covariances."""
+    mean, error = Errors(Urban(direction_of_arrival=False), 200).mean_nees()
+    assert mean - error > 4.4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("receivers", ELSEWHERE)
+def test_the_tracker_is_consistent_with_receivers_elsewhere(receivers):
+    """100 episodes: without the 3 % of worst scans the mean NEES is at most 10 % above 4.
+
+    Worse scans belong to targets that are seen over a wall before they are seen directly: such a target looks like
+    another one elsewhere, and a track may hold there until the target appears.
+    """
+    found = Errors(Urban(receivers=receivers), 100)
+    nees = np.sort(found.nees[found.held])
+    assert nees[: int(0.97 * len(nees))].mean() < 4.4
+    assert found.true_over_believed()[0] < 1.25
+
+
+@pytest.mark.slow
+def test_the_tracker_is_consistent_with_simulated_signals():
+    """16 episodes with covariances fitted to peaks: errors no larger than believed, within two standard errors."""
+    found = Errors(UrbanSignal(), 16)
+    mean, error = found.mean_nees()
+    assert mean - 2.0 * error < 4.4
+    ratio, error = found.true_over_believed()
+    assert ratio - 2.0 * error < 1.25
+
+
+@pytest.mark.parametrize("since", [50, 90])
+def test_losing_a_track_never_pays(since):
+    """In paired worlds the first target is not detected from a scan on: every episode costs more, by half c0 a scan."""
+    count = 20
+    worlds = oracles.worlds(SYSTEM, count)
+    states, cost, held = [SYSTEM.initial(worlds)] * 2, np.zeros((2, count)), []
+    for k in range(SYSTEM.horizon):
+        for i, state in enumerate(states):
+            action = np.full(count, k % len(SYSTEM.library))
+            truth = SYSTEM.move(state.truth, state.belief.step, worlds)
+            sensed = truth.targets.copy()
+            if i and k >= since:
+                sensed[:, 0, :2] += 1e6  # beyond the reach; all other draws are the same
+            found = SYSTEM.measure(truth._replace(targets=sensed), state.belief, action, worlds)
+            states[i] = type(state)(SYSTEM.note(truth, found), SYSTEM.track(state.belief, action, found))
+            cost[i] += SYSTEM.cost(states[i].belief)
+        held.append([SYSTEM.state_info(state)["held"][:, 0].mean() for state in states])
+    assert held[-1][0] > 0.9  # otherwise the test would show nothing
+    assert held[-1][1] < 0.1
+    assert (cost[1] - cost[0] > 0.5 * SYSTEM.absent * (SYSTEM.horizon - since - 20)).all()
+
+
+def test_the_truth_may_differ_from_the_belief():
+    """More clutter than assumed, and more agile drivers: the world changes, prediction and cost of a belief do not."""
+    count = 50
+    worlds = oracles.worlds(SYSTEM, count)
+    changed = Urban(truth={"clutter_density": 4e-3, "sigma": 1.0})
+    one, other = (
+        system.transition(system.initial(worlds), np.zeros(count, int), worlds) for system in (SYSTEM, changed)
+    )
+    ratio = other.truth.number.sum() / one.truth.number.sum()
+    assert abs(ratio - 4.0) < 4.5 * 4.0 * np.sqrt(1.25 / one.truth.number.sum())
+    np.testing.assert_array_equal(changed.cost(one.belief), SYSTEM.cost(one.belief))
+    predicted = (system.predict(one.belief, np.arange(4)[None]) for system in (changed, SYSTEM))
+    for a, b in zip(*predicted, strict=True):
+        np.testing.assert_array_equal(a, b)
+    means = [Errors(system, count).mean_nees()[0] for system in (SYSTEM, changed)]
+    assert means[1] > 1.5 * means[0]
+
+
+def test_a_truth_equal_to_the_belief_changes_nothing():
+    worlds = oracles.worlds(SYSTEM, 5)
+    same = Urban(truth={"sigma": SYSTEM.sigma, "reference_snr": SYSTEM.reference_snr})
+    states = [system.initial(worlds) for system in (SYSTEM, same)]
+    for k in range(60):
+        states = [
+            system.transition(state, np.full(5, k % 4), worlds)
+            for system, state in zip((SYSTEM, same), states, strict=True)
+        ]
+    for half in (0, 1):
+        for a, b in zip(states[0][half], states[1][half], strict=True):
+            np.testing.assert_array_equal(a, b)
