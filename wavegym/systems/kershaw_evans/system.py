@@ -43,7 +43,7 @@ from wavegym.targets import (
     windows,
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
-from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, make_tracker
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, make_tracker, track
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -241,10 +241,13 @@ class KershawEvans(
         """Kernel arguments: range law, and n as a tuple."""
         return *self._snr_law, (0,) * len(self.weights)
 
-    @cached_property
-    def _radar(self) -> tuple[Any, ...]:
-        """Kernel arguments: model, range law, and the two sizes as tuples."""
-        return (*self._model, *self._law, (0,) * MEASURED)
+    def _radar(self, belief: Belief) -> tuple[Any, ...]:
+        """Kernel arguments: the model that the tracker believes in, range law, and the two sizes as tuples."""
+        F, Q, M = self._model
+        if belief.process_noise is not None:
+            Q = np.ascontiguousarray(belief.process_noise)
+            F = F.repeat(len(Q), axis=0)
+        return F, Q, M, *self._law, (0,) * MEASURED
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
@@ -257,8 +260,10 @@ class KershawEvans(
         path = self.truth_model._paths(world.uniform[:, 0], world.normal[:, 1:, :n].copy())
         true_spread = np.linalg.cholesky(self.truth_model.first_covariance(world))
         mean = path[:, 0] + (true_spread * world.normal[:, :1, :n]).sum(axis=2)
-        step = np.zeros(len(path), dtype=np.int64)
-        return State(Truth(path[:, 0].copy(), path), Belief(step, mean, self.first_covariance(world)))
+        belief = Belief(np.zeros(len(path), dtype=np.int64), mean, self.first_covariance(world))
+        if self._own_tracker:
+            belief = _believed(belief.step, begin_track(self._own_tracker, _estimate(belief), self.motion))
+        return State(Truth(path[:, 0].copy(), path), belief)
 
     def first_covariance(self, world: World) -> Array:
         """P0 of each world, (env, n, n)."""
@@ -271,12 +276,13 @@ class KershawEvans(
         """One pulse: predict, measure at the true range, update; by its parts where ``tracker`` is given."""
         if self._own_tracker:
             return self.composed_transition(state, action, world)
-        (_, path), (step, mean, covariance) = state
+        (_, path), (step, mean, covariance, *_) = state
         C = self.unit_covariance(action)
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         kernels.transition(
-            mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar, x, P, truth
-        )
+            mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar(state.belief), x, P,
+            truth
+        )  # fmt: skip
         return State(Truth(truth, path), Belief(step + 1, x, P))
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
@@ -302,32 +308,28 @@ class KershawEvans(
     def _tracked(self, tracker: Tracker, belief: Belief, measurements: Measurements) -> Belief:
         """``track`` by the given tracker."""
         count = len(belief.step)
-        predicted = tracker.predict(Estimate(belief.mean[:, None], belief.covariance[:, None]), self.motion)
         z, R = (array[:, None] for array in measurements)
         is_detected, target = np.ones((count, 1), np.bool_), np.zeros((count, 1), np.int64)
-        after = tracker.update(predicted, Scan(z, is_detected, target, R, self._line_of_sight))
-        return Belief(belief.step + 1, after.mean[:, 0], after.covariance[:, 0])
-
-    @cached_property
-    def _line_of_sight(self) -> MeasurementModel:
-        """Range and range-rate are the first two elements of the state."""
-        H = np.eye(MEASURED, len(self.weights))
-        return MeasurementModel(
-            lambda x: np.array(x[..., :MEASURED]), lambda x: np.broadcast_to(H, (*x.shape[:-1], *H.shape))
-        )
+        scan = Scan(z, is_detected, target, R, LINE_OF_SIGHT)
+        return _believed(belief.step + 1, track(tracker, _estimate(belief), self.motion, scan))
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
-        """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range."""
+        """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range.
+
+        The process noise that the tracker believes in stays as it is.
+        """
         several = actions.ndim == (2 if self.action == "library" else 3)
         C = self.unit_covariance(actions if several else actions[:, None])
-        x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar)
-        step = np.broadcast_to(belief.step[:, None] + 1, x.shape[:2])
-        return Belief(step, x, P) if several else Belief(step[:, 0], x[:, 0], P[:, 0])
+        x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar(belief))
+        step, Q = np.broadcast_to(belief.step[:, None] + 1, x.shape[:2]), belief.process_noise
+        if not several:
+            return Belief(step[:, 0], x[:, 0], P[:, 0], process_noise=Q)
+        return Belief(step, x, P, process_noise=None if Q is None else Q[:, None].repeat(x.shape[1], axis=1))
 
     def predicted(self, belief: Belief) -> tuple[Array, Array]:
         """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
-        F, Q, _ = self._model
-        mean, P = predict(belief.mean, belief.covariance, F[0], Q[0])
+        F, Q, *_ = self._radar(belief)
+        mean, P = predict(belief.mean, belief.covariance, F, Q)
         return P, range_law_snr(mean[:, 0], self.reference_range, self.nearest_range)
 
     def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
@@ -339,7 +341,7 @@ class KershawEvans(
         """Fused search over all sequences of ``depth`` candidates: first candidate (env,) and total cost (env,)."""
         C = self.unit_covariance(self.candidates())
         return kernels.lookahead(
-            belief.mean, belief.covariance, C, belief.step, self.horizon, depth, self._weights, *self._radar
+            belief.mean, belief.covariance, C, belief.step, self.horizon, depth, self._weights, *self._radar(belief)
         )
 
     def deterministic_recursion(self, world: World) -> Recursion:
@@ -384,6 +386,30 @@ class KershawEvans(
         out = np.empty((3, len(state.belief.step)))
         kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
         return {"position_error": out[0], "velocity_error": out[1], "nees": out[2]}
+
+
+def _measured(states: Array) -> Array:
+    """Range and range-rate are the first two elements of a state."""
+    return np.array(states[..., :MEASURED])
+
+
+def _jacobian(states: Array) -> Array:
+    return np.broadcast_to(np.eye(MEASURED, states.shape[-1]), (*states.shape[:-1], MEASURED, states.shape[-1]))
+
+
+LINE_OF_SIGHT = MeasurementModel(_measured, _jacobian)
+
+
+def _estimate(belief: Belief) -> Estimate:
+    """The belief as a tracker takes it, with an axis for the target."""
+    Q = belief.process_noise
+    return Estimate(belief.mean[:, None], belief.covariance[:, None], belief.memory, None if Q is None else Q[:, None])
+
+
+def _believed(step: Array, estimate: Estimate) -> Belief:
+    """The belief of one target."""
+    mean, covariance, memory, Q = estimate
+    return Belief(step, mean[:, 0], covariance[:, 0], memory, None if Q is None else Q[:, 0])
 
 
 @system_parameters
