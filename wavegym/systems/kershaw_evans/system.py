@@ -23,7 +23,7 @@ from wavegym.core.capabilities import (
     LinearCost,
 )
 from wavegym.core.costs import trace_cost
-from wavegym.core.errors import InputError, check_ordered, check_positive
+from wavegym.core.errors import InputError, check_choice, check_ordered, check_positive
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Interval, NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.core.recursion import Recursion
@@ -43,11 +43,13 @@ from wavegym.targets import (
     windows,
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
+from wavegym.trackers.imm_tracker import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, make_tracker, track
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
 MEASURED = 2  # range and range-rate
+TRACKERS = "kalman", "imm"
 
 
 @system_parameters
@@ -106,9 +108,13 @@ class KershawEvans(
     )
     tracker: Any = parameter(
         None,
-        "a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one; by default the "
-        "compiled Kalman filter",
+        "``kalman``; ``imm``, interacting multiple models of Kalman filters, one for each of ``densities``; a Tracker "
+        "of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one. By default ``kalman`` with "
+        "targets='random', whose motion is the filter's, and ``imm`` with targets='scripted' or 'recorded'",
         unit="",
+    )
+    densities: tuple[NonNegative, ...] = parameter(
+        (0.01, 1.0, 100.0), "process noise densities with tracker='imm' (ca: m^2/s^5)", unit="m^2/s^3", min_length=1
     )
     start_range: Interval = parameter((20e3, 40e3), "bounds of the first range", unit="m", truth=True)
     start_speed: Interval = parameter((-200.0, 200.0), "bounds of the first range-rate", unit="m/s", truth=True)
@@ -159,11 +165,22 @@ class KershawEvans(
     @cached_property
     def motion(self) -> MotionModel:
         """The target's motion model, of the filter; ``truth_model.motion`` is the world's."""
-        return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, self.q)
+        return self._motion_with(self.q)
+
+    def _motion_with(self, q: float) -> MotionModel:
+        return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, q)
 
     @cached_property
     def _own_tracker(self) -> Tracker | None:
-        return None if self.tracker is None else make_tracker(self.tracker)
+        """The tracker; None for the compiled Kalman filter."""
+        tracker = self.tracker
+        if tracker is None:
+            tracker = "kalman" if self.targets == "random" else "imm"
+        if isinstance(tracker, str) and ":" not in tracker:
+            if check_choice("tracker", tracker, TRACKERS) == "kalman":
+                return None
+            return ImmKalman(tuple(self._motion_with(q) for q in self.densities))
+        return make_tracker(tracker)
 
     @cached_property
     def action_set(self) -> GaussianActions:
@@ -273,7 +290,7 @@ class KershawEvans(
         return variance[:, :, None] * np.eye(len(self.weights))
 
     def fused_transition(self, state: State, action: Array, world: World) -> State:
-        """One pulse: predict, measure at the true range, update; by its parts where ``tracker`` is given."""
+        """One pulse: predict, measure at the true range, update; by its parts without the compiled Kalman filter."""
         if self._own_tracker:
             return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance, *_) = state
@@ -297,7 +314,7 @@ class KershawEvans(
         return Measurements(z, C * (1.0 / eta)[:, None, None])
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
-        """One step of the Kalman filter, or of ``tracker``."""
+        """One step of the tracker."""
         if self._own_tracker:
             return self._tracked(self._own_tracker, belief, measurements)
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
