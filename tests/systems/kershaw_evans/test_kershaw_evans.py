@@ -14,7 +14,9 @@ from scipy.stats import chi2
 from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.envs.build import build_system
+from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import compare
+from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.testing import check_vector_env
 from wavegym.testing.capability_check import capability_defect
@@ -88,6 +90,24 @@ def test_the_filter_is_consistent(kwargs):
     assert ((means > low) & (means < high)).mean() > 0.8  # steps are correlated, hence not 0.95 sharp
     low, high = chi2.ppf([0.001, 0.999], 2 * 600) / 600
     assert low < means[-1] < high
+
+
+@pytest.mark.parametrize("name", ["random", "myopic", "lookahead:2"])
+@pytest.mark.parametrize("cls", [KershawEvans, KershawEvansPosition])
+def test_the_filter_is_consistent_under_every_policy(cls, name):
+    """The squared error of 300 worlds, 2 degrees of freedom each, at every step inside chi-square bounds of 1e-6.
+
+    The mean over the steps has at most the deviation of one step, were all steps one: 2 / sqrt(300).
+    """
+    system, worlds = cls(), 300
+    env, policy = WaveformVectorEnv(system, worlds), make_policy(name, system, None)
+    env.reset(seed=11)
+    policy.begin(system, worlds, np.random.default_rng(3))
+    nees = [env.step(policy.act(env.belief, None, None))[-1]["nees"].mean() for _ in range(system.horizon)]
+    low, high = chi2.ppf([1e-6, 1 - 1e-6], 2 * worlds) / worlds
+    assert low < min(nees)
+    assert max(nees) < high
+    assert abs(np.mean(nees) - 2.0) < 2 * 2 / np.sqrt(worlds)
 
 
 def test_metrics_are_errors_and_mahalanobis_distance():

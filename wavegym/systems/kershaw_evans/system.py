@@ -36,6 +36,7 @@ from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, Wor
 from wavegym.targets import (
     MotionModel,
     Segment,
+    Windows,
     constant_acceleration,
     constant_velocity,
     range_paths,
@@ -227,6 +228,11 @@ class KershawEvans(
             return RandomPath(self.motion, low, high - low)
         segments = tuple(Segment(seconds, acceleration=(a,)) for seconds, a in self.script)
         return ScriptedRange(low, high - low, segments, self.dt * np.arange(self.horizon + 1))
+
+    @property
+    def windows(self) -> Windows | None:
+        """The windows of ``tracks`` that are played; None without a recording."""
+        return self._paths.catalogue if isinstance(self._paths, RecordedRange) else None
 
     def _recorded(self) -> RecordedRange:
         """Windows of ``tracks`` as seen from ``radar``: geographic for degrees, in metres for metres."""
