@@ -36,7 +36,7 @@ class NotANumber(KershawEvans):
 
 class FlatMask(KershawEvans):
     def mask(self, belief):
-        return np.ones(len(self.library), bool)
+        return np.ones(len(self.actions), bool)
 
 
 @pytest.mark.parametrize(
