@@ -8,21 +8,23 @@ the episodes, docs/learned.md shows their table. ``--tables`` renews the table w
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from agents.experiment import Experiment, load_experiments, run_folder, train_missing
-from agents.leaderboard import PAGE, ROOT, WORLDS, Account, read_accounts, shown
+from agents.leaderboard import PAGE, ROOT, WORLDS, against, shown
+from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, check_choice
-from wavegym.evaluation import blocks, compare
+from wavegym.evaluation import blocks, compare, statistics
+from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.statistics import Estimate
-from wavegym.evaluation.table import tabulated
+from wavegym.evaluation.table import both, decimal, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
 
 FOLDER = ROOT / "results" / "ablation"
@@ -41,27 +43,35 @@ def play(name: str, experiment: Experiment, jobs: int) -> None:
 
 
 def table(played: Mapping[str, Mapping[str, Account]]) -> str:
-    """A line for each agent: cost in per cent against the best simple heuristic and against the full agent."""
-    head = ["environment", "agent", "seeds", "against best simple", "95 %", "against full", "95 %"]
+    """Two tables with a line for each agent: cost by belief and error by truth, in per cent."""
+    figures = (lambda account: account.cost), (lambda account: account.squared_error)
+    return both(*(_compared(played, figure) for figure in figures))
+
+
+def _compared(played: Mapping[str, Mapping[str, Account]], figure: Callable[[Account], Array]) -> str:
+    """A line for each agent: a figure of its episodes against the best simple heuristic's and the full agent's."""
+    head = ["environment", "agent", "seeds", "against best simple", "95 %", "against full", "95 %", "lost"]
     rows = []
     for name, accounts in played.items():
         for agent in [FULL, *(agent for agent in accounts if agent not in (FULL, SIMPLE, BASELINE))]:
-            account = accounts[agent]
-            against_full = ["", ""] if agent == FULL else shown(against_seed_by_seed(account, accounts[FULL]))
-            cells = [*shown(account.against(accounts[SIMPLE])), *against_full]
-            rows.append([name.removesuffix(SUFFIX), agent, str(len(account.cost)), *cells])
+            own, simple, full = (figure(accounts[each]) for each in (agent, SIMPLE, FULL))
+            against_full = ["", ""] if agent == FULL else shown(against_seed_by_seed(own, full))
+            cells = [*shown(against(own, simple)), *against_full, decimal(statistics.average(accounts[agent].lost))]
+            rows.append([name.removesuffix(SUFFIX), agent, str(len(own)), *cells])
     return tabulated(head, rows)
 
 
-def against_seed_by_seed(account: Account, full: Account) -> Estimate:
-    """Geometric mean of the cost ratios, in per cent, of each run to the full agent with the same seed.
+def against_seed_by_seed(values: Array, full: Array) -> Estimate:
+    """Geometric mean of the ratios, in per cent, of each run to the full agent with the same seed.
 
     The full agent's arithmetic mean over seeds would exceed its geometric mean and favour the other agent.
+
+    Args:
+        values, full: (member, world) each.
     """
-    if account.cost.shape != full.cost.shape:
-        raise InputError(f"runs and worlds are {account.cost.shape}, expected the full agent's {full.cost.shape}")
-    once = account._replace(cost=np.ones((1, account.cost.shape[1])))
-    return account._replace(cost=account.cost / full.cost).against(once)
+    if values.shape != full.shape:
+        raise InputError(f"runs and worlds are {values.shape}, expected the full agent's {full.shape}")
+    return against(values / full, np.ones((1, values.shape[1])))
 
 
 def main() -> None:

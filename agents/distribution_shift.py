@@ -1,8 +1,9 @@
 """Policies under distribution shift: ``python -m agents.distribution_shift [ENVIRONMENT ...]``.
 
 ``results/distribution_shifts.toml`` lists the changed parameters. Agents and tuned constants stay those of the
-original parameters; the tracker, and therefore prediction, knows the new ones. Results go to
-results/distribution_shift, their table to docs/learned.md. ``--tables`` renews the table without playing.
+original parameters. Each shift is played twice: the tracker, and therefore prediction, knows the new parameters; and,
+where the truth may differ in all of them, the tracker does not. Results go to results/distribution_shift, their tables
+to docs/learned.md. ``--tables`` renews the tables without playing.
 """
 
 from __future__ import annotations
@@ -10,19 +11,27 @@ from __future__ import annotations
 import json
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from agents.leaderboard import PAGE, ROOT, Account, environment_of
+from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
-from wavegym.evaluation import blocks, compare, full_id, make_task
+from wavegym.core.parameters import parameter_infos
+from wavegym.core.system import System
+from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
+from wavegym.evaluation.account import Account
+from wavegym.evaluation.comparison import BASELINE
+from wavegym.evaluation.consistency import consistency
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.saved import LEARNERS, SAVED
-from wavegym.evaluation.table import interval, signed, tabulated
+from wavegym.evaluation.summary import named
+from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
+from wavegym.evaluation.worlds import word
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE
@@ -30,6 +39,7 @@ from wavegym.schedulers.tuned_constants import SIMPLE
 FILE, FOLDER = ROOT / "results" / "distribution_shifts.toml", ROOT / "results" / "distribution_shift"
 START, END = "<!-- made by `python -m agents.distribution_shift`: -->", "<!-- shifts to here -->"
 WORLDS = 200
+KNOWN, UNKNOWN = "known", "unknown"  # to the tracker
 
 
 def load_shifts(file: Path = FILE) -> dict[str, dict[str, dict[str, Any]]]:
@@ -42,62 +52,107 @@ def load_shifts(file: Path = FILE) -> dict[str, dict[str, dict[str, Any]]]:
 
 
 def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, Any]:
-    """Under every shift: costs against the best simple heuristic, in per cent with intervals, and the filter's NEES."""
+    """The figures of every shift where the tracker knows it (``known``) and where it does not (``unknown``)."""
     env_id = full_id(f"{name}-v0")
     original = make_task(env_id, {}).system
-    heuristic = make_policy(SIMPLE, original, None)
-    agents = {}
+    policies: dict[str, Any] = {SIMPLE: ({}, make_policy(SIMPLE, original, None))}
     for algo in LEARNERS:
         folder = SAVED / name / algo
         if folder.is_dir():
             own = environment_of(folder)
-            agents[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
-    found: dict[str, Any] = {}
-    for shift, parameters in shifts.items():
-        accounts = _accounts(env_id, SIMPLE, heuristic, parameters, jobs)
-        for algo, (own, runs) in agents.items():
-            accounts[algo] = _accounts(env_id, algo, runs, {**own, **parameters}, jobs)[algo]
-        found[shift] = _against_simple(accounts)
-    return found
-
-
-def _accounts(env_id: str, name: str, policy: Any, parameters: dict[str, Any], jobs: int) -> dict[str, Account]:
-    """Costs and NEES of a policy and of the one-step scheduler in the changed environment."""
-    comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, **parameters)
+            policies[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
     return {
-        name: Account(comparison.cost(name), np.stack([member.nees for member in members]))
-        for name, members in comparison.played.items()
+        shift: {half: _figures(env_id, policies, changes, jobs) for half, changes in halves(original, given).items()}
+        for shift, given in shifts.items()
     }
 
 
-def _against_simple(accounts: dict[str, Account]) -> dict[str, Any]:
-    rows = {}
-    for name, account in accounts.items():
-        estimate = account.against(accounts[SIMPLE])
-        rows[name] = {"percent": estimate.value, "ci": estimate.ci, "nees": account.median_nees()}
-    return rows
+def halves(system: System, parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The settings of both halves of a shift; without ``unknown`` if the truth may not differ in all parameters."""
+    found = {KNOWN: parameters}
+    if set(parameters) <= {info.name for info in parameter_infos(type(system)) if info.truth}:
+        found[UNKNOWN] = {"truth": parameters}
+    return found
 
 
-def table(results: dict[str, dict[str, Any]]) -> str:
-    """A line for each environment and shift."""
-    head = ["environment", "shift", "NEES", "myopic", "PPO", "95 %", "DQN", "95 %"]
+def _figures(env_id: str, policies: dict[str, Any], changes: dict[str, Any], jobs: int) -> dict[str, Any]:
+    """Each policy, with its own actions, and the one-step scheduler in the changed environment."""
+    accounts: dict[str, Account] = {}
+    for name, (own, policy) in policies.items():
+        comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, **own, **changes)
+        for each in comparison.played:
+            accounts.setdefault(each, comparison.account(each))
+    dimension, simple = comparison.task.system.nees_dimension, accounts[SIMPLE]
+    rows = {name: _against_simple(account, simple, dimension) for name, account in accounts.items()}
+    return {"policies": rows, "reversals": reversals(accounts, SEED)}
+
+
+def _against_simple(account: Account, simple: Account, dimension: int | None) -> dict[str, Any]:
+    """One policy's figures, as plain types."""
+    found = consistency(account, dimension, np.random.default_rng([SEED, word("bootstrap")]))
+    return {
+        "belief": named("percent", "ci", against(account.cost, simple.cost)),
+        "truth": named("percent", "ci", against(account.squared_error, simple.squared_error)),
+        "nees": {**named("mean", "ci", found.nees), "flag": found.flag},
+        "lost": statistics.average(account.lost),
+    }
+
+
+def tables(results: dict[str, dict[str, Any]]) -> str:
+    """For each half, by belief and by truth, a line for each environment and shift."""
+    return "\n\n".join(
+        f"{title}. {both(_table(results, half, 'belief'), _table(results, half, 'truth'))}\n\n{_orders(results, half)}"
+        for half, title in {KNOWN: "The tracker knows the change", UNKNOWN: "The tracker does not know it"}.items()
+    )
+
+
+def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
+    """Every policy against the best simple heuristic; beside the errors by truth also NEES and tracks lost."""
+    head = ["environment", "shift", "myopic", "PPO", "95 %", "DQN", "95 %"]
+    if by == "truth":
+        head += ["NEES: best simple", "95 %", "lost: best simple", "PPO", "DQN"]
     rows = []
-    for env, shifts in results.items():
-        for shift, policies in shifts.items():
+    for env, shift, found in _played(results, half):
+        policies = found["policies"]
+        cells = [env, shift, signed(policies[BASELINE][by]["percent"])]
+        for algo in LEARNERS:
+            row = policies.get(algo)
+            cells += [signed(row[by]["percent"]), interval(row[by]["ci"], signed)] if row else ["", ""]
+        if by == "truth":
             nees = policies[SIMPLE]["nees"]
-            cells = [env, shift, "" if nees is None else f"{nees:.2f}", signed(policies["myopic"]["percent"])]
-            for algo in LEARNERS:
-                row = policies.get(algo)
-                cells += [signed(row["percent"]), interval(row["ci"], signed)] if row else ["", ""]
-            rows.append(cells)
+            cells += [flagged(nees["mean"], nees["flag"]), interval(nees["ci"], number)]
+            cells += [decimal(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *LEARNERS)]
+        rows.append(cells)
     return tabulated(head, rows)
 
 
+def _orders(results: dict[str, dict[str, Any]], half: str) -> str:
+    """The changed environments in which two policies have one order by belief and the other by truth."""
+    told = {f"{env}, {shift}": found["reversals"] for env, shift, found in _played(results, half)}
+    return order_list(told)
+
+
+def _played(results: dict[str, dict[str, Any]], half: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Environment, shift and figures of every shift that was played in this half."""
+    for env, shifts in results.items():
+        for shift, found in shifts.items():
+            if half in found:
+                yield env, shift, found[half]
+
+
 def renew(names: Sequence[str]) -> None:
-    """Renew the table in docs/learned.md from all results."""
+    """Renew the tables in docs/learned.md from all results."""
     files = [FOLDER / f"{name}.json" for name in names]
-    results = {f.stem: json.loads(f.read_text(encoding="utf-8")) for f in files if f.exists()}
-    blocks.renew(PAGE, START, END, table(results))
+    blocks.renew(PAGE, START, END, tables({file.stem: _read(file) for file in files if file.exists()}))
+
+
+def _read(file: Path) -> dict[str, Any]:
+    """The figures in a file. Raises an InputError for a file of an earlier version, which has one half only."""
+    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    if not all(KNOWN in shift for shift in found.values()):
+        wanted = f"it from `python -m agents.distribution_shift {file.stem}`"
+        raise InputError(f"{file} does not tell whether the tracker knows of the shift, expected {wanted}")
+    return found
 
 
 def main() -> None:
@@ -107,7 +162,7 @@ def main() -> None:
         "names", nargs="*", metavar="ENVIRONMENT", help="names in results/distribution_shifts.toml (default: all)"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    parser.add_argument("--tables", action="store_true", help="renew the table from earlier results; play nothing")
+    parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
     read = parser.read(None)
     shifts = load_shifts()
     for name in () if read.tables else read.names or shifts:

@@ -8,10 +8,9 @@ tables without playing.
 
 from __future__ import annotations
 
-import csv
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,13 +19,15 @@ import numpy as np
 from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
-from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
+from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE
+from wavegym.evaluation.consistency import consistency
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED, stem
-from wavegym.evaluation.table import interval, signed, tabulated
+from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
 from wavegym.evaluation.worlds import word
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
@@ -38,22 +39,6 @@ HEADROOM, LEADERBOARD = ROOT / "results" / "headroom", ROOT / "results" / "leade
 PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
 START, END = "<!-- made by `make leaderboard`: -->", "<!-- to here -->"
 WORLDS, SEED = 200, 0  # those of `make headroom`
-
-
-class Account(NamedTuple):
-    """Costs and NEES of a policy, axis 0 = training run, axis 1 = world."""
-
-    cost: Array  # (member, world), mean per step
-    nees: Array  # (member, world); NaN if not measured
-
-    def against(self, reference: Account) -> statistics.Estimate:
-        """Geometric mean of the paired cost ratios, in per cent, with its interval."""
-        rng = np.random.default_rng([SEED, word("bootstrap")])
-        return statistics.difference(self.cost, reference.cost, rng).geometric
-
-    def median_nees(self) -> float | None:
-        """Median over episodes of the mean over steps; None if not measured. Lost tracks spoil a mean over episodes."""
-        return None if np.isnan(self.nees).all() else float(np.nanmedian(self.nees))
 
 
 def play(env_id: str, jobs: int) -> None:
@@ -88,19 +73,6 @@ def environment_of(folder: Path) -> dict[str, Any]:
     return dict(run["settings"]["environment"])
 
 
-def read_accounts(file: Path) -> dict[str, Account]:
-    """The accounts in an episodes.csv by policy; InputError if the file is missing."""
-    if not file.exists():
-        raise InputError(f"{file} is missing, expected it from `make headroom` or `python -m agents.leaderboard`")
-    rows: dict[str, dict[int, list[tuple[float, float]]]] = {}
-    with file.open(newline="", encoding="utf-8") as lines:
-        for row in csv.DictReader(lines):
-            members = rows.setdefault(row["policy"], {})
-            members.setdefault(int(row["member"]), []).append((float(row["cost"]), float(row["nees"] or "nan")))
-    values = {name: np.array([members[m] for m in sorted(members)]) for name, members in rows.items()}
-    return {name: Account(table[:, :, 0], table[:, :, 1]) for name, table in values.items()}
-
-
 class Entry(NamedTuple):
     """One environment's line."""
 
@@ -109,8 +81,12 @@ class Entry(NamedTuple):
     us: dict[str, float]  # per decision, by policy; empty if not timed
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
-        """See ``Account``; both policies by name."""
-        return self.accounts[name].against(self.accounts[reference])
+        """Geometric mean of the paired ratios of the costs by belief, in per cent."""
+        return against(self.accounts[name].cost, self.accounts[reference].cost)
+
+    def error_against(self, name: str, reference: str) -> statistics.Estimate:
+        """The same of the squared errors by truth."""
+        return against(self.accounts[name].squared_error, self.accounts[reference].squared_error)
 
     def recovered(self, name: str) -> float | None:
         """The share of the planner's gain over the best simple heuristic; None if that gain is not significant."""
@@ -119,6 +95,12 @@ class Entry(NamedTuple):
             return None
         own = self.against(name, SIMPLE).value
         return None if own is None else float(np.log1p(own / 100.0) / np.log1p(gain.value / 100.0))
+
+
+def against(values: Array, reference: Array) -> statistics.Estimate:
+    """Geometric mean of the paired ratios of (member, world) values, in per cent, with its interval."""
+    rng = np.random.default_rng([SEED, word("bootstrap")])
+    return statistics.difference(values, reference, rng).geometric
 
 
 def entry(env_id: str) -> Entry:
@@ -135,56 +117,90 @@ def entry(env_id: str) -> Entry:
     return Entry(env_id, accounts, us)
 
 
+Comparer = Callable[[Entry, str, str], statistics.Estimate]  # of two policies by name
+COMPARERS: tuple[Comparer, ...] = (Entry.against, Entry.error_against)
+PAIRS = ("PPO", "95 %", "DQN", "95 %")
+
+
 def table(entries: Sequence[Entry]) -> str:
-    """One line for each environment: the cost of each policy against the best simple heuristic."""
-    schedulers = ["best simple heuristic", "myopic", "best planner"]
-    head = ["environment", *schedulers, "PPO", "95 %", "DQN", "95 %", "PPO recovers"]
+    """One line for each environment: the cost of each policy by belief against the best simple heuristic."""
     rows = []
     for e in entries:
         simple = recorded(make_task(e.env_id, {}).system).get(SIMPLE, SIMPLE)
-        cells = [signed(e.against(name, SIMPLE).value) for name in (BASELINE, PLANNER)]
-        for algo in LEARNERS:
-            cells += _cells(e, algo)
         share = e.recovered("ppo") if "ppo" in e.accounts else None
-        rows.append([e.env_id.rpartition("/")[2], simple, *cells, "" if share is None else f"{100 * share:.0f} %"])
+        cells = _against_simple(e, Entry.against)
+        rows.append([_short(e), simple, *cells, "" if share is None else f"{100 * share:.0f} %"])
+    head = ["environment", "best simple heuristic", "myopic", "best planner", *PAIRS, "PPO recovers"]
+    return tabulated(head, rows)
+
+
+def errors(entries: Sequence[Entry]) -> str:
+    """One line for each environment: error by truth against the best simple heuristic, and tracks lost per episode."""
+    played = (SIMPLE, PLANNER, *LEARNERS)
+    rows = []
+    for e in entries:
+        lost = [decimal(statistics.average(e.accounts[name].lost)) if name in e.accounts else "" for name in played]
+        rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
+    head = ["environment", "myopic", "best planner", *PAIRS, "lost: best simple", "planner", "PPO", "DQN"]
+    return tabulated(head, rows)
+
+
+def front(entries: Sequence[Entry]) -> str:
+    """What README shows: both tables, and the policies whose orders by belief and by truth differ."""
+    return f"{both(table(entries), errors(entries))}\n\n{orders(entries)}"
+
+
+def orders(entries: Sequence[Entry]) -> str:
+    """The environments in which two policies have one order by belief and the other by truth."""
+    return order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
+
+
+def consistency_table(entries: Sequence[Entry]) -> str:
+    """One line for each environment: the mean NEES under each policy, flagged where it leaves its bounds."""
+    head = ["environment", "expected NEES", "best simple", "95 %", "planner", "95 %", *PAIRS]
+    rows = []
+    for e in entries:
+        dimension = make_task(e.env_id, {}).system.nees_dimension
+        cells = [cell for name in (SIMPLE, PLANNER, *LEARNERS) for cell in _nees(e.accounts.get(name), dimension)]
+        rows.append([_short(e), "" if dimension is None else str(dimension), *cells])
     return tabulated(head, rows)
 
 
 def details(entries: Sequence[Entry]) -> str:
-    """One line for each environment: consistency of the filter and time per decision."""
-    head = [
-        "environment",
-        "seeds",
-        "NEES: best simple",
-        "planner",
-        "PPO",
-        "DQN",
-        "µs: planner",
-        "in batch",
-        "PPO",
-        "ratio",
-    ]
+    """One line for each environment: training seeds and time per decision."""
     rows = []
     for e in entries:
-        nees = [_nees(e.accounts.get(name)) for name in (SIMPLE, PLANNER, *LEARNERS)]
         seeds = ", ".join(str(len(e.accounts[algo].cost)) for algo in LEARNERS if algo in e.accounts)
         took = [f"{e.us[name]:.0f}" if name in e.us else "" for name in (ALONE, PLANNER, "ppo")]
         ratio = f"{e.us[ALONE] / e.us['ppo']:.0f}" if ALONE in e.us and "ppo" in e.us else ""
-        rows.append([e.env_id.rpartition("/")[2], seeds, *nees, *took, ratio])
-    return tabulated(head, rows)
+        rows.append([_short(e), seeds, *took, ratio])
+    return tabulated(["environment", "seeds", "µs: planner", "in batch", "PPO", "ratio"], rows)
 
 
 def libraries(entries: Sequence[Entry]) -> str:
-    """One line for each agent with other actions than the schedulers: its cost against myopic with these actions."""
-    head = ["environment", "agent", "parameters", "myopic there", "agent against it", "95 %"]
+    """One line for each agent with other actions than the schedulers: against myopic with these actions."""
+    head = ["environment", "agent", "parameters", "myopic there", "agent by belief", "95 %", "by truth", "95 %"]
     rows = []
     for e in entries:
         for algo in filter(e.accounts.__contains__, LEARNERS):
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
                 shown_parameters = ", ".join(f"{name}={value}" for name, value in parameters.items())
                 there = signed(e.against(_rival(algo), SIMPLE).value)
-                rows.append([stem(e.env_id), algo.upper(), shown_parameters, there, *_cells(e, algo, _rival(algo))])
+                own = [cell for comparer in COMPARERS for cell in shown(comparer(e, algo, _rival(algo)))]
+                rows.append([stem(e.env_id), algo.upper(), shown_parameters, there, *own])
     return tabulated(head, rows)
+
+
+def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
+    """Myopic, the best planner and the agents against the best simple heuristic."""
+    cells = [signed(comparer(e, name, SIMPLE).value) for name in (BASELINE, PLANNER)]
+    for algo in LEARNERS:
+        cells += shown(comparer(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
+    return cells
+
+
+def _short(e: Entry) -> str:
+    return e.env_id.rpartition("/")[2]
 
 
 def _rival(algo: str) -> str:
@@ -192,27 +208,25 @@ def _rival(algo: str) -> str:
     return f"{BASELINE} for {algo}"
 
 
-def _cells(e: Entry, algo: str, reference: str = SIMPLE) -> list[str]:
-    if algo not in e.accounts:
-        return ["", ""]
-    return shown(e.against(algo, reference))
-
-
 def shown(estimate: statistics.Estimate) -> list[str]:
     """An estimate's value and interval, for a table."""
     return [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
 
 
-def _nees(account: Account | None) -> str:
-    middle = None if account is None else account.median_nees()
-    return "" if middle is None else f"{middle:.2f}"
+def _nees(account: Account | None, dimension: int | None) -> list[str]:
+    if account is None:
+        return ["", ""]
+    found = consistency(account, dimension, np.random.default_rng([SEED, word("bootstrap")]))
+    ends = interval(None if found.nees.ci is None else list(found.nees.ci), number)
+    return [flagged(found.nees.value, found.flag), ends]
 
 
 def renew(env_ids: Sequence[str]) -> None:
     """Renew the tables in docs/learned.md and README."""
     entries = [entry(env_id) for env_id in env_ids]
-    front = table(entries)
-    for file, text in ((PAGE, "\n\n".join([front, details(entries), libraries(entries)])), (README, front)):
+    first = front(entries)
+    page = "\n\n".join([first, consistency_table(entries), details(entries), libraries(entries)])
+    for file, text in ((PAGE, page), (README, first)):
         blocks.renew(file, START, END, text)
 
 

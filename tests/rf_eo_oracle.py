@@ -218,6 +218,33 @@ class Step(NamedTuple):
     mean: np.ndarray
     covariance: np.ndarray
     received: int
+    regressed: bool  # computed in doubles
+
+
+def regressed(system, x, P, readings, R, point, cov, small):
+    """Posterior linearisation from the estimate ``point``, ``cov`` on: repeated regression, in doubles.
+
+    Readings and R are (platform, 3), missing ones NaN. The linearisation errors of all readings together are noise.
+    """
+    seen = ~np.isnan(readings)
+    for _ in range(system.iterations):
+        spread = 2 * np.linalg.cholesky(cov)
+        points = point + np.concatenate([spread.T, -spread.T])
+        values = np.array([stacked(system, at)[0] for at in points])
+        values[..., 2] = readings[:, 2] + wrap(values[..., 2] - readings[:, 2])
+        values = values[:, seen]
+        middle = values.mean(axis=0)
+        slope = np.linalg.solve(spread.T, (values[:4] - values[4:]) / 2).T
+        left = (values[:4] + values[4:]) / 2 - middle
+        noise = np.diag(R[seen]) + left.T @ left / 4
+        innovation = readings[seen] - middle - slope @ (x - point)
+        gain = P @ slope.T @ np.linalg.inv(slope @ P @ slope.T + noise)
+        new, short = x + gain @ innovation, np.eye(4) - gain @ slope
+        cov = short @ P @ short.T + gain @ noise @ gain.T
+        moved, point = np.abs(new - point) / np.sqrt(np.diag(cov)), new
+        if moved.max() <= small:
+            break
+    return point, cov
 
 
 def move(system, truth, draw):
@@ -247,13 +274,18 @@ def readings_of(system, truth, predicted, settings, error):
 def step(system, truth, x, P, settings, process, error):
     """One closed-loop step of one target; ``process`` (4,) and ``error`` (platform, 3) are its standard normals.
 
-    The update is iterated until a step is below 0.001 deviations where the measurement ``bends``.
+    The update is iterated until a step is below 0.001 deviations where the measurement ``bends``, and ``regressed``
+    where it bends over the posterior too.
     """
     truth, (x, P) = move(system, truth, process), predict(system, x, P)
     y, R = readings_of(system, truth, x, settings, error)
-    again = bends(x, P, stacked(system, x)[0], np.where(np.isnan(y), np.nan, R))
+    used = np.where(np.isnan(y), np.nan, R)
+    again = system.iterations > 1 and bends(x, P, stacked(system, x)[0], used)
     mean, cov = gauss_newton(system, x, P, y, R, system.iterations if again else 1, 1e-3)
-    return Step(truth, mean, cov, int((~np.isnan(y)).sum()))
+    still = again and bends(mean, cov, stacked(system, mean)[0], used)
+    if still:
+        mean, cov = regressed(system, x, P, y, R, mean, cov, 1e-3)
+    return Step(truth, mean, cov, int((~np.isnan(y)).sum()), still)
 
 
 def nees(truth, mean, P):

@@ -62,12 +62,12 @@ def _check_system(system: Any, parameters: dict[str, Any]) -> None:
             raise InputError(f"system is {system!r}, expected 'package.module:Class'")
         return
     # NumPy and pydantic, which ``import wavegym`` does without.
+    from wavegym.core.build import build_system
     from wavegym.core.system import System
-    from wavegym.envs.build import build_system
 
     if not isinstance(system, System) and not (isinstance(system, type) and issubclass(system, System)):
         raise InputError(f"system is {system!r}, expected a System, its class, or 'package.module:Class'")
-    build_system(system, parameters)
+    build_system(system, parameters, SHELL)
 
 
 def register_suite() -> None:

@@ -23,12 +23,13 @@ from papers.rf_eo.study import (
     system,
 )
 from wavegym.core.arrays import Array
+from wavegym.evaluation.consistency import nees_bounds
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.summary import versions
 
 PARTS = (0.0, 0.01, 0.1, 0.5, 1.0)  # of a run: the edges of its windows; the last one is "late"
 SETTLED = 10  # steps after which the transient is over
-LEVEL = 0.95
+STATES = 4  # of a target, the mean NEES of a consistent filter
 
 
 def summarise(study: Study) -> dict[str, Any]:
@@ -83,14 +84,6 @@ def shown(horizon: int) -> Array:
     """The steps in curves and files: all up to 20, then, in long runs, every fifth."""
     k = np.arange(1, horizon + 1)
     return k if horizon <= 300 else k[(k <= 20) | (k % 5 == 0)]
-
-
-def nees_band(count: int) -> tuple[float, float]:
-    """The interval that holds the mean of ``count`` independent NEES of four elements with probability 95 %."""
-    from scipy.stats import chi2  # half a second that a worker process need not spend
-
-    low, high = chi2.ppf([(1 - LEVEL) / 2, (1 + LEVEL) / 2], 4 * count) / count
-    return float(low), float(high)
 
 
 def _scene(study: Study, scene: str) -> dict[str, Any]:
@@ -170,13 +163,13 @@ def _windows(runs: Runs, adaptive: Runs, root: int) -> list[dict[str, Any]]:
 
 
 def _nees(runs: Runs, root: int) -> dict[str, Any]:
-    band = nees_band(runs.nees.shape[0] * runs.nees.shape[2])
+    band = nees_bounds(runs.nees.shape[0] * runs.nees.shape[2], STATES)
     by_step = runs.nees.mean(axis=(0, 2))
     inside = (band[0] <= by_step) & (by_step <= band[1])
     return {
         **plain(mean_estimate(runs.nees.mean(axis=(1, 2)), root)),
         "first": float(by_step[0]),
-        "band": list(band),
+        "band": [float(end) for end in band],
         "inside": float(inside.mean()),
         "inside_settled": float(inside[SETTLED:].mean()) if inside[SETTLED:].size else None,
     }

@@ -9,7 +9,7 @@ import numpy as np
 
 from papers.contents import new_figure, png_bytes
 from papers.rf_eo.adaptation import quantiles
-from papers.rf_eo.numbers import nees_band, shown
+from papers.rf_eo.numbers import STATES, shown
 from papers.rf_eo.study import (
     ADAPTIVE,
     CONSTANT,
@@ -22,6 +22,7 @@ from papers.rf_eo.study import (
     Study,
     system,
 )
+from wavegym.evaluation.consistency import nees_bounds
 from wavegym.evaluation.statistics import Estimate
 
 if TYPE_CHECKING:
@@ -107,7 +108,8 @@ def _draw_nees(axes: Axes, study: Study, scene: str) -> None:
     nees = study.of(scene, ADAPTIVE).nees
     k = np.arange(1, nees.shape[1] + 1)
     axes.plot(k, nees.mean(axis=(0, 2)), color=COLOURS[ADAPTIVE], linewidth=0.6, label=NAMES[ADAPTIVE])
-    axes.axhspan(*nees_band(nees.shape[0] * nees.shape[2]), color="#56b4e9", alpha=0.3, label="95 % band", zorder=1)
+    low, high = (float(end) for end in nees_bounds(nees.shape[0] * nees.shape[2], STATES))
+    axes.axhspan(low, high, color="#56b4e9", alpha=0.3, label="95 % band", zorder=1)
     axes.set_ylim(0, None)
     axes.set(xlabel="step k (1 s)", ylabel="NEES, mean of\nruns and targets")
     axes.grid(alpha=0.3)

@@ -11,6 +11,7 @@ from agents import distribution_shift as shift
 from wavegym.core.errors import InputError
 from wavegym.evaluation import make_task
 from wavegym.registration import SYSTEMS
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 CASES = [(env, name, given) for env, shifts in shift.load_shifts().items() for name, given in shifts.items()]
 
@@ -47,13 +48,53 @@ def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.Monke
     monkeypatch.setattr(shift, "WORLDS", 4)
     monkeypatch.setattr(shift, "SAVED", tmp_path)
     found = shift.play("SectorSetup", {"harder": {"reference_snr": 10.0}, "none": {}}, jobs=1)
-    assert found["none"]["best-simple"]["percent"] == found["harder"]["best-simple"]["percent"] == 0.0
-    assert set(found["harder"]) == {"myopic", "best-simple"}
-    assert found["harder"]["myopic"]["percent"] > 0.0
-    assert np.isfinite(found["harder"]["myopic"]["nees"])
-    text = shift.table({"SectorSetup": found})
-    assert text.count("\n") == 3
-    assert "| SectorSetup | harder" in text
+    none, harder = (found[name][shift.KNOWN]["policies"] for name in ("none", "harder"))
+    assert none["best-simple"]["belief"]["percent"] == harder["best-simple"]["belief"]["percent"] == 0.0
+    assert set(harder) == {"myopic", "best-simple"}
+    assert harder["myopic"]["belief"]["percent"] > 0.0
+    assert harder["myopic"]["truth"]["percent"] > 0.0
+    assert np.isfinite(harder["myopic"]["nees"]["mean"])
+    known, unknown = shift.tables({"SectorSetup": found}).split("The tracker does not know it.")
+    assert known.startswith("The tracker knows the change. By belief:")
+    assert known.count("| SectorSetup | harder") == 2  # by belief and by truth
+    assert unknown.count(" none |") == 2
+
+
+def test_a_shift_of_which_the_tracker_does_not_know_shows_in_truth_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(shift, "WORLDS", 30)
+    monkeypatch.setattr(shift, "SAVED", tmp_path)
+    monkeypatch.setattr(KershawEvansPosition, "nees_dimension", 2)
+    found = shift.play("KershawEvansPosition", {"rough": {"q": 10_000.0}, "none": {}}, jobs=1)
+    flags = {
+        (name, half): figures["policies"]["best-simple"]["nees"]["flag"]
+        for name, halves in found.items()
+        for half, figures in halves.items()
+    }
+    assert flags == {
+        ("rough", "known"): "",
+        ("rough", "unknown"): "high",
+        ("none", "known"): "",
+        ("none", "unknown"): "",
+    }
+    assert found["none"]["known"] == found["none"]["unknown"]
+    assert " high |" in shift.tables({"KershawEvansPosition": found}).partition("does not know")[2]
+
+
+def test_a_parameter_in_which_the_truth_may_not_differ_is_known_to_the_tracker() -> None:
+    system = KershawEvansPosition()
+    assert shift.halves(system, {"q": 1.0}) == {"known": {"q": 1.0}, "unknown": {"truth": {"q": 1.0}}}
+    assert shift.halves(system, {"q": 1.0, "horizon": 9}) == {"known": {"q": 1.0, "horizon": 9}}
+
+
+def test_results_of_an_earlier_version_are_to_be_played_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "Urban.json").write_text('{"clutter x4": {"myopic": {"percent": 0.0}}}')
+    monkeypatch.setattr(shift, "FOLDER", tmp_path)
+    with pytest.raises(
+        InputError, match=r"Urban\.json does not tell .* expected it from `python -m agents.distribution"
+    ):
+        shift.renew(["Urban"])
 
 
 def test_a_broken_file_is_named(tmp_path: Path) -> None:

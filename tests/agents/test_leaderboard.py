@@ -13,19 +13,23 @@ from agents import leaderboard as leaderboard
 from agents import timing
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, saved
+from wavegym.evaluation.account import Account
 from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.worlds import world_seeds
 from wavegym.registration import SYSTEMS
+from wavegym.systems.kershaw_evans.system import KershawEvans
 
 
 def entry(**costs: list[float]) -> leaderboard.Entry:
-    accounts = {
-        name.replace("_", "-"): leaderboard.Account(np.array([cost]), np.full((1, len(cost)), 2.0))
-        for name, cost in costs.items()
-    }
-    return leaderboard.Entry(ID, accounts, {})
+    return leaderboard.Entry(ID, {name.replace("_", "-"): account(cost) for name, cost in costs.items()}, {})
+
+
+def account(cost: list[float]) -> Account:
+    """With errors as believed."""
+    costs, nothing = np.array([cost]), np.full((1, len(cost)), np.nan)
+    return Account(costs, np.sqrt(costs), np.sqrt(costs), nothing, 2.0 + 0.0 * costs, 0.0 * costs)
 
 
 @pytest.fixture
@@ -72,10 +76,12 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
     page, front = ((folders / name).read_text() for name in ("PAGE", "README"))
     assert page.startswith("before")
     assert page.endswith("after\n")
-    assert page.count("| KershawEvansPosition-v0") == 2
+    assert page.count("| KershawEvansPosition-v0") == 4
     confined = [line.split("|")[2:5] for line in page.splitlines() if line.startswith("| KershawEvansPosition ")]
     assert [[cell.strip() for cell in row] for row in confined] == [[a, "horizon=7", "0"] for a in ("PPO", "DQN")]
-    assert front.count("| KershawEvansPosition-v0") == 1
+    assert front.count("| KershawEvansPosition-v0") == 2
+    assert page.count("By truth:") == front.count("By truth:") == 1
+    assert "order by truth" in front or "No two policies" in front
     lines = [line for line in front.splitlines() if line.startswith("| KershawEvansPosition-v0")]
     assert lines[0].split("|")[2].strip() == "myopic"
 
@@ -96,6 +102,7 @@ def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> 
     played = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 16.0, 4.0], ppo=[9.0, 18.0, 4.5])
     assert played.recovered("ppo") == pytest.approx(np.log(0.9) / np.log(0.8))
     assert played.against("ppo", "best-simple").value == pytest.approx(-10.0)
+    assert played.error_against("ppo", "best-simple").value == pytest.approx(-10.0)
     nothing = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 30.0, 5.0], ppo=[9.0, 18.0, 4.5])
     assert nothing.recovered("ppo") is None
 
@@ -106,6 +113,22 @@ def test_decisions_for_a_single_environment_are_compared() -> None:
         [played._replace(us={timing.ALONE: 3000.0, "best-planner": 200.0, "ppo": 30.0})]
     ).splitlines()[-1]
     assert [cell.strip() for cell in line.split("|")[-5:-1]] == ["3000", "200", "30", "100"]
+
+
+def test_errors_orders_and_consistency_follow_from_the_accounts(monkeypatch: pytest.MonkeyPatch) -> None:
+    worlds = np.arange(1.0, 31.0)
+    played = entry(best_simple=[*worlds], myopic=[*worlds], best_planner=[*(0.8 * worlds)], ppo=[*(0.7 * worlds)])
+    flattered = played.accounts["ppo"]._replace(rmse=np.sqrt(1.2 * worlds)[None], nees=4.0 + 0.01 * worlds[None])
+    played.accounts["ppo"] = flattered._replace(lost=np.full((1, 30), 0.5))
+    line = leaderboard.errors([played]).splitlines()[-1]
+    assert [cell.strip() for cell in line.split("|")[2:-1]] == [
+        *("0", "-20.0", "+20.0", "+20.0 to +20.0", "", "", "0.000", "0.000", "0.500", "")
+    ]
+    assert "best-simple against ppo +42.9 % by belief and -16.7 % by truth" in leaderboard.orders([played])
+    monkeypatch.setattr(KershawEvans, "nees_dimension", 2, raising=False)
+    cells = [cell.strip() for cell in leaderboard.consistency_table([played]).splitlines()[-1].split("|")[2:-1]]
+    assert cells[0] == "2"
+    assert (cells[1], cells[5]) == ("2.000", "4.155 high")
 
 
 def test_a_missing_ladder_is_named(folders: Path) -> None:

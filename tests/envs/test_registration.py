@@ -75,7 +75,7 @@ def test_a_finished_system_takes_other_parameters():
 
 
 def test_a_string_is_not_imported_when_it_is_registered():
-    wavegym.register("tests/Later-v0", "no_such_package.module:Class", reward="log-trace", anything=3)
+    wavegym.register("tests/Later-v0", "no_such_package.module:Class", reward="log-cost", anything=3)
     try:
         with pytest.raises(InputError, match=r"'no_such_package\.module:Class', which cannot be loaded"):
             gym.make("tests/Later-v0")

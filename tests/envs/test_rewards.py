@@ -29,21 +29,74 @@ def play(reward, policy, steps=12, mode="Disabled"):
 
 
 def costs_of(policy):
-    return np.array([info["cost"] for info in play("trace", policy)[1]])
+    return np.array([info["cost"] for info in play("cost", policy)[1]])
 
 
-def test_trace_is_minus_the_weighted_trace_of_the_covariance_exactly():
-    env = WaveformVectorEnv(SYSTEM, NUM_ENVS)
+def stepped(system, **given):
+    """Rewards, costs and P's first element of each step of one episode, (step, env) each."""
+    env = WaveformVectorEnv(system, NUM_ENVS, **given)
     env.reset(seed=3)
+    found = []
     for action in range(12):
         _, reward, _, _, info = env.step(np.full(NUM_ENVS, action))
-        assert (reward == -env.belief.covariance[:, 0, 0]).all()
-        assert (reward == -info["cost"]).all()
+        found.append((reward, info["cost"], env.belief.covariance[:, 0, 0]))
+    return np.array(found).swapaxes(0, 1)
 
 
-def test_log_trace_is_minus_the_logarithm_of_the_cost():
-    rewards, infos = play("log-trace", Fixed(3))
+@pytest.mark.parametrize("given", [{}, {"reward": "cost"}, {"reward": "trace"}])
+def test_where_no_track_is_lost_the_reward_is_minus_the_weighted_trace_of_the_covariance_exactly(given):
+    reward, cost, trace = stepped(SYSTEM, **given)
+    assert (reward == -trace).all()
+    assert (reward == -cost).all()
+
+
+class Doubted(KershawEvansPosition):
+    """A track that exists with the probability .75; without it a target costs 1000 m^2."""
+
+    def cost(self, belief):
+        return 0.75 * np.minimum(super().cost(belief), 1000.0) + 0.25 * 1000.0
+
+    def trace(self, belief):
+        return super().cost(belief)
+
+
+@pytest.mark.parametrize(
+    ("name", "want"),
+    [
+        ("cost", lambda cost, trace: -cost),
+        ("log-cost", lambda cost, trace: -np.log(cost)),
+        ("trace", lambda _, trace: -trace),
+    ],
+)
+def test_trace_does_not_follow_a_cost_that_counts_lost_tracks(name, want):
+    reward, cost, trace = stepped(Doubted(horizon=12), reward=name)
+    assert (cost > 250.0).all()
+    assert (cost != trace).all()
+    assert (reward == want(cost, trace)).all()
+
+
+def test_by_default_the_reward_is_minus_the_cost_whatever_it_is():
+    reward, cost, _ = stepped(Doubted(horizon=12))
+    assert (reward == -cost).all()
+
+
+def test_log_cost_is_minus_the_logarithm_of_the_cost():
+    rewards, infos = play("log-cost", Fixed(3))
     assert (rewards == -np.log([info["cost"] for info in infos])).all()
+
+
+class WithGospa(KershawEvansPosition):
+    def state_info(self, state):
+        figures = super().state_info(state)
+        return {**figures, "gospa": np.minimum(figures["position_error"], 20.0)}
+
+
+def test_gospa_is_minus_the_squared_distance_that_the_system_reports():
+    env = WaveformVectorEnv(WithGospa(horizon=12), NUM_ENVS, reward="gospa")
+    env.reset(seed=3)
+    for _ in range(5):
+        _, reward, _, _, info = env.step(np.full(NUM_ENVS, 20))
+        assert (reward == -(info["gospa"] ** 2)).all()
 
 
 def test_error_is_minus_the_squared_true_position_error():
@@ -118,7 +171,7 @@ def test_a_reward_of_ones_own_with_its_terms_in_info():
 
 @pytest.mark.parametrize(
     ("reward", "message"),
-    [("relativ", "did you mean 'relative'"), (3, "expected one of trace, log-trace"), (print, "an object with begin")],
+    [("relativ", "did you mean 'relative'"), (3, "expected one of cost, log-cost"), (print, "an object with begin")],
 )
 def test_an_unknown_reward_is_refused(reward, message):
     with pytest.raises(InputError, match=message):
@@ -181,6 +234,15 @@ def test_a_rule_without_recorded_constants_is_refused(system, name, message):
         WaveformVectorEnv(system, 2, reward=f"relative:{name}").reset(seed=0)
 
 
-def test_the_true_error_needs_its_metric():
-    with pytest.raises(InputError, match=r"reward is 'error', expected a system with the metric 'position_error'"):
-        WaveformVectorEnv(Burner(), 2, reward="error").reset(seed=0)
+@pytest.mark.parametrize(
+    ("system", "reward", "metric", "nearest"),
+    [
+        (Burner(), "error", "position_error", "cost"),
+        (Burner(), "gospa", "gospa", "cost"),
+        (SYSTEM, "gospa", "gospa", "error"),
+    ],
+)
+def test_a_reward_by_truth_needs_its_metric(system, reward, metric, nearest):
+    message = rf"reward is '{reward}', expected a system with the metric '{metric}', .*\(nearest: '{nearest}'\)"
+    with pytest.raises(InputError, match=message):
+        WaveformVectorEnv(system, 2, reward=reward).reset(seed=0)

@@ -17,7 +17,7 @@ POSITION = "wavegym/KershawEvansPosition-v0"
 MODES = ["NextStep", "SameStep", "Disabled"]
 SETTINGS = {
     "trace": {"reward": "trace"},
-    "box, log-trace": {"reward": "log-trace", "action": "box", "start_covariance": "steady"},
+    "box, log-cost": {"reward": "log-cost", "action": "box", "start_covariance": "steady"},
     "relative": {"reward": "relative"},
     "acceleration, error": {"reward": "error", "model": "ca", "weights": (1, 0, 0), "prior_variance": (1e4, 1e4, 10)},
 }

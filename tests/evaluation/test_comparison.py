@@ -119,7 +119,7 @@ class Counting(Fixed):
         ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),
         ({"root": -1}, "seed is -1"),
         ({"horizn": 5}, "setting 'horizn' is unknown.*did you mean 'horizon'"),
-        ({"reward": "log-trace"}, "setting 'reward' is unknown"),
+        ({"reward": "log-cost"}, "setting 'reward' is unknown"),
     ],
 )
 def test_mistakes_are_named_before_the_work_begins(monkeypatch, change, words):

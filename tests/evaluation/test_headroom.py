@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -37,13 +38,26 @@ def test_planners_play_the_same_whatever_the_number_of_jobs():
         np.testing.assert_array_equal(one.cost(name), two.cost(name))
 
 
-def played(costs):
-    """An account of which only the costs and the clock matter, (world, H)."""
+def played(costs, errors=None):
+    """An account of costs (world, H), of position errors (world,), by default as believed, and of the clock."""
     count = len(costs)
-    nothing = np.full(count, np.nan)
-    steps = np.full(count, costs.shape[1])
-    choice, options = np.zeros((count, costs.shape[1], 0), int), np.zeros(count, int)
-    return [Played(costs, steps, nothing, nothing[:, None], nothing, nothing, choice, options, steps * 1e-6)]
+    nothing, steps = np.full(count, np.nan), np.full(count, costs.shape[1])
+    return [
+        Played(
+            cost=costs,
+            steps=steps,
+            rmse=np.sqrt(costs.mean(axis=1)) if errors is None else errors,
+            target_rmse=nothing[:, None],
+            believed_rmse=nothing,
+            gospa=nothing,
+            nees_sum=np.zeros(costs.shape),
+            nees_count=np.zeros(costs.shape, int),
+            lost=nothing,
+            choice=np.zeros((*costs.shape, 0), int),
+            options=np.zeros(count, int),
+            seconds=steps * 1e-6,
+        )
+    ]
 
 
 def comparison_of(costs):
@@ -66,7 +80,34 @@ def test_figures_are_paired_with_the_best_simple_rule():
     share = 100 * np.log(0.9) / np.log(0.8)
     assert f"A plan made once recovers {share:.0f} % of the planner's gain." in text
     assert re.search(r"^\| Delay-v0 +\|", text, re.MULTILINE)
-    assert text.count("-20.0") >= 3  # overview, ladder, intervals
+    assert text.count("-20.0") >= 6  # overview, ladder, intervals, by belief and by truth
+    assert [rows["best-planner"]["truth"][key] for key in ("mean", "geometric_percent")] == pytest.approx(
+        [0.8 * simple.mean(), -20.0]
+    )
+    assert "Error by truth, of the position:" in text
+    assert "NEES" not in text  # nothing of it was recorded
+    assert text.count("\n\n## ") == 1
+
+
+def test_the_page_names_policies_whose_order_is_another_by_truth():
+    rng = np.random.default_rng(0)
+    costs = {name: rng.lognormal(0.0, 0.3, (50, 6)) for name in ("best-simple", "best-planner")}
+    comparison = comparison_of(costs)
+    for factor, named in ((1.0, False), (2.0, True)):
+        errors = factor * np.sqrt(costs["best-simple"].mean(axis=1))
+        flattered = {**comparison.played, "best-planner": played(0.5 * costs["best-planner"], errors)}
+        text = headroom_page.block([json.loads(json.dumps(headroom.figures(replace(comparison, played=flattered))))])
+        assert ("best-simple against best-planner +" in text) == named
+        assert ("No two policies are established" in text) != named
+
+
+def test_results_of_an_earlier_version_are_to_be_played_again(tmp_path, capsys):
+    found = headroom.figures(comparison_of({name: np.ones((50, 6)) for name in ("best-simple", "best-planner")}))
+    found.pop("reversals")
+    (tmp_path / "CameraSlew-v0.json").write_text(json.dumps(found))
+    (tmp_path / "page.md").write_text("")
+    assert headroom_page.main([str(tmp_path), str(tmp_path / "page.md")]) == 2
+    assert "has no figures by truth, expected it from `make headroom IDS=CameraSlew-v0`" in capsys.readouterr().err
 
 
 def test_a_plan_that_loses_recovers_nothing():

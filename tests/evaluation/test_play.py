@@ -36,13 +36,19 @@ def test_metrics_are_means_over_steps_and_targets_and_losses_those_of_the_end():
     played = play(Task("tests/Measured-v0", Measured(), None, {}), Fixed(0), SEEDS)
     steps = [np.arange(1, length + 1.0) for length in WORLDS.length]
     np.testing.assert_allclose(played.rmse, [np.sqrt(np.mean([s**2, (7 * s) ** 2])) for s in steps], rtol=1e-14)
+    np.testing.assert_allclose(played.believed_rmse, 0.5 * played.rmse, rtol=1e-14)
+    np.testing.assert_allclose(played.gospa, [np.sqrt(np.mean(s**2)) for s in steps], rtol=1e-14)
     np.testing.assert_allclose(played.nees, [4 * s.mean() for s in steps], rtol=1e-14)
+    running = np.arange(9) < WORLDS.length[:, None]
+    np.testing.assert_array_equal(played.nees_count, 2 * running)
+    np.testing.assert_array_equal(played.nees_sum, np.where(running, 8.0 * np.arange(1, 10), 0.0))
     np.testing.assert_array_equal(played.lost, 1 + (WORLDS.length >= 3))
 
 
 def test_metrics_that_a_system_lacks_are_not_numbers():
     played = play(UNEVEN, Fixed(0), SEEDS[:3])
-    assert all(np.isnan(metric).all() for metric in (played.rmse, played.nees, played.lost))
+    metrics = played.rmse, played.believed_rmse, played.gospa, played.nees, played.lost
+    assert all(np.isnan(metric).all() for metric in metrics)
 
 
 def test_a_cost_that_is_not_a_number_stays_visible():

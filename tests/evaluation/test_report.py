@@ -44,13 +44,21 @@ def column(rows, policy, key):
 
 def test_the_summary_has_the_agreed_form(folder):
     summary = json.loads((folder / "summary.json").read_text())
-    assert list(summary) == ["env", "settings", "worlds", "seed", "versions", "policies"]
+    assert list(summary) == [
+        *("env", "settings", "worlds", "seed", "versions", "in_gospa", "nees_dimension", "policies", "reversals")
+    ]
     assert (summary["env"], summary["worlds"], summary["seed"]) == ("wavegym/KershawEvansPosition-v0", 25, 4)
     assert summary["settings"] == {"horizon": 5}
     assert {"python", "wavegym", "numpy", "scipy", "gymnasium", "numba"} <= set(summary["versions"])
     assert list(summary["policies"]) == ["myopic", "random", "learner"]
     for policy in summary["policies"].values():
-        assert list(policy) == ["cost", "vs_myopic", "score", "rmse", "nees", "lost", "us_per_decision"]
+        assert list(policy) == [
+            *("cost", "vs_myopic", "score", "truth", "nees", "true_over_believed", "lost", "rmse", "us_per_decision")
+        ]
+        assert list(policy["truth"]) == [
+            *("mean", "ci", "root", "percent", "percent_ci", "geometric_percent", "geometric_ci")
+        ]
+        assert list(policy["nees"]) == ["mean", "ci", "flag", "steps_outside"]
         assert list(policy["cost"]) == ["mean", "ci", "iqm", "median"]
         assert list(policy["vs_myopic"]) == ["percent", "ci", "geometric_percent", "geometric_ci"]
         assert sorted(policy["rmse"]) == ["ci", "mean", "median"]
@@ -74,7 +82,13 @@ def test_the_summary_follows_from_the_episodes(folder, rows):
         geometric = 100 * (np.exp(np.log(ratios).mean()) - 1)
         assert policy["vs_myopic"]["geometric_percent"] == pytest.approx(geometric, abs=1e-9)
         assert policy["rmse"]["mean"] == pytest.approx(rmse.mean(), rel=1e-12)
-        assert policy["nees"] == pytest.approx(column(rows, name, "nees").mean(), rel=1e-12)
+        truth, true_myopic = policy["truth"], column(rows, "myopic", "rmse") ** 2
+        ratios = rmse**2 / np.tile(true_myopic, len(cost) // len(myopic))
+        assert truth["mean"] == pytest.approx((rmse**2).mean(), rel=1e-12)
+        assert truth["root"] == pytest.approx(np.sqrt((rmse**2).mean()), rel=1e-12)
+        assert truth["percent"] == pytest.approx(100 * ((rmse**2).mean() / true_myopic.mean() - 1), abs=1e-9)
+        assert truth["geometric_percent"] == pytest.approx(100 * np.expm1(np.log(ratios).mean()), abs=1e-9)
+        assert policy["nees"]["mean"] == pytest.approx(column(rows, name, "nees").mean(), rel=1e-12)
     assert (policies["random"]["score"], policies["myopic"]["score"]) == (0.0, 1.0)
 
 
@@ -97,9 +111,11 @@ def test_what_a_system_does_not_measure_is_null_and_empty(tmp_path):
     assert fixed["vs_myopic"] == {"percent": 100.0, "ci": None, "geometric_percent": 100.0, "geometric_ci": None}
     assert fixed["score"] is None
     assert fixed["rmse"] == {"mean": None, "ci": None, "median": None}
-    assert "RMSE" not in table
+    assert fixed["nees"] == {"mean": None, "ci": None, "flag": "", "steps_outside": None}
+    assert "RMS error" not in table
+    assert "Consistency" not in table
     last = (tmp_path / "episodes.csv").read_text().splitlines()[-1]
-    assert last.endswith(",,,,gain 2,1.0")
+    assert last.endswith(",,,,,,gain 2,1.0")
 
 
 @pytest.mark.filterwarnings("error")
@@ -122,11 +138,15 @@ def test_lost_tracks_are_counted():
 def test_the_table_is_markdown_with_the_cheapest_first(folder, comparison):
     lines = (folder / "table.md").read_text().splitlines()
     assert lines[0] == "wavegym/KershawEvansPosition-v0, horizon=5: 25 worlds, seed 4"
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-    assert {len(row) for row in cells} == {len(cells[0])}
-    assert len({len(line) for line in lines[2:]}) == 1  # aligned
-    names = [row[0] for row in cells[2:]]
-    assert names == sorted(names, key=lambda name: comparison.cost(name).mean())
+    tables = "\n".join(lines).split("\n\n")[2::2]
+    titles = "Cost by belief:", "Error by truth, of the position:", "Consistency of the tracker (expected NEES: 2):"
+    assert tuple(lines[2::8][:3]) == titles
+    for table in tables:
+        cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+        assert {len(row) for row in cells} == {len(cells[0])}
+        assert len({len(line) for line in table.splitlines()}) == 1  # aligned
+        names = [row[0] for row in cells[2:]]
+        assert names == sorted(names, key=lambda name: comparison.cost(name).mean())
 
 
 def test_the_picture_shows_every_policy_in_its_own_colour(folder):

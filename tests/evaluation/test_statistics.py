@@ -61,6 +61,25 @@ def test_the_width_of_an_interval_is_the_normal_one_where_the_sample_is_large():
     assert high - low == pytest.approx(2 * 1.95996 * data.std() / np.sqrt(4000), rel=0.08)  # 2000 resamples: sd 3 %
 
 
+def test_a_ratio_of_means_takes_the_episodes_that_have_both_numbers():
+    values, others = np.arange(1.0, 61.0).reshape(2, 30), np.full((2, 30), 2.0)
+    values[0, 3], others[1, 29] = np.nan, np.nan
+    estimate = statistics.ratio(values, others, rng())
+    assert estimate.value == pytest.approx((sum(range(1, 61)) - 4 - 60) / (58 * 2.0))
+    assert inside(estimate.value, estimate.ci)
+    assert statistics.ratio(np.full((1, 5), np.nan), np.ones((1, 5)), rng()) == (None, None)
+
+
+def test_the_interval_of_a_ratio_covers_that_of_the_means():
+    data = np.random.default_rng(12)
+    trials, covered = 200, 0
+    for _ in range(trials):
+        others = data.lognormal(0.0, 0.5, (1, 60))
+        values = 1.5 * others * data.lognormal(-0.125, 0.5, (1, 60))  # a factor of mean 1
+        covered += inside(1.5, statistics.ratio(values, others, rng()).ci)
+    assert 0.87 <= covered / trials <= 0.99  # as for paired ratios above
+
+
 def test_constant_ratio_is_exact():
     baseline = np.random.default_rng(4).lognormal(0.0, 1.0, (1, 30))
     result = statistics.difference(0.85 * baseline, baseline, rng())

@@ -26,7 +26,7 @@ def test_layers_override_each_other(tmp_path: Path) -> None:
     file.write_text(text)
     default = load_settings("mine/Env-v0", "ppo", file=file)
     assert default.gamma == 0.5
-    assert default.reward == "trace"
+    assert default.reward == "cost"
     own = load_settings("wavegym/KershawEvans-v0", "ppo", file=file)
     assert own.reward == "relative"
     assert own.environment == {"q": 2.0, "horizon": 9}

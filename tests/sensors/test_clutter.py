@@ -1,4 +1,4 @@
-"""Clutter in the union of gates: Poisson in number, uniform in position, a function of the key."""
+"""The clutter field: Poisson in number, uniform in position, the same for every gate that looks at it."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.errors import InputError
 from wavegym.sensors import gate_volume, union_clutter
-from wavegym.sensors.clutter_kernels import add_clutter
+from wavegym.sensors.clutter_kernels import ASPECT, add_clutter
 
 CENTRE = np.array([[100.0, -5.0], [115.0, 0.0], [180.0, 40.0]])  # the first two gates overlap, the third is apart
 S = np.array([[[16.0, -3.0], [-3.0, 4.0]], [[25.0, 8.0], [8.0, 9.0]], [[9.0, 0.0], [0.0, 1.0]]])
@@ -89,12 +90,20 @@ def test_scans_of_neighbouring_keys_are_uncorrelated(scans):
     assert stats.pearsonr(first[1:, 0], first[:-1, 0]).pvalue > CHANCE
 
 
-def test_a_points_place_says_nothing_about_how_many_follow():
-    """The last point of a scan is as uniform in its gate as any: arrival, radius and angle share no random number."""
-    ends = [z[-1] for key in KEYS if len(z := append(key, present=[True, False, False]))]
-    whitened = np.linalg.solve(np.linalg.cholesky(S[0]), (ends - CENTRE[0]).T)
-    assert stats.kstest((whitened**2).sum(axis=0) / GATE**2, "uniform").pvalue > CHANCE
-    assert stats.kstest(np.arctan2(whitened[1], whitened[0]) / (2 * np.pi) + 0.5, "uniform").pvalue > CHANCE
+def test_one_field_is_uniform_over_boxes_that_are_no_cells():
+    """Counts of one key in a rotated grid of boxes are Poisson with a common mean, and neighbours are uncorrelated."""
+    box, side = np.array([[3.0, 1.0], [-1.0, 2.0]]), 40  # area 7
+    S = np.eye(2)[None] * (2.0 * side * 4.0) ** 2
+    z = union_clutter(11, [[1e4, -50.0]], S, 1.0, density=0.3)
+    place = np.floor(np.linalg.solve(box.T, (z - [1e4, -50.0]).T)).astype(int).T + side // 2
+    counts = np.zeros((side, side))
+    np.add.at(counts, tuple(place[((place >= 0) & (place < side)).all(axis=1)].T), 1)
+    mean = 0.3 * 7.0
+    assert counts.sum() == pytest.approx(counts.size * mean, abs=4 * np.sqrt(counts.size * mean))
+    dispersion = ((counts - mean) ** 2).sum() / mean
+    assert CHANCE < stats.chi2.cdf(dispersion, counts.size) < 1 - CHANCE
+    for here, next_ in ((counts[1:], counts[:-1]), (counts[:, 1:], counts[:, :-1])):
+        assert stats.pearsonr(here.ravel(), next_.ravel()).pvalue > CHANCE
 
 
 def test_the_key_decides():
@@ -103,22 +112,62 @@ def test_the_key_decides():
     assert np.array_equal(union_clutter(2**64 - 1, CENTRE, S, GATE, 0.05), append(2**64 - 1))
 
 
-@pytest.mark.parametrize("key", range(5))
-def test_more_of_anything_keeps_the_points_there_were(key):
-    first = [True, False, False]
-    few = append(key, present=first)
-    denser = append(key, present=first, density=0.15)
-    assert len(denser) > len(few)
-    assert np.array_equal(denser[: len(few)], few)
-    wider = append(key, present=first, covariance=4 * S)  # whitened coordinates stay
-    assert len(wider) > len(few)
-    np.testing.assert_allclose(wider[: len(few)] - CENTRE[0], 2 * (few - CENTRE[0]), rtol=0, atol=1e-12)
-    larger = append(key, present=first, gate=2 * GATE)
-    assert np.array_equal(larger, wider)
+def field(key, density, low, high):
+    """Every point of the field in the box from ``low`` to ``high``, cell by cell, from the law that the kernel states.
+
+    The Poisson number is SciPy's quantile of the cell's draw 0; its points take two draws each.
+    """
+    side = np.sqrt(1 / (density * ASPECT)) * np.array([ASPECT, 1.0])
+    first, last = np.floor(low / side).astype(int), np.floor(high / side).astype(int)
+    z = []
+    for column in range(first[0], last[0] + 1):
+        for row in range(first[1], last[1] + 1):
+            cell = np.uint64(stream(np.uint64(stream(np.uint64(key), column)), row))
+            for n in range(int(stats.poisson.ppf(uniform(cell, 0), 1.0))):
+                place = column + uniform(cell, 2 * n + 1), row + uniform(cell, 2 * n + 2)
+                z.append(side * place)
+    return np.array(z).reshape(-1, 2)
+
+
+def by_row(z):
+    """Points in an order of their own."""
+    return z[np.lexsort(z.T)]
+
+
+THIN = np.array([[400.0, -399.0 * 3], [-399.0 * 3, 400.0 * 9]])
+
+
+@pytest.mark.parametrize("covariance", [S, 0.01 * S, np.array([THIN, S[1], 0.1 * THIN])])
+@pytest.mark.parametrize("density", [0.002, 0.05])
+def test_a_gate_holds_exactly_the_points_of_the_field_inside_it(covariance, density):
+    """Small, large and slanted gates miss no cell: the whole field of the box around them is the reference."""
+    reach = GATE * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    low, high = (CENTRE - reach).min(axis=0), (CENTRE + reach).max(axis=0)
+    some = 0
+    for key in range(20):
+        z = field(key, density, low, high)
+        expected = z[in_gates(z, covariance=covariance).any(axis=1)]
+        np.testing.assert_allclose(by_row(append(key, covariance=covariance, density=density)), by_row(expected))
+        some += len(expected)
+    assert some > 0
 
 
 @pytest.mark.parametrize("key", range(5))
-def test_each_gate_has_its_own_points_less_what_earlier_present_gates_cover(key):
+def test_whoever_looks_finds_the_same_points(key):
+    """A larger gate, or another tracker's gate elsewhere, holds the same points where both look."""
+    few = append(key, present=[True, False, False])
+    centre, other = CENTRE[:1] + np.array([3.0, -2.0]), np.array([[[30.0, 5.0], [5.0, 12.0]]])
+    z = union_clutter(key, centre, other, GATE, 0.05)
+    mine, theirs = in_gates(few, centre, other)[:, 0], in_gates(z)[:, 0]
+    np.testing.assert_array_equal(by_row(few[mine]), by_row(z[theirs]))
+    for wider in (append(key, present=[True, False, False], gate=2 * GATE), append(key, covariance=4 * S)):
+        kept = wider[in_gates(wider)[:, 0]]
+        assert len(wider) > len(few)
+        np.testing.assert_array_equal(by_row(kept), by_row(few))
+
+
+@pytest.mark.parametrize("key", range(5))
+def test_each_gate_adds_the_points_that_earlier_present_gates_do_not_hold(key):
     alone = [append(key, present=np.arange(3) == t) for t in range(3)]
     expected = [z[~in_gates(z)[:, :t].any(axis=1)] for t, z in enumerate(alone)]
     assert np.array_equal(append(key), np.concatenate(expected))
@@ -150,6 +199,13 @@ def test_no_clutter():
     assert append(1, present=[False] * 3).shape == (0, 2)
 
 
+def test_the_thinnest_field_has_its_density():
+    """Below the density at which cells stop growing, a cell expects less than one point."""
+    counts = [len(union_clutter(key, [[0.0, 0.0]], 1e21 * np.eye(2)[None], 1.0, 3e-22)) for key in range(2000)]
+    mean = np.pi * 1e21 * 3e-22
+    assert np.mean(counts) == pytest.approx(mean, abs=4 * np.sqrt(mean / 2000))
+
+
 def test_a_gate_without_a_finite_volume_gets_none_and_spares_the_others():
     others = append(1, present=[False, True, True])
     for entry in (np.nan, np.inf):
@@ -173,11 +229,13 @@ GOOD = {"key": 1, "centre": CENTRE, "S": S, "gate": GATE, "density": 0.05}
         ({"density": -1e-4}, "density is -0.0001, expected a finite number >= 0"),
         ({"density": np.inf}, "density is inf, expected"),
         ({"density": 1e9}, r"expected number of clutter points .* \(nearest: 1e\+07\)"),
-        ({"S": -S}, "expected a symmetric positive definite matrix"),
+        ({"centre": CENTRE + 1e14}, "density is 0.05 with cells of area 1 / density, expected gates within 1e\\+12"),
+        ({"S": np.array([np.diag([1e20, 1e-20])] * 3)}, "expected gates within .* sizes up to 5e\\+07 clutter cells"),
+        ({"S": -S}, r"S\[0\] has the eigenvalue -.*, expected a positive definite matrix"),
         ({"S": S[:2]}, r"centre and S have shapes \(3, 2\) and \(2, 2, 2\), expected \(gates, 2\)"),
         ({"S": S[0]}, r"centre and S have shapes \(3, 2\) and \(2, 2\), expected \(gates, 2\)"),
         ({"centre": CENTRE.T}, r"centre has shape \(2, 3\), expected \(\.\.\., 2\)"),
-        ({"centre": np.full((3, 2), np.nan)}, r"centre is \[nan, nan\], expected finite numbers"),
+        ({"centre": np.full((3, 2), np.nan)}, r"centre\[0, 0\] is nan, expected finite numbers"),
     ],
 )
 def test_bad_input(change, message):

@@ -182,7 +182,7 @@ def test_delays_are_those_of_every_element_by_itself():
             lambda: PAIR.delays(np.zeros((1, 6)), [0], [[0.0]], 0.0),
             r"times and offsets have shapes \(1, 1\) and \(1,\)",
         ),
-        (lambda: Antenna(MAP, (np.nan, 0.0)), "expected finite numbers in m"),
+        (lambda: Antenna(MAP, (np.nan, 0.0)), r"position\[0\] is nan, expected finite numbers"),
         (lambda: Antenna(UrbanMap(), (0.0, 0.0), axis=(np.nan, 0.0)), "expected a unit vector"),
         (lambda: LONG.threshold(1.0), "density is 1.0"),
         (lambda: LONG.threshold(-1.0), "density is -1.0"),

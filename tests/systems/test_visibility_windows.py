@@ -71,6 +71,14 @@ def test_each_by_itself_as_in_a_batch():
     np.testing.assert_array_equal(alternating_windows(uniforms[5], 60), visible[5])
 
 
+def test_long_episodes_need_no_array_of_steps_times_stays():
+    """It would hold 1.6e11 elements."""
+    uniforms = np.random.default_rng(0).random((2, 4, window_draws(100_000, (6, 14), (4, 10))))
+    visible = alternating_windows(uniforms, 100_000)
+    assert visible.shape == (2, 4, 100_000)
+    assert pytest.approx(visible.mean(), abs=0.01) == 10 / 17  # the mean stays are 10 and 7 steps
+
+
 def test_draws_at_the_ends():
     """All 0: shortest stays from their start; all 1, which no generator draws: longest stays, the first nearly over."""
     needed = window_draws(60, SHOWN, HIDDEN)

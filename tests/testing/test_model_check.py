@@ -34,9 +34,14 @@ class NotANumber(KershawEvans):
         return super().cost(belief) * np.nan
 
 
+class TraceOfEach(KershawEvans):
+    def trace(self, belief):
+        return super().trace(belief)[..., None]
+
+
 class FlatMask(KershawEvans):
     def mask(self, belief):
-        return np.ones(len(self.actions), bool)
+        return np.ones(len(self.actions.labels), bool)
 
 
 @pytest.mark.parametrize(
@@ -46,6 +51,7 @@ class FlatMask(KershawEvans):
         (Frozen, "step is not one later"),
         (Careless, r"predict\(\) changed the belief"),
         (NotANumber, r"cost\(\) is not finite"),
+        (TraceOfEach, r"trace\(\) returned shape \(3, 1\), expected \(3,\)"),
         (FlatMask, r"mask\(\) returned shape \(88,\)"),
     ],
 )

@@ -96,7 +96,7 @@ def test_a_batch_is_its_elements_bit_for_bit():
         ({"clutter_density": 0.0}, "clutter_density is 0.0, expected finite numbers > 0"),
         ({"gate": -1.0}, "gate is -1.0, expected a finite number > 0"),
         ({"gate_probability": 1.5}, "gate_probability is 1.5, expected a probability in"),
-        ({"S": -np.ones((2, 2, 2))}, "S has the eigenvalue -2, expected a positive definite matrix"),
+        ({"S": -np.ones((2, 2, 2))}, r"S\[0\] has the eigenvalue -2, expected a positive definite matrix"),
         ({"measurements": np.zeros((3, 3))}, "argument shapes are"),
     ],
 )

@@ -131,10 +131,10 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_by_track():
     x, P, _, _, y, H, R = problem(2, 2, lead=(2, 3))
     R[1, 2] = -1e6 * np.eye(2)
     for call in (lambda: update(x, P, y, H, R), lambda: update_covariance(P, H, R)):
-        with pytest.raises(InputError, match=r"of track \(1, 2\) has the eigenvalue -1e\+06, expected"):
+        with pytest.raises(InputError, match=r"R\[1, 2\] has the eigenvalue -1e\+06, expected"):
             call()
     P[0, 1] = np.nan
-    with pytest.raises(InputError, match=r"of track \(0, 1\) has the eigenvalue nan"):
+    with pytest.raises(InputError, match=r"P\[0, 1, 0, 0\] is nan, expected finite numbers"):
         update_covariance(P, H, R)
     with pytest.raises(InputError, match=r"^R has the eigenvalue -2, expected"):
         update(np.zeros(1), [[1.0]], np.zeros(1), [[1.0]], [[-2.0]])

@@ -34,6 +34,15 @@ def check_each(name: str, values: FloatArray, valid: NDArray[np.bool_], expected
         raise InputError(f"{name}{where} is {float(values[index])!r}, expected {expected}")
 
 
+def check_finite(name: str, values: ArrayLike, *core: int) -> FloatArray:
+    """Return ``values`` as an array of shape (..., *core) if all are finite; otherwise raise an InputError."""
+    array = check_last_axes(name, values, *core)
+    finite = np.isfinite(array)
+    if not finite.all():
+        check_each(name, array, finite, "finite numbers")
+    return array
+
+
 def check_last_axes(name: str, values: ArrayLike, *core: int) -> FloatArray:
     """Return ``values`` as an array of shape (..., *core); otherwise raise an InputError."""
     array = np.asarray(values, dtype=np.float64)

@@ -72,6 +72,8 @@ class System:
         strict: whether environments refuse a masked action. With False the system replaces a masked action by an
             allowed one, in ``transition`` and ``predict`` alike, and reports ``replaced`` in ``state_info``.
         outcome_shape: the shape of the uniform draws that decide one step's outcome in ``predict``; (0,) for none.
+        nees_dimension: the number of elements of the error in ``state_info``'s ``nees``, which is the mean NEES of a
+            consistent tracker. Reports flag a mean NEES far from it; None (default) where no mean is expected.
     """
 
     if TYPE_CHECKING:  # a subclass has them as fields, properties or class attributes
@@ -113,6 +115,11 @@ class System:
     def outcome_shape(self) -> tuple[int, ...]:
         """The shape of the draws that decide one step's outcome."""
         return (0,)
+
+    @property
+    def nees_dimension(self) -> int | None:
+        """The mean NEES of a consistent tracker; None where no mean is expected."""
+        return None
 
     @property
     def target_of_action(self) -> Array | None:
@@ -196,8 +203,16 @@ class System:
         raise NotImplementedError
 
     def cost(self, belief: Any) -> Array:
-        """The cost of a belief, trace(Lambda P), with the leading axes of ``belief``: (env,) or (env, candidate)."""
+        """What schedulers minimise, with the leading axes of ``belief``: (env,) or (env, candidate).
+
+        In a system whose tracks cannot be lost it is trace(Lambda P) summed over the targets. A system that charges
+        for a track that may be lost says so, and has a ``trace`` of its own.
+        """
         raise NotImplementedError
+
+    def trace(self, belief: Any) -> Array:
+        """trace(Lambda P) summed over the targets, shaped as ``cost``, which it is by default."""
+        return self.cost(belief)
 
     def observe(self, belief: Any) -> Array:
         """The observation in the units of ``observation_fields``, (env, fields)."""
@@ -223,9 +238,17 @@ class System:
     def state_info(self, state: State) -> dict[str, Array]:
         """Key figures of the state, each (env, ...). They may use the truth; agents never observe them.
 
-        Evaluation reads ``position_error`` (m), ``nees`` and ``lost`` (tracks lost; the value at the episode's end
-        counts), each (env,) or (env, target). Where targets come and go, ``present``, (env, target) bool, marks those
-        that are there; the figures of an absent target are 0, because Gymnasium's checker treats NaN as unequal.
+        Evaluation reads, each (env,) or (env, target):
+
+        * ``position_error`` (m), the distance of the estimate from the target;
+        * ``position_variance`` (m^2), its mean square by belief: the trace of the covariance's position part;
+        * ``nees``, the normalised estimation error squared, over ``nees_dimension`` elements;
+        * ``lost``, tracks lost; the value at the episode's end counts.
+
+        Where targets come and go, ``present``, (env, target) bool, marks those that are there; the figures of an absent
+        target are 0, because Gymnasium's checker treats NaN as unequal. ``gospa``, (env,) in m, is the GOSPA distance
+        of order 2 for all targets and tracks together; where a system has it, evaluation takes its square for the error
+        by truth, in place of the squared position error.
         """
         return {}
 

@@ -1,19 +1,19 @@
-"""Build a system from its class or name and its parameters."""
+"""The settings of every environment, and its system from parameters."""
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
-from wavegym.core.loading import load_object
-from wavegym.core.parameters import make_checked
+from wavegym.core import build
 from wavegym.core.system import System
 
 SETTINGS = {  # of every environment, with their meaning
     "num_envs": "number of environments, of a vector environment",
-    "reward": '"trace" (-trace(Lambda P)), "log-trace" (-ln trace(Lambda P)), "error" (minus the squared true position '
-    'error), a comparison with the myopic scheduler on the same world ("relative", "relative-log", "relative-share", '
-    '"relative-scaled"), or with another heuristic ("relative:best-simple"); or a Reward of your own',
+    "reward": '"cost" (minus the cost: see Rewards), "log-cost" (minus its logarithm), "trace" (-trace(Lambda P), '
+    'summed over the targets), "error" (minus the squared true position error), "gospa" (minus the squared GOSPA '
+    'distance, where the info has it), a comparison with the myopic scheduler on the same world ("relative", '
+    '"relative-log", "relative-share", "relative-scaled"), or with another heuristic ("relative:best-simple"); or a '
+    "Reward of your own",
     "render_mode": 'None or "rgb_array"',
     "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
     "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "
@@ -25,18 +25,5 @@ SETTINGS = {  # of every environment, with their meaning
 
 
 def build_system(system: System | type[System] | str, parameters: dict[str, Any]) -> System:
-    """A system with these parameters, built from its class, ``"package.module:Class"`` or another system.
-
-    Raises:
-        InputError: no such class, an unknown parameter (nearest named) or a value out of range.
-    """
-    kind: Any = load_object("system", system) if isinstance(system, str) else system
-    if isinstance(system, System):
-        if not parameters:
-            return system
-        kind = type(system)
-        own = {field.name: getattr(system, field.name) for field in dataclasses.fields(system) if field.init}
-        parameters = {**own, **parameters}
-    made: System = make_checked(kind, parameters, beside=SETTINGS)
-    made.truth_model  # noqa: B018  (an invalid truth is reported here)
-    return made
+    """See ``wavegym.core.build.build_system``; an unknown parameter may be meant as one of ``SETTINGS``."""
+    return build.build_system(system, parameters, SETTINGS)

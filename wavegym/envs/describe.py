@@ -26,7 +26,7 @@ from wavegym.registration import full_id
 
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
-    "cost": "trace(Lambda P) of the belief after the step",
+    "cost": "cost of the belief after the step: see Rewards",
     "saturated": "number of observation fields clipped at their bound",
     "waveform": "index of the waveform transmitted; `env.unwrapped.system.actions.labels` names it",
 }

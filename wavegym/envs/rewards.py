@@ -1,6 +1,6 @@
 """Rewards of environments, by name or as an object: minus the cost by default, others for training.
 
-The reported cost is always trace(Lambda P) (``info["cost"]``), whatever the reward. A reward keeps no state of its own:
+The reported cost (``info["cost"]``) is that of the system, whatever the reward. A reward keeps no state of its own:
 ``begin`` makes its memory of a world, and the environment keeps that memory and hands it back at every step.
 """
 
@@ -45,7 +45,7 @@ class Reward(Protocol):
 
 
 class Cost:
-    """-trace(Lambda P), exactly."""
+    """Minus the cost of the system, exactly: -trace(Lambda P) where no track can be lost."""
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember."""
@@ -56,11 +56,19 @@ class Cost:
 
 
 class LogCost(Cost):
-    """-ln trace(Lambda P): for costs that span decades."""
+    """Minus the logarithm of the cost: for costs that span decades."""
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         return -np.log(transition.cost), {}
+
+
+class Trace(Cost):
+    """-trace(Lambda P) summed over the targets, whatever the cost of the system is."""
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        return -transition.system.trace(transition.following.belief), {}
 
 
 class TrueError(Cost):
@@ -71,10 +79,7 @@ class TrueError(Cost):
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember. Raises an InputError where the system has no such metric."""
-        metrics = system.state_info(system.initial(world))
-        if "position_error" not in metrics:
-            wanted = f"a system with the metric 'position_error', which {type(system).__name__} lacks"
-            raise InputError(f"reward is 'error', expected {wanted} (nearest: 'trace')")
+        _check_metric("error", "position_error", system, world)
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
@@ -82,6 +87,30 @@ class TrueError(Cost):
         if error.ndim == 1:
             return -error * error, {}
         return -(error * error).reshape(len(error), -1).sum(axis=1), {}
+
+
+class SquaredGospa(Cost):
+    """Minus the squared GOSPA distance in m^2 (order 2, alpha = 2): position errors, missed targets and false tracks.
+
+    The mean square GOSPA is a cost of sensor management in Garcia-Fernandez, Hernandez and Maskell, *An analysis on
+    metric-driven multi-target sensor management: GOSPA versus OSPA* (2021).
+    """
+
+    def begin(self, system: System, world: Any) -> None:
+        """Nothing to remember. Raises an InputError where the system has no such metric."""
+        _check_metric("gospa", "gospa", system, world)
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        return -np.square(transition.system.state_info(transition.following)["gospa"]), {}
+
+
+def _check_metric(reward: str, metric: str, system: System, world: Any) -> None:
+    metrics = system.state_info(system.initial(world))
+    if metric not in metrics:
+        wanted = f"a system with the metric {metric!r}, which {type(system).__name__} lacks"
+        nearest = "error" if "position_error" in metrics else "cost"
+        raise InputError(f"reward is {reward!r}, expected {wanted} (nearest: {nearest!r})")
 
 
 class ReferenceCosts(NamedTuple):
@@ -154,9 +183,11 @@ RELATIVE = {
     "relative-scaled": "scaled",
 }
 OWN: dict[str, Callable[[], Reward]] = {
-    "trace": Cost,
-    "log-trace": LogCost,
+    "cost": Cost,
+    "log-cost": LogCost,
+    "trace": Trace,
     "error": TrueError,
+    "gospa": SquaredGospa,
     **{name: partial(Relative, form=form) for name, form in RELATIVE.items()},  # type: ignore[arg-type]
 }
 REWARDS: Registry[Callable[[], Reward]] = Registry("reward", OWN)

@@ -23,7 +23,7 @@ class WaveformEnv(gym.Env):
         self,
         system: System | type[System] | str,
         *,
-        reward: str | Reward = "trace",
+        reward: str | Reward = "cost",
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:

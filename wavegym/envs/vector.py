@@ -42,7 +42,7 @@ class WaveformVectorEnv(VectorEnv):
         system: System | type[System] | str,
         num_envs: int = 1,
         *,
-        reward: str | Reward = "trace",
+        reward: str | Reward = "cost",
         render_mode: str | None = None,
         autoreset_mode: str = "NextStep",
         max_episode_steps: int | None = None,

@@ -13,6 +13,7 @@ from tqdm import tqdm
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
+from wavegym.evaluation.account import Account, account_of
 from wavegym.evaluation.adapters import Given, as_policies
 from wavegym.evaluation.play import Played, merged, play
 from wavegym.evaluation.task import Task, make_task
@@ -43,6 +44,10 @@ class Comparison:
     def cost(self, name: str) -> Array:
         """Mean cost per step, (member, world)."""
         return np.stack([member.episode_cost() for member in self.played[name]])
+
+    def account(self, name: str) -> Account:
+        """Every figure of every episode, (member, world) each."""
+        return account_of(self.played[name])
 
 
 def compare(
@@ -128,7 +133,7 @@ def _members(task: Task, policies: Mapping[str, Given | None], root: int, trust:
 
     Each plays one step here, so that mistakes show before the work begins, and kernels are compiled by one process.
     """
-    loops, tapes = task.system.baselines(), tuning_tapes(task.system, root)
+    loops, tapes = task.system.baselines(), tuning_tapes(task.system.belief_model, root)
     members: Members = {}
     for name, given in policies.items():
         source: Any = name if given is None else given

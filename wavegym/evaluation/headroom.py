@@ -23,8 +23,9 @@ from wavegym.core.system import System
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import Comparison, compare
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
-from wavegym.evaluation.summary import us_per_decision, versions
+from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.evaluation.worlds import tuning_tapes, word
 from wavegym.registration import SYSTEMS
@@ -85,17 +86,19 @@ def _made(name: str, system: System, tuning: Any) -> Any:
 def figures(comparison: Comparison) -> dict[str, Any]:
     """The figures of a comparison for the page, as plain types."""
     system = comparison.task.system
+    accounts = {name: comparison.account(name) for name in comparison.played}
     rows = {}
-    for name in comparison.played:
+    for name, account in accounts.items():
         rng = np.random.default_rng([comparison.root, word("bootstrap")])
-        cost = comparison.cost(name)
-        mean = statistics.mean(cost, rng)
-        ratio = statistics.difference(cost, comparison.cost(SIMPLE), rng).geometric
+        mean = statistics.mean(account.cost, rng)
+        ratio = statistics.difference(account.cost, accounts[SIMPLE].cost, rng).geometric
         rows[name] = {
             "mean": mean.value,
             "ci": mean.ci,
             "vs_simple_percent": ratio.value,
             "vs_simple_ci": ratio.ci,
+            "truth": by_truth(account, accounts[SIMPLE], rng),
+            **by_consistency(comparison, name, rng),
             "us_per_decision": us_per_decision(comparison, name),
         }
     return {
@@ -105,7 +108,10 @@ def figures(comparison: Comparison) -> dict[str, Any]:
         "horizon": system.horizon,
         "tuned_constants": recorded(system),
         "versions": versions(),
+        "in_gospa": accounts[SIMPLE].in_gospa,
+        "nees_dimension": system.nees_dimension,
         "policies": rows,
+        "reversals": reversals(accounts, comparison.root),
     }
 
 

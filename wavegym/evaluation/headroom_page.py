@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,28 @@ from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.table import interval, number, signed, tabulated
+from wavegym.evaluation.table import (
+    CONSISTENCY,
+    Table,
+    both,
+    columns,
+    consistency_row,
+    consistency_title,
+    decimal,
+    interval,
+    number,
+    order_sentence,
+    signed,
+    tabulated,
+    titled,
+    truth_title,
+)
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
 
 START, END = "<!-- made by `make headroom`: -->", "<!-- to here -->"
+BELIEF = ("policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision")
+TRUTH = ("policy", "squared error m²", "95 %", "vs best simple %", "95 %", "RMS error m", "lost")
 STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")  # of the overview
 
 
@@ -26,37 +44,73 @@ def block(results: list[dict[str, Any]]) -> str:
 
 
 def overview(results: list[dict[str, Any]]) -> str:
-    """One line for each environment: how much each costs more or less than the best simple rule."""
+    """Two tables, by belief and by truth: how much each policy costs or errs more or less than the best simple rule."""
+    return both(_overview(results, _by_belief), _overview(results, _by_truth))
+
+
+Estimated = tuple[float | None, list[float] | None]  # a value and its interval
+
+
+def _overview(results: list[dict[str, Any]], against_simple: Callable[[dict[str, Any]], Estimated]) -> str:
+    """One line for each environment."""
     head = ["environment", "best simple heuristic", *STEPS[:-1], "best planner", "95 %"]
     rows = []
     for result in results:
         policies, prepared = result["policies"], result["tuned_constants"]
-        cells = [_percent(policies.get(name)) for name in STEPS]
-        ends = interval(policies[PLANNER]["vs_simple_ci"], signed)
+        cells = [signed(against_simple(policies[name])[0]) if name in policies else "" for name in STEPS]
+        ends = interval(against_simple(policies[PLANNER])[1], signed)
         rows.append([_short(result), prepared.get(SIMPLE, SIMPLE), *cells, ends])
     return tabulated(head, rows)
 
 
+def _by_belief(row: dict[str, Any]) -> Estimated:
+    return row["vs_simple_percent"], row["vs_simple_ci"]
+
+
+def _by_truth(row: dict[str, Any]) -> Estimated:
+    return row["truth"]["geometric_percent"], row["truth"]["geometric_ci"]
+
+
 def chapter(result: dict[str, Any]) -> str:
-    """One environment's ladder, the dearest first."""
+    """One environment's ladder, the dearest by belief first: cost by belief, error by truth, consistency."""
     prepared = result["tuned_constants"]
     names = {SIMPLE: prepared.get(SIMPLE), PLANNER: prepared.get(PLANNER)}
-    rows = []
-    for name, row in sorted(result["policies"].items(), key=lambda item: -item[1]["mean"]):
-        label = f"**{name}**: {names[name]}" if names.get(name) else name
-        rows.append(
-            [
-                label,
-                number(row["mean"]),
-                interval(row["ci"], number),
-                _percent(row),
-                interval(row["vs_simple_ci"], signed),
-                f"{row['us_per_decision']:.1f}",
-            ]
-        )
-    head = ["policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision"]
+    policies = {
+        f"**{name}**: {names[name]}" if names.get(name) else name: row
+        for name, row in sorted(result["policies"].items(), key=lambda item: -item[1]["mean"])
+    }
     title = f"## {_short(result)}: {result['worlds']} worlds of {result['horizon']} steps"
-    return f"{title}\n\n{tabulated(head, rows)}{_recovered(result)}"
+    shown = [
+        Table("Cost by belief", columns(BELIEF, policies, _belief_row)),
+        Table(truth_title(result["in_gospa"]), columns(TRUTH, policies, _truth_row)),
+        Table(consistency_title(result["nees_dimension"]), columns(CONSISTENCY, policies, consistency_row)),
+    ]
+    parts = [title, *map(titled, shown), order_sentence(result["reversals"]), _recovered(result)]
+    return "\n\n".join(filter(None, parts))
+
+
+def _belief_row(row: dict[str, Any]) -> list[str]:
+    return [
+        number(row["mean"]),
+        interval(row["ci"], number),
+        *_estimated(_by_belief(row)),
+        f"{row['us_per_decision']:.1f}",
+    ]
+
+
+def _truth_row(row: dict[str, Any]) -> list[str]:
+    truth = row["truth"]
+    return [
+        number(truth["mean"]),
+        interval(truth["ci"], number),
+        *_estimated(_by_truth(row)),
+        number(truth["root"]),
+        decimal(row["lost"]),
+    ]
+
+
+def _estimated(against: Estimated) -> list[str]:
+    return [signed(against[0]), interval(against[1], signed)]
 
 
 def _recovered(result: dict[str, Any]) -> str:
@@ -67,21 +121,25 @@ def _recovered(result: dict[str, Any]) -> str:
     once, best = (math.log1p(policies[name]["vs_simple_percent"] / 100.0) for name in ("plan-once", PLANNER))
     share = once / best
     if share <= 0.0:
-        return "\n\nA plan made once recovers nothing of the planner's gain."
-    return f"\n\nA plan made once recovers {100.0 * share:.0f} % of the planner's gain."
+        return "A plan made once recovers nothing of the planner's gain."
+    return f"A plan made once recovers {100.0 * share:.0f} % of the planner's gain."
 
 
 def _short(result: dict[str, Any]) -> str:
     return str(result["env"]).rpartition("/")[2]
 
 
-def _percent(row: dict[str, Any] | None) -> str:
-    return "" if row is None else signed(row["vs_simple_percent"])
-
-
 def renewed(page: str, results: list[dict[str, Any]]) -> str:
     """The page with its block made afresh; InputError where it has none."""
     return blocks.renewed(page, START, END, block(results))
+
+
+def _read(file: Path) -> dict[str, Any]:
+    """The figures in a file. Raises an InputError for a file of an earlier version, which has none by truth."""
+    result: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    if "reversals" not in result:
+        raise InputError(f"{file} has no figures by truth, expected it from `make headroom IDS={file.stem}`")
+    return result
 
 
 def main(arguments: list[str]) -> int:
@@ -92,7 +150,7 @@ def main(arguments: list[str]) -> int:
             raise InputError("expected two arguments: python -m wavegym.evaluation.headroom_page RESULTS PAGE")
         folder, page = (Path(argument) for argument in arguments)
         files = [folder / f"{env_id.rpartition('/')[2]}.json" for env_id in SYSTEMS]
-        results = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.exists()]
+        results = [_read(file) for file in files if file.exists()]
         write_whole(page.parent, {page.name: renewed(page.read_text(encoding="utf-8"), results).encode()})
 
     return guarded(renew)

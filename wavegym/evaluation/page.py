@@ -15,6 +15,7 @@ from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.picture import percent_off
 from wavegym.evaluation.play import Played, merged
+from wavegym.evaluation.table import order_sentence, tables
 
 TEMPLATE = "page.html"
 DATA, TITLE = "__DATA__", "__TITLE__"
@@ -42,9 +43,11 @@ def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[s
     """The data of the page, as plain types."""
     played = {name: merged(members) for name, members in comparison.played.items()}
     options, names = _options(comparison, played)
-    world = _typical(comparison)
+    world, shown = _typical(comparison), tables(summary)
     return {
         "title": title,
+        "tables": [table._asdict() for table in shown],
+        "orders": order_sentence(summary["reversals"]),
         "worlds": len(comparison.seeds),
         "dt": comparison.task.system.dt,
         "baseline": BASELINE,
@@ -53,13 +56,12 @@ def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[s
         "policies": [
             {
                 "name": name,
-                "summary": summary["policies"][name],
                 **_over_time(account),
                 "percent": _short(_percent(comparison, name)),
                 "shares": _shares(account, options),
                 "episode": _episode(comparison.played[name][0], world, options),
             }
-            for name, account in sorted(played.items(), key=lambda item: item[1].episode_cost().mean())
+            for name, account in ((name, played[name]) for name in shown[0].columns[0][1:])  # in the tables' order
         ],
     }
 

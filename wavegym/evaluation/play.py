@@ -27,7 +27,10 @@ class Played(NamedTuple):
     steps: Array  # (world,) int, length of the episode
     rmse: Array  # (world,) root mean square position error over steps and the targets present, m
     target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
-    nees: Array  # (world,) mean over steps and the targets present
+    believed_rmse: Array  # (world,) what the tracker believes rmse to be, from ``position_variance``, m
+    gospa: Array  # (world,) root mean square GOSPA distance over steps, m
+    nees_sum: Array  # (world, H) NEES summed over the targets present; 0 past an episode's end
+    nees_count: Array  # (world, H) int, targets in that sum
     lost: Array  # (world,) tracks lost when the episode ended
     choice: Array  # (world, H, sensor) int, the waveform transmitted; -1 past an episode's end; no sensor for a box
     options: Array  # (world,) int, waveforms to choose from at each sensor; 0 for a box
@@ -37,6 +40,11 @@ class Played(NamedTuple):
         """Mean cost per step, (world,)."""
         ran = np.arange(self.cost.shape[1]) < self.steps[:, None]
         return np.where(ran, self.cost, 0.0).sum(axis=1) / self.steps
+
+    @property
+    def nees(self) -> Array:
+        """Mean NEES over steps and the targets present, (world,)."""
+        return _ratio(self.nees_sum.sum(axis=1), self.nees_count.sum(axis=1))
 
     @property
     def chosen(self) -> Array:
@@ -91,7 +99,10 @@ class _Account:
         self.running = np.ones(count, np.bool_)
         self.costs: list[Array] = []
         self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
-        self.square, self.nees, self.lost = _Sum(), _Sum(), np.zeros(count)
+        self.square, self.variance, self.square_gospa = _Sum(), _Sum(), _Sum()
+        self.nees_sums: list[Array] = []
+        self.nees_counts: list[Array] = []
+        self.lost = np.zeros(count)
         self.sensors, options = _set_size(task.system)
         self.options = np.full(count, options)
         self.choices: list[Array] = []
@@ -102,7 +113,11 @@ class _Account:
         self.costs.append(np.where(on, info["cost"], np.nan))
         self.steps[on] += 1
         self.square.add(np.square(_metric(info, "position_error")), _counted(info, "position_error", on))
-        self.nees.add(_metric(info, "nees"), _counted(info, "nees", on))
+        self.variance.add(_metric(info, "position_variance"), _counted(info, "position_variance", on))
+        self.square_gospa.add(np.square(_metric(info, "gospa")), (on & ("gospa" in info))[:, None])
+        counted = _counted(info, "nees", on)
+        self.nees_sums.append(np.where(counted, _metric(info, "nees"), 0.0).sum(axis=1))
+        self.nees_counts.append(counted.sum(axis=1))
         self.lost[on] = _metric(info, "lost")[on].sum(axis=1)
         if self.sensors:
             self.choices.append(np.where(on[:, None], by_sensor(self.actions, info["waveform"]), -1))
@@ -110,10 +125,21 @@ class _Account:
 
     def close(self) -> Played:
         """The sums as means."""
-        rmse, target_rmse = np.sqrt(self.square.mean()), np.sqrt(self.square.of_each())
-        costs, nees = np.stack(self.costs, axis=1), self.nees.mean()
-        choice = np.stack(self.choices, axis=1) if self.sensors else np.zeros((*costs.shape, 0), np.int64)
-        return Played(costs, self.steps, rmse, target_rmse, nees, self.lost, choice, self.options, self.seconds)
+        costs = np.stack(self.costs, axis=1)
+        return Played(
+            cost=costs,
+            steps=self.steps,
+            rmse=np.sqrt(self.square.mean()),
+            target_rmse=np.sqrt(self.square.of_each()),
+            believed_rmse=np.sqrt(self.variance.mean()),
+            gospa=np.sqrt(self.square_gospa.mean()),
+            nees_sum=np.stack(self.nees_sums, axis=1),
+            nees_count=np.stack(self.nees_counts, axis=1),
+            lost=self.lost,
+            choice=np.stack(self.choices, axis=1) if self.sensors else np.zeros((*costs.shape, 0), np.int64),
+            options=self.options,
+            seconds=self.seconds,
+        )
 
 
 class _Sum:
@@ -168,12 +194,16 @@ def _counted(info: dict[str, Array], key: str, on: Array) -> Array:
 def merged(parts: Sequence[Played]) -> Played:
     """One account from those of consecutive chunks of worlds."""
     longest = max(part.cost.shape[1] for part in parts)
-    gaps = [(0, longest - part.cost.shape[1]) for part in parts]
-    padded = [
-        part._replace(
-            cost=np.pad(part.cost, ((0, 0), gap), constant_values=np.nan),
-            choice=np.pad(part.choice, ((0, 0), gap, (0, 0)), constant_values=-1),
-        )
-        for part, gap in zip(parts, gaps, strict=True)
-    ]
+    padded = [_lengthened(part, longest - part.cost.shape[1]) for part in parts]
     return Played(*(np.concatenate(arrays) for arrays in zip(*padded, strict=True)))
+
+
+def _lengthened(part: Played, steps: int) -> Played:
+    """With so many steps past the end of every episode."""
+    gap = ((0, 0), (0, steps))
+    return part._replace(
+        cost=np.pad(part.cost, gap, constant_values=np.nan),
+        nees_sum=np.pad(part.nees_sum, gap),
+        nees_count=np.pad(part.nees_count, gap),
+        choice=np.pad(part.choice, (*gap, (0, 0)), constant_values=-1),
+    )

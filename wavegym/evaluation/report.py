@@ -12,6 +12,7 @@ import numpy as np
 
 from wavegym.core.action_sets import waveform_labels
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.evaluation.account import BY_EPISODE, by_world
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.page import page
@@ -20,7 +21,7 @@ from wavegym.evaluation.play import Played
 from wavegym.evaluation.summary import summarise
 from wavegym.evaluation.table import markdown
 
-COLUMNS = ("policy", "member", "world", "seed", "steps", "cost", "rmse", "nees", "lost")
+COLUMNS = ("policy", "member", "world", "seed", "steps", *BY_EPISODE)
 FAVOURITE = ("favourite", "favourite_share")
 
 
@@ -52,9 +53,10 @@ def write_report(comparison: Comparison, folder: Path | str) -> str:
 def episodes(comparison: Comparison) -> str:
     """``episodes.csv``: a row per policy, member and world, with every digit; the same for any number of jobs.
 
-    ``env.reset(seed=[seed])`` replays the world. ``cost`` is the mean per step; ``favourite`` the waveform transmitted
-    most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``, ``rmse_2``, ... and several
-    sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is empty.
+    ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``lost`` are the fields of ``Account``. ``favourite`` is
+    the waveform transmitted most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``,
+    ``rmse_2``, ... and several sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is
+    empty.
     """
     actions = comparison.task.system.actions
     labels = () if isinstance(actions, ParameterBox) else waveform_labels(actions)
@@ -78,7 +80,7 @@ def _columns(played: Played) -> list[str]:
 
 def _rows(played: Played, labels: tuple[str, ...]) -> list[list[Any]]:
     """One member's fields of each world, from ``steps`` on."""
-    numbers = np.stack([played.episode_cost(), played.rmse, played.nees, played.lost], axis=1)
+    numbers = np.stack(by_world(played), axis=1)
     if played.target_rmse.shape[1] > 1:
         numbers = np.concatenate([numbers, played.target_rmse], axis=1)
     rows = []

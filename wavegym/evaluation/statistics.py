@@ -57,6 +57,18 @@ def mean(values: Array, rng: np.random.Generator) -> Estimate:
     return _estimate(statistic, values.shape, rng)
 
 
+def ratio(values: Array, others: Array, rng: np.random.Generator) -> Estimate:
+    """The mean of ``values`` over that of ``others``, (member, world) both, of the episodes that have both numbers."""
+    counted = np.isfinite(values) & np.isfinite(others)
+    above, below = np.where(counted, values, 0.0), np.where(counted, others, 0.0)
+
+    def statistic(members: Array, worlds: Array) -> Array:
+        resampled = (_resampled(each, members, worlds).sum(axis=(-2, -1)) for each in (above, below))
+        return np.divide(*resampled)
+
+    return _estimate(statistic, values.shape, rng)
+
+
 def of_worlds(statistic: Callable[[Array], Array], count: int, rng: np.random.Generator) -> Estimate:
     """Of so many worlds any ``statistic`` of their indices, (..., world) -> (...)."""
     return _estimate(lambda members, worlds: statistic(worlds), (1, count), rng)

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.action_sets import waveform_labels
-from wavegym.core.arrays import Array
 from wavegym.core.version import VERSION
 from wavegym.evaluation import statistics
+from wavegym.evaluation.account import Account
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
+from wavegym.evaluation.consistency import consistency, steps_outside
+from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.worlds import word
 
@@ -24,48 +26,94 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
     """The summary in plain types; None (``null``) for a metric that the system lacks or an estimate that is undefined.
 
     Keys:
-        env, settings (parameters other than the registered ones), worlds, seed, versions, and policies: for each name
-        ``cost`` {mean, ci, iqm, median} of the episodes' mean cost per step; ``vs_myopic`` {percent, ci,
-        geometric_percent, geometric_ci}, negative = cheaper than the one-step scheduler; ``score`` (0 = random,
-        1 = myopic); ``rmse`` {mean, median, ci} of the position in m, and of several targets ``targets``, the mean of
-        each; ``nees``, the mean; ``lost``, tracks lost per episode; with several sensors ``choices``, for each of them
-        the share of every waveform that it transmitted, by label, the commonest first; ``us_per_decision``,
-        microseconds for one decision in batches of worlds, the only figure taken from a clock, so another run does not
-        repeat it. Intervals are [low, high] at 95 %.
+        env, settings (parameters other than the registered ones), worlds, seed, versions; ``in_gospa``, whether the
+        error by truth is the GOSPA distance; ``nees_dimension``, the mean NEES of a consistent tracker; policies
+        (below); ``reversals``, the pairs whose order by belief is not their order by truth.
+
+        For each policy ``cost`` {mean, ci, iqm, median} of the episodes' mean cost per step; ``vs_myopic`` {percent,
+        ci, geometric_percent, geometric_ci}, negative = cheaper than the one-step scheduler; ``score`` (0 = random,
+        1 = myopic); ``truth``, ``nees``, ``true_over_believed``, ``lost``: see ``by_truth`` and ``by_consistency``;
+        ``rmse`` {mean, median, ci} of the position in m, and of several targets ``targets``, the mean of each; with
+        several sensors ``choices``, for each of them the share of every waveform that it transmitted, by label, the
+        commonest first; ``us_per_decision``, microseconds for one decision in batches of worlds, the only figure taken
+        from a clock, so another run does not repeat it. Intervals are [low, high] at 95 %.
     """
-    costs = {name: comparison.cost(name) for name in comparison.played}
+    accounts = {name: comparison.account(name) for name in comparison.played}
     return {
         "env": comparison.task.env_id,
         "settings": {key: _plain(value) for key, value in comparison.task.settings.items()},
         "worlds": len(comparison.seeds),
         "seed": comparison.root,
         "versions": versions(),
-        "policies": {name: _policy(comparison, name, costs) for name in comparison.played},
+        "in_gospa": accounts[BASELINE].in_gospa,
+        "nees_dimension": comparison.task.system.nees_dimension,
+        "policies": {name: _policy(comparison, name, accounts) for name in comparison.played},
+        "reversals": reversals(accounts, comparison.root),
     }
 
 
-def _policy(comparison: Comparison, name: str, costs: dict[str, Array]) -> dict[str, Any]:
+def by_truth(account: Account, reference: Account, rng: np.random.Generator) -> dict[str, Any]:
+    """The error of a policy by truth, as plain types.
+
+    Args:
+        account: of the policy.
+        reference: of the policy that it is compared with, on the same worlds.
+        rng: of the bootstrap.
+
+    Returns:
+        ``mean`` and ``ci``, the squared error per step in m^2; ``root``, the root of the mean in m; and against the
+        reference ``percent``, ``percent_ci`` of the means, ``geometric_percent`` and ``geometric_ci``.
+    """
+    mean = statistics.mean(account.squared_error, rng)
+    against = statistics.difference(account.squared_error, reference.squared_error, rng)
+    return {
+        **named("mean", "ci", mean),
+        "root": None if mean.value is None else math.sqrt(mean.value),
+        **named("percent", "percent_ci", against.percent),
+        **named("geometric_percent", "geometric_ci", against.geometric),
+    }
+
+
+def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) -> dict[str, Any]:
+    """How well the tracker knows its errors under a policy, as plain types.
+
+    Returns:
+        ``nees`` {mean, ci, flag, steps_outside}, see ``consistency`` and ``steps_outside``; ``true_over_believed``
+        {ratio, ci} of the mean squared position errors; ``lost``, tracks lost per episode.
+    """
+    account, dimension = comparison.account(name), comparison.task.system.nees_dimension
+    found = consistency(account, dimension, rng)
+    outside = steps_outside(comparison.played[name], dimension)
+    return {
+        "nees": {**named("mean", "ci", found.nees), "flag": found.flag, "steps_outside": outside},
+        "true_over_believed": named("ratio", "ci", found.true_over_believed),
+        "lost": statistics.average(account.lost),
+    }
+
+
+def _policy(comparison: Comparison, name: str, accounts: dict[str, Account]) -> dict[str, Any]:
     # A generator of its own for every policy: its interval is the same in whatever company it is compared.
     rng = np.random.default_rng([comparison.root, word("bootstrap")])
-    cost = costs[name]
-    mean, rmse = statistics.mean(cost, rng), _matrix(comparison, name, "rmse")
-    against = statistics.difference(cost, costs[BASELINE], rng)
-    floor = statistics.average(costs[FLOOR]) if FLOOR in costs else None
+    account, baseline = accounts[name], accounts[BASELINE]
+    cost, rmse = account.cost, account.rmse
+    mean = statistics.mean(cost, rng)
+    against = statistics.difference(cost, baseline.cost, rng)
+    floor = statistics.average(accounts[FLOOR].cost) if FLOOR in accounts else None
     rmse_mean = statistics.mean(rmse, rng)
     return {
         "cost": {
-            **_named("mean", "ci", mean),
+            **named("mean", "ci", mean),
             "iqm": statistics.interquartile_mean(cost),
             "median": statistics.median(cost),
         },
         "vs_myopic": {
-            **_named("percent", "ci", against.percent),
-            **_named("geometric_percent", "geometric_ci", against.geometric),
+            **named("percent", "ci", against.percent),
+            **named("geometric_percent", "geometric_ci", against.geometric),
         },
-        "score": statistics.score(mean.value, floor, statistics.average(costs[BASELINE])),
-        "rmse": {**_named("mean", "ci", rmse_mean), "median": statistics.median(rmse), **_targets(comparison, name)},
-        "nees": statistics.average(_matrix(comparison, name, "nees")),
-        "lost": statistics.average(_matrix(comparison, name, "lost")),
+        "score": statistics.score(mean.value, floor, statistics.average(baseline.cost)),
+        "truth": by_truth(account, baseline, rng),
+        **by_consistency(comparison, name, rng),
+        "rmse": {**named("mean", "ci", rmse_mean), "median": statistics.median(rmse), **_targets(comparison, name)},
         **_choices(comparison, name),
         "us_per_decision": us_per_decision(comparison, name),
     }
@@ -99,12 +147,8 @@ def _choices(comparison: Comparison, name: str) -> dict[str, Any]:
     return {"choices": shares}
 
 
-def _matrix(comparison: Comparison, name: str, metric: str) -> Array:
-    """A metric of every episode, (member, world)."""
-    return np.stack([getattr(member, metric) for member in comparison.played[name]])
-
-
-def _named(value: str, ci: str, estimate: Estimate) -> dict[str, Any]:
+def named(value: str, ci: str, estimate: Estimate) -> dict[str, Any]:
+    """An estimate as plain types, under these two keys."""
     return {value: estimate.value, ci: None if estimate.ci is None else list(estimate.ci)}
 
 

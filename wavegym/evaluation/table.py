@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-HEADERS = (
+BELIEF = (
     "policy",
     "mean cost",
     "95 %",
@@ -13,22 +14,87 @@ HEADERS = (
     "geometric vs myopic %",
     "95 %",
     "score",
-    "RMSE m",
-    "NEES",
-    "lost",
     "µs/decision",
 )
+TRUTH = (
+    "policy",
+    "squared error m²",
+    "95 %",
+    "mean vs myopic %",
+    "95 %",
+    "geometric vs myopic %",
+    "95 %",
+    "RMS error m",
+    "lost",
+)
+CONSISTENCY = ("policy", "NEES", "95 %", "steps outside %", "true over believed", "95 %")
+
+
+class Table(NamedTuple):
+    """A table with a line above it."""
+
+    title: str
+    columns: list[list[str]]  # each under its heading; the first names the rows
 
 
 def markdown(summary: dict[str, Any]) -> str:
-    """One row for each policy, the cheapest first. A column without any entry is left out."""
-    ordered = sorted(summary["policies"].items(), key=lambda item: _or_last(item[1]["cost"]["mean"]))
-    columns = [list(column) for column in zip(HEADERS, *(_row(name, p) for name, p in ordered), strict=True)]
-    shown = [column for column in columns if any(column[1:])]
+    """What was played, and the tables."""
     settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
     worlds = f"{summary['worlds']} world{'s' * (summary['worlds'] > 1)}"
     title = f"{summary['env']}{settings}: {worlds}, seed {summary['seed']}"
-    return f"{title}\n\n{aligned(shown)}"
+    return "\n\n".join([title, *map(titled, tables(summary)), order_sentence(summary["reversals"])])
+
+
+def tables(summary: dict[str, Any]) -> list[Table]:
+    """Cost by belief, error by truth and consistency: one row for each policy, the cheapest first.
+
+    A column without any entry is left out, and so is a table without figures.
+    """
+    policies = dict(sorted(summary["policies"].items(), key=lambda item: _or_last(item[1]["cost"]["mean"])))
+    made = [
+        Table("Cost by belief", columns(BELIEF, policies, _belief_row)),
+        Table(truth_title(summary["in_gospa"]), columns(TRUTH, policies, _truth_row)),
+        Table(consistency_title(summary["nees_dimension"]), columns(CONSISTENCY, policies, consistency_row)),
+    ]
+    return [table for table in made if len(table.columns) > 1]
+
+
+def titled(table: Table) -> str:
+    """A table in Markdown, with its title; empty where it has no figures."""
+    return f"{table.title}:\n\n{aligned(table.columns)}" if len(table.columns) > 1 else ""
+
+
+def both(belief: str, truth: str) -> str:
+    """Two tables of the same form."""
+    return f"By belief:\n\n{belief}\n\nBy truth:\n\n{truth}"
+
+
+def truth_title(in_gospa: bool) -> str:
+    """The title of a table of errors by truth."""
+    return f"Error by truth, of {'the GOSPA distance' if in_gospa else 'the position'}"
+
+
+def consistency_title(dimension: int | None) -> str:
+    """The title of a table of the tracker's consistency."""
+    return "Consistency of the tracker" + ("" if dimension is None else f" (expected NEES: {dimension})")
+
+
+def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
+    """What a report says of the pairs found by ``wavegym.evaluation.orders.reversals``."""
+    if not reversals:
+        return "No two policies are established to have one order by belief and the other by truth."
+    listed = [
+        f"{pair['policy']} against {pair['reference']} {signed(pair['belief'])} % by belief and "
+        f"{signed(pair['truth'])} % by truth"
+        for pair in reversals
+    ]
+    return f"The order by belief is not the order by truth: {'; '.join(listed)}."
+
+
+def order_list(reversals: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """``order_sentence`` for several comparisons by name; those without such a pair are not listed."""
+    told = [f"- {name}: {order_sentence(pairs)}" for name, pairs in reversals.items() if pairs]
+    return "\n".join(told) or order_sentence([])
 
 
 def aligned(columns: list[list[str]]) -> str:
@@ -44,22 +110,58 @@ def tabulated(head: list[str], rows: list[list[str]]) -> str:
     return aligned([list(column) for column in zip(head, *rows, strict=True)])
 
 
-def _row(name: str, policy: dict[str, Any]) -> tuple[str, ...]:
+def columns(
+    head: tuple[str, ...], policies: Mapping[str, Any], row: Callable[[dict[str, Any]], list[str]]
+) -> list[list[str]]:
+    """A column of names and, of what ``row`` makes of each policy, the columns that have an entry."""
+    every = zip(head, *([name, *row(policy)] for name, policy in policies.items()), strict=True)
+    return [list(column) for column in every if any(column[1:])]
+
+
+def _belief_row(policy: dict[str, Any]) -> list[str]:
     cost, against = policy["cost"], policy["vs_myopic"]
-    return (
-        name,
+    return [
         number(cost["mean"]),
         interval(cost["ci"], number),
         signed(against["percent"]),
         interval(against["ci"], signed),
         signed(against["geometric_percent"]),
         interval(against["geometric_ci"], signed),
-        "" if policy["score"] is None else f"{policy['score']:.3f}",
-        number(policy["rmse"]["mean"]),
-        number(policy["nees"]),
-        number(policy["lost"]),
+        decimal(policy["score"]),
         f"{policy['us_per_decision']:.1f}",
-    )
+    ]
+
+
+def _truth_row(policy: dict[str, Any]) -> list[str]:
+    truth = policy["truth"]
+    return [
+        number(truth["mean"]),
+        interval(truth["ci"], number),
+        signed(truth["percent"]),
+        interval(truth["percent_ci"], signed),
+        signed(truth["geometric_percent"]),
+        interval(truth["geometric_ci"], signed),
+        number(truth["root"]),
+        decimal(policy["lost"]),
+    ]
+
+
+def consistency_row(policy: dict[str, Any]) -> list[str]:
+    """A policy's cells under CONSISTENCY, without its name."""
+    nees, ratio = policy["nees"], policy["true_over_believed"]
+    outside = nees["steps_outside"]
+    return [
+        flagged(nees["mean"], nees["flag"]),
+        interval(nees["ci"], number),
+        "" if outside is None else f"{100.0 * outside:.0f}",
+        number(ratio["ratio"]),
+        interval(ratio["ci"], number),
+    ]
+
+
+def flagged(nees: float | None, flag: str) -> str:
+    """A mean NEES and its flag."""
+    return f"{number(nees)} {flag}".strip()
 
 
 def _line(cells: tuple[str, ...], widths: list[int]) -> str:
@@ -72,6 +174,11 @@ def number(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:#.4g}"
+
+
+def decimal(value: float | None) -> str:
+    """Three decimals: tracks lost per episode, and scores."""
+    return "" if value is None else f"{value:.3f}"
 
 
 def signed(percent: float | None) -> str:

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_last_axes
+from wavegym.core.array_checks import check_elements, check_finite, check_last_axes
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_positive
+from wavegym.core.covariance_checks import check_positive_definite
+from wavegym.core.errors import check_positive
 from wavegym.sensors import gate_kernels as kernels
 
 
@@ -37,20 +38,15 @@ def gate_volume(S: ArrayLike, gate: ArrayLike) -> Array:
 def inside_gate(innovation: ArrayLike, S: ArrayLike, gate: ArrayLike) -> NDArray[np.bool_]:
     """Whether an innovation z - centre, (..., 2), lies in the gate: (...). S, gate, errors: see ``gate_volume``."""
     g = check_elements(check_positive, "gate", gate)
-    squared = kernels.distance(check_last_axes("innovation", innovation, 2), np.zeros(2), cholesky(S))
+    squared = kernels.distance(check_finite("innovation", innovation, 2), np.zeros(2), cholesky(S))
     return np.asarray(squared <= g * g)
 
 
 def cholesky(S: ArrayLike) -> Array:
-    """Lower triangular L with L L' = S, (..., 2, 2); raise an InputError for the first S that is no covariance."""
-    S = check_last_axes("S", S, 2, 2)
+    """Lower triangular L with L L' = S, (..., 2, 2); InputError for an S that is not symmetric positive definite."""
+    S = check_positive_definite("S", check_last_axes("S", S, 2, 2))
     L = np.zeros(S.shape)
-    with np.errstate(all="ignore"):
-        L[..., 0, 0] = np.sqrt(S[..., 0, 0])
-        L[..., 1, 0] = S[..., 1, 0] / L[..., 0, 0]
-        L[..., 1, 1] = np.sqrt(S[..., 1, 1] - L[..., 1, 0] * L[..., 1, 0])
-        symmetric = abs(S[..., 0, 1] - S[..., 1, 0]) <= 1e-9 * np.sqrt(S[..., 0, 0] * S[..., 1, 1])
-    valid = symmetric & (L[..., 0, 0] > 0) & (L[..., 1, 1] > 0) & np.isfinite(S).all(axis=(-2, -1))
-    if not valid.all():
-        raise InputError(f"S is {S[~valid][0].tolist()}, expected a symmetric positive definite matrix")
+    L[..., 0, 0] = np.sqrt(S[..., 0, 0])
+    L[..., 1, 0] = S[..., 1, 0] / L[..., 0, 0]
+    L[..., 1, 1] = np.sqrt(np.maximum(S[..., 1, 1] - L[..., 1, 0] * L[..., 1, 0], 0.0))
     return L

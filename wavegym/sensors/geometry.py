@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_last_axes
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import Array
 from wavegym.sensors import geometry_kernels as kernels
 
@@ -21,11 +21,11 @@ def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
         is 0.
 
     Raises:
-        InputError: shapes that do not fit.
+        InputError: shapes that do not fit, or numbers that are not finite.
     """
-    return kernels.measure(check_last_axes("state", state, 4), check_last_axes("sensor", sensor, 2))
+    return kernels.measure(check_finite("state", state, 4), check_finite("sensor", sensor, 2))
 
 
 def range_and_rate_jacobian(state: ArrayLike, sensor: ArrayLike) -> Array:
     """H = dh/dx of ``range_and_rate``, (..., 2, 4): rows r, rdot; columns x, y, xdot, ydot. Same arguments."""
-    return kernels.jacobian(check_last_axes("state", state, 4), check_last_axes("sensor", sensor, 2))
+    return kernels.jacobian(check_finite("state", state, 4), check_finite("sensor", sensor, 2))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_last_axes
+from wavegym.core.array_checks import check_finite, check_last_axes, check_shape
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.sensors import multipath_kernels as kernels
@@ -37,9 +37,9 @@ class Antenna:
     axis: Point = (1.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.position).all():
-            raise InputError(f"the antenna's position is {self.position}, expected finite numbers in m")
+        check_shape("the antenna's position", check_finite("the antenna's position", self.position), (2,))
         self.urban_map.check_outdoors("the antenna's position", self.position)
+        check_shape("the antenna's axis", np.asarray(self.axis), (2,))
         if not abs(np.hypot(*self.axis) - 1.0) <= 1e-9:
             raise InputError(f"the antenna's axis is {self.axis}, expected a unit vector such as (1.0, 0.0)")
 
@@ -133,5 +133,5 @@ def mirrored(points: ArrayLike, wall: ArrayLike) -> Array:
 
 
 def _flat(points: ArrayLike) -> tuple[Array, tuple[int, ...]]:
-    points = check_last_axes("points", points, 2)
+    points = check_finite("points", points, 2)
     return np.array(points.reshape(-1, 2), order="C"), points.shape[:-1]

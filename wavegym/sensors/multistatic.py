@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_last_axes
+from wavegym.core.array_checks import check_elements, check_finite
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_within
 from wavegym.sensors.geometry import range_and_rate
@@ -31,9 +31,10 @@ def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receive
         (r in m, rdot in m/s), (..., 2), positive rate for a growing path.
 
     Raises:
-        InputError: a wrong shape.
+        InputError: a wrong shape, or numbers that are not finite.
     """
-    return (range_and_rate(state, transmitter) + range_and_rate(state, receiver)) / 2.0
+    ends = check_finite("transmitter", transmitter, 2), check_finite("receiver", receiver, 2)
+    return (range_and_rate(state, ends[0]) + range_and_rate(state, ends[1])) / 2.0
 
 
 class Echoes(NamedTuple):
@@ -97,7 +98,7 @@ class Multistatic:
 
     def measure(self, state: ArrayLike) -> Array:
         """(r in m, rdot in m/s) over each path, visible or not, of x = (x, y, xdot, ydot), (..., 4): (..., path, 2)."""
-        state = check_last_axes("state", state, 4)[..., None, :]
+        state = check_finite("state", state, 4)[..., None, :]
         images = self.transmitter.images[self.paths[:, 0]], self.receiver.images[self.paths[:, 1]]
         return multistatic_range_and_rate(state, *images)
 
@@ -113,15 +114,17 @@ class Multistatic:
             offsets: positions of the elements along the axis of the receiver, m, (element,).
 
         Raises:
-            InputError: a wrong shape, or no index of a path.
+            InputError: a wrong shape, numbers that are not finite, or no index of a path.
         """
-        state, path = check_last_axes("state", state, 6), np.asarray(path)
+        state, path = check_finite("state", state, 6), np.asarray(path)
         if state.ndim != 2 or path.shape != state.shape[:1]:
             raise InputError(f"state and path have shapes {state.shape} and {path.shape}, expected (n, 6) and (n,)")
         check_elements(lambda name, number: check_within(name, number, 0, len(self.paths) - 1), "path", path)
         if (path != np.floor(path)).any():
             raise InputError(f"path is {path.tolist()}, expected integers")
-        times, offsets = np.array(times, np.float64, ndmin=1), np.array(offsets, np.float64, ndmin=1)
+        times, offsets = (
+            np.array(check_finite(name, values), ndmin=1) for name, values in (("times", times), ("offsets", offsets))
+        )
         if times.ndim > 1 or offsets.ndim > 1:
             raise InputError(f"times and offsets have shapes {times.shape} and {offsets.shape}, expected one axis each")
         out, back = self.paths[path.astype(np.int64)].T

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_last_axes
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import Array
 from wavegym.sensors import platform_kernels as kernels
 
@@ -24,11 +24,9 @@ def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool
         when the target recedes; azimuth = atan2(dx, dy) - look. r is at least 1e-9 m; at the platform itself rdot is 0.
 
     Raises:
-        InputError: shapes that do not fit.
+        InputError: shapes that do not fit, or numbers that are not finite.
     """
-    return kernels.measure(
-        check_last_axes("state", state, 4), check_last_axes("platform", platform, 3), float(as_printed)
-    )
+    return kernels.measure(check_finite("state", state, 4), check_finite("platform", platform, 3), float(as_printed))
 
 
 def platform_jacobian(state: ArrayLike, platform: ArrayLike, as_printed: bool = False) -> Array:
@@ -36,6 +34,4 @@ def platform_jacobian(state: ArrayLike, platform: ArrayLike, as_printed: bool = 
 
     The arguments are those of ``platform_measurement``.
     """
-    return kernels.jacobian(
-        check_last_axes("state", state, 4), check_last_axes("platform", platform, 3), float(as_printed)
-    )
+    return kernels.jacobian(check_finite("state", state, 4), check_finite("platform", platform, 3), float(as_printed))

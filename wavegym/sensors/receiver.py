@@ -17,7 +17,7 @@ import scipy.fft
 import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_shape
+from wavegym.core.array_checks import check_elements, check_finite, check_shape
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive, check_within
 from wavegym.sensors import receiver_kernels as kernels
@@ -29,6 +29,7 @@ ComplexArray = NDArray[np.complex128]
 DELAY_CELLS = 2  # per sample
 DOPPLER_CELLS = 4  # per resolution cell
 BEAMS_PER_ELEMENT = 3
+MOST_SAMPLES = 1e8  # of a scan: 1.6 GB
 MOST = 64  # peaks of an image; weaker ones are lost
 CUT_OFF = 1e-3  # of the peak amplitude: below it the simulated pulse ends
 BANDWIDTHS = 6.0  # rms bandwidths within the sample rate: all but .3 % of the energy of a Gaussian pulse
@@ -55,7 +56,7 @@ class ArrayReceiver:
         elements: number of elements L.
 
     Raises:
-        InputError: no pulse train, or a number out of range.
+        InputError: no pulse train, a number out of range, or more than 1e8 samples in a scan.
     """
 
     train: PulseTrain
@@ -74,6 +75,10 @@ class ArrayReceiver:
         if self.sample_rate < BANDWIDTHS * bandwidth:
             wanted = f"{BANDWIDTHS:g} times the pulses' rms bandwidth (nearest: {BANDWIDTHS * bandwidth:.6g})"
             raise InputError(f"sample_rate is {self.sample_rate!r} Hz, expected at least {wanted}")
+        low, high = self.train.pulse.support
+        longest = (high - low + 2.0 * self.reach / SPEED_OF_LIGHT) * self.sample_rate
+        samples = float(self.train.count) * self.elements * longest
+        check_within("samples of a scan (pulses x elements x samples of a pulse)", samples, 0.0, MOST_SAMPLES)
 
     @property
     def offsets(self) -> Array:
@@ -101,7 +106,7 @@ class ArrayReceiver:
             amplitudes: complex, (path,): sqrt(eta / 2) and a phase.
 
         Raises:
-            InputError: a wrong shape, or a delay below 0.
+            InputError: a wrong shape, a delay below 0, or an amplitude that is not finite.
         """
         delays, amplitudes = np.ascontiguousarray(delays, np.float64), np.ascontiguousarray(amplitudes, np.complex128)
         if amplitudes.ndim != 1 or delays.shape != (len(amplitudes), *self.shape[:2]):
@@ -110,6 +115,7 @@ class ArrayReceiver:
                 f" (path, {self.shape[0]}, {self.shape[1]}) and (path,)"
             )
         check_elements(check_non_negative, "delay", delays)
+        check_finite("amplitudes", np.abs(amplitudes))
         latest = 2.0 * self.reach / SPEED_OF_LIGHT + 1.0 / self.sample_rate
         received = delays.max(axis=(1, 2)) <= latest
         spectra = np.zeros(self.shape, np.complex128)
@@ -121,9 +127,11 @@ class ArrayReceiver:
     def image(self, samples: ComplexArray) -> ComplexArray:
         """Matched filter output of each element over delay and Doppler, (element, delay cell, Doppler cell).
 
-        samples: (pulse, element, sample), with the shape ``shape``; InputError for any other.
+        samples: (pulse, element, sample), with the shape ``shape``; InputError for any other, or samples that are not
+        finite.
         """
         check_shape("samples", samples, self.shape)
+        check_finite("samples", np.abs(samples))
         spectra = scipy.fft.fft(samples) * np.conj(self._template)
         finer, length = DELAY_CELLS * self.shape[2], (self.shape[2] + 1) // 2
         padded = np.zeros((*self.shape[:2], finer), np.complex128)
@@ -140,9 +148,10 @@ class ArrayReceiver:
             threshold: in units of the noise power.
 
         Raises:
-            InputError: a wrong shape, or a threshold that is not > 0.
+            InputError: a wrong shape, values that are not finite, or a threshold that is not > 0.
         """
         check_shape("image", image, (self.elements, self._delays, self._dopplers))
+        check_finite("image", np.abs(image))
         check_positive("threshold", threshold)
         power = np.empty(image.shape[1:])
         kernels.brightest(image, self._steering, power)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, FiniteFloat, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.array_checks import check_last_axes
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_positive, check_within
 from wavegym.core.parameters import in_one_line, make_checked
@@ -142,12 +142,12 @@ class UrbanMap:
 
     def indoors(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (x, y) in m, (..., 2), lie inside a building, (...); InputError for a wrong shape."""
-        points = check_last_axes("points", points, 2)
+        points = check_finite("points", points, 2)
         return np.asarray(shapely.contains_xy(self._built, points[..., 0], points[..., 1]))
 
     def on_road(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (x, y) in m, (..., 2), lie on a road, (...); InputError for a wrong shape."""
-        points = check_last_axes("points", points, 2)
+        points = check_finite("points", points, 2)
         return np.asarray(shapely.contains_xy(self.paved, points[..., 0], points[..., 1]))
 
     def check_outdoors(self, name: str, point: Point) -> None:
@@ -162,7 +162,7 @@ class UrbanMap:
 
     def check_drivable(self, name: str, points: ArrayLike) -> None:
         """InputError if the route through points (x, y) in m, (time, 2), enters a building; the error says where."""
-        crossed = shapely.LineString(check_last_axes(name, points, 2)).intersection(self._built)
+        crossed = shapely.LineString(check_finite(name, points, 2)).intersection(self._built)
         if crossed.length > 0.0:
             x, y = shapely.get_coordinates(crossed)[0]
             raise InputError(

@@ -61,9 +61,12 @@ def alternating_windows(
     stays = low + _up_to(u[..., 1:needed], high - low + 1)
     gone = _up_to(u[..., 0], stays[..., 0] + stays[..., 1])  # steps of the first cycle before the episode starts
     ends = np.cumsum(stays, axis=-1) - gone[..., None]
-    over = (ends[..., None, :] <= np.arange(horizon)[:, None]).sum(axis=-1)
-    visible: Array = over % 2 == 0
-    return visible
+    # The number of stays that are over at each step, without an array of steps times stays.
+    last = np.clip(ends, 0, horizon).reshape(-1, needed - 1)
+    ended = np.zeros((len(last), horizon + 1), np.int64)
+    np.add.at(ended, (np.arange(len(last))[:, None], last), 1)
+    visible: Array = np.cumsum(ended[:, :horizon], axis=1) % 2 == 0
+    return visible.reshape(*u.shape[:-1], horizon)
 
 
 def _up_to(uniform: Array, count: Array) -> Array:

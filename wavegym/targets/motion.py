@@ -9,8 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
+from wavegym.core.covariance_checks import check_covariance
+from wavegym.core.errors import InputError, check_choice, check_int, check_non_negative, check_positive
 from wavegym.targets.kernels import scan, scan_batch
 
 SUFFIXES = ("", "dot", "ddot")
@@ -43,7 +45,7 @@ class MotionModel:
                 raise InputError(f"{symbol} has shape {matrix.shape}, expected {(n, n)} finite numbers for {names!r}")
         for field, value in (("F", F), ("Q", Q), ("names", names)):
             object.__setattr__(self, field, value)
-        _ = self.noise_factor  # raises here, not at the first draw, if Q is no covariance
+        check_covariance("Q", Q)
 
     @cached_property
     def noise_factor(self) -> FloatArray:
@@ -108,15 +110,16 @@ def random_path(
         The paths with their start, (..., steps + 1, n); leading axes broadcast.
 
     Raises:
-        InputError: a last axis that is not n, leading axes that do not broadcast, or steps < 1 with a Generator.
+        InputError: a last axis that is not n, leading axes that do not broadcast, numbers that are not finite, or with
+            a Generator steps that are no integer >= 1.
     """
-    x0 = np.asarray(start, np.float64, "C")
+    x0 = np.asarray(check_finite("start", start), order="C")
     n = len(model.names)
     if isinstance(noise, np.random.Generator):
-        check_positive("steps", steps)
+        check_int("steps", steps, 1)
         w = noise.standard_normal((*x0.shape[:-1], steps, n))
     else:
-        w = np.asarray(noise, np.float64, "C")
+        w = np.asarray(check_finite("noise", noise), order="C")
     if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without broadcasting
         single: FloatArray = scan(model._step, x0, w, (0,) * n)
         return single
@@ -163,11 +166,8 @@ def _semidefinite_cholesky(Q: FloatArray) -> FloatArray:
     """Lower triangular L with L Lᵀ = Q for a positive semidefinite Q; NumPy's Cholesky rejects a singular Q."""
     L = np.zeros_like(Q)
     # The rounding error of a pivot is relative to its diagonal entry, whatever the units.
-    scale = np.sqrt(np.abs(np.diag(Q)))
     for j in range(len(Q)):
         column = Q[j:, j] - L[j:, :j] @ L[j, :j]
         if column[0] > 1e-12 * Q[j, j]:
             L[j:, j] = column / np.sqrt(column[0])
-    if (np.abs(L @ L.T - Q) > 1e-9 * np.outer(scale, scale)).any():
-        raise InputError("Q is no covariance, expected a symmetric positive semidefinite matrix")
     return L

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, make_smoothing_spline
 
+from wavegym.core.array_checks import check_finite, check_shape
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_non_negative, check_positive
 
@@ -47,6 +48,9 @@ class RecordedTrack:
         dropped: number of dropped reports by reason: ``repeated time``, ``repeated position``, ``too fast``.
         source: file that holds the track.
         origin: latitude [deg], longitude [deg] and height [m] of the tangent plane's origin; None for x, y, z files.
+
+    Raises:
+        InputError: no reports, times that do not ascend, shapes that do not fit, or numbers that are not finite.
     """
 
     id: str
@@ -56,6 +60,13 @@ class RecordedTrack:
     dropped: Mapping[str, int] = field(default_factory=dict)
     source: str = ""
     origin: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        times = check_finite("times", self.times)
+        check_shape("times", times, (times.size,))
+        check_shape("positions", check_finite("positions", self.positions), (len(times), 3))
+        if not len(times) or (np.diff(times) <= 0.0).any():
+            raise InputError(f"times of track {self.id!r} has {len(times)} values, expected at least one, ascending")
 
     @property
     def duration(self) -> float:

@@ -57,10 +57,13 @@ def _predicted_defect(system: System, belief: Any, predicted: Any, shape: tuple[
     later = belief.step.reshape(-1, *[1] * (len(shape) - 1)) + 1
     if not (predicted.step == later).all():
         return "step is not one later"
-    cost = np.asarray(system.cost(predicted))
-    if cost.shape != shape:
-        return f"cost() returned shape {cost.shape}, expected {shape}"
-    return None if np.isfinite(cost).all() else "cost() is not finite"
+    for name in ("cost", "trace"):
+        value = np.asarray(getattr(system, name)(predicted))
+        if value.shape != shape:
+            return f"{name}() returned shape {value.shape}, expected {shape}"
+        if not np.isfinite(value).all():
+            return f"{name}() is not finite"
+    return None
 
 
 def _constants_defect(system: System, candidates: Array) -> str | None:

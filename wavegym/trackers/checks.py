@@ -33,4 +33,4 @@ def check_distribution(name: str, values: FloatArray, row: str = "") -> None:
     """
     check_each(name, values, (values >= 0.0) & (values <= 1.0), "probabilities")
     total = values.sum(axis=-1)
-    check_each(f"the sum of {row}{name}", total, abs(total - 1.0) < 1e-9, "1")
+    check_each(f"the sum of {row}{name}", total, abs(total - 1.0) < 1e-9, "1 (nearest: divide by the sum)")

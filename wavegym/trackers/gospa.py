@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_last_axes, flatten_lead
+from wavegym.core.array_checks import check_finite, check_last_axes, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.trackers import gospa_kernels as kernels
@@ -52,7 +52,8 @@ def gospa(
         See ``Gospa``; leading axes broadcast.
 
     Raises:
-        InputError: shapes that do not fit, more than 12 targets, or a cutoff or order out of range.
+        InputError: shapes that do not fit, more than 12 targets, a cutoff or order out of range, or a position that
+            counts and is not finite.
     """
     c, p = check_positive("cutoff", cutoff, "m"), check_within("order", order, 1.0, 100.0)
     if p * math.log(c) > math.log(sys.float_info.max):
@@ -82,6 +83,8 @@ def gospa(
             f"present and alive have shapes {there.shape} and {counts.shape} beside targets {truth.shape} and tracks "
             f"{found.shape}, expected (..., {T}) and (..., {N}) that broadcast"
         ) from None
+    for name, positions, counted in (("targets", *arrays[:2]), ("tracks", *arrays[2:])):
+        check_finite(f"{name} that count", np.where(counted[..., None], positions, 0.0))
     out = np.empty((len(arrays[0]), 4))
     kernels.gospa(*arrays, c, p, out)
     return Gospa(*(out[:, k].reshape(lead) for k in range(4)))

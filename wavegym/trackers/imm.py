@@ -13,12 +13,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_each, check_last_axes, checked_copy, flatten_lead
+from wavegym.core.array_checks import check_each, check_finite, check_last_axes, checked_copy, flatten_lead
 from wavegym.core.arrays import FloatArray
+from wavegym.core.covariance_checks import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import imm_kernels as kernels
 from wavegym.trackers.checks import check_distribution
-from wavegym.trackers.kalman import check_positive_definite
 
 
 def ukf_update(
@@ -42,13 +42,14 @@ def ukf_update(
         The updated mean (..., n) and covariance (..., n, n), and the log likelihood of z (...).
 
     Raises:
-        InputError: shapes that do not fit, or a P or R that is not positive definite.
+        InputError: shapes that do not fit, numbers that are not finite, or a P or R that is not symmetric positive
+            definite.
     """
     _check_state_size("mean", np.shape(mean)[-1:])
-    check_positive_definite("covariance", covariance)
-    check_positive_definite("R", R)
-    transmitter, receiver = check_last_axes("transmitter", transmitter, 2), check_last_axes("receiver", receiver, 2)
-    x, P, log_likelihood = kernels.ukf_update(mean, covariance, measurement, R, transmitter, receiver)
+    x, z = check_finite("mean", mean), check_finite("measurement", measurement, 2)
+    P, errors = check_positive_definite("covariance", covariance), check_positive_definite("R", R)
+    places = check_finite("transmitter", transmitter, 2), check_finite("receiver", receiver, 2)
+    x, P, log_likelihood = kernels.ukf_update(x, P, z, errors, *places)
     return x, P, log_likelihood
 
 
@@ -68,16 +69,15 @@ def imm_mix(
         probability 0 keeps its own mean and covariance.
 
     Raises:
-        InputError: shapes that do not fit, or a ``probability`` or row of ``transition`` without probabilities.
+        InputError: shapes that do not fit, a mean that is not finite, a covariance that is not symmetric positive
+            semidefinite, or a ``probability`` or row of ``transition`` that is no distribution.
     """
-    mu = np.asarray(probability, np.float64)
-    check_each("probability", mu, (mu >= 0.0) & (mu <= 1.0), "probabilities")
-    return kernels.mix(mean, covariance, probability, _check_transition("transition", transition))
+    return kernels.mix(*_check_models(mean, covariance, probability), _check_transition("transition", transition))
 
 
 def imm_combine(mean: ArrayLike, covariance: ArrayLike, probability: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Mean (..., n) and covariance (..., n, n) of the mixture of models; arguments as for ``imm_mix``."""
-    return kernels.combine(mean, covariance, probability)
+    """Mean (..., n) and covariance (..., n, n) of the mixture of models; arguments and errors as for ``imm_mix``."""
+    return kernels.combine(*_check_models(mean, covariance, probability))
 
 
 def imm_reweigh(predicted: ArrayLike, log_likelihood: ArrayLike) -> FloatArray:
@@ -86,9 +86,16 @@ def imm_reweigh(predicted: ArrayLike, log_likelihood: ArrayLike) -> FloatArray:
     The greatest log likelihood is subtracted before the exponential. An outlier a million metres away therefore leaves
     valid probabilities: the best model becomes certain. A measurement with log likelihood -inf under all models leaves
     the predicted probabilities as they are.
+
+    Raises:
+        InputError: shapes that do not fit, ``predicted`` that is no distribution, or a log likelihood that is NaN or
+            +inf.
     """
     log = np.asarray(log_likelihood, np.float64)
-    return kernels.reweigh(predicted, np.where((log == -np.inf).all(axis=-1, keepdims=True), 0.0, log))
+    check_each("log_likelihood", log, log < np.inf, "numbers below inf")  # NaN is not below
+    mu = np.asarray(predicted, np.float64)
+    check_distribution("predicted", mu)
+    return kernels.reweigh(mu, np.where((log == -np.inf).all(axis=-1, keepdims=True), 0.0, log))
 
 
 def imm_ukf_scan(
@@ -116,21 +123,26 @@ def imm_ukf_scan(
         Updated means, covariances and model probabilities in the given shapes.
 
     Raises:
-        InputError: shapes that do not fit, fewer than four state components, or a row of ``transition`` without
-            probabilities.
+        InputError: shapes that do not fit, numbers that are not finite, fewer than four state components, a P or Q that
+            is not symmetric positive semidefinite, an R or predicted P that is not positive definite, or a
+            ``probability`` or row of ``transition`` that is no distribution.
     """
-    F = np.array(check_last_axes("F", F), np.float64, order="C")
+    F = np.array(check_finite("F", F), np.float64, order="C")
     if F.ndim != 3 or F.shape[1] != F.shape[2]:
         raise InputError(f"F has shape {F.shape}, expected (models, n, n)")
     M, n = F.shape[:2]
     _check_state_size("F", (n,))
     changes = check_last_axes("transition", _check_transition("transition", transition), M, M)
     changes = np.array(changes, order="C").reshape(1, M, M)
-    x = check_last_axes("mean", mean, M, n)
+    x = check_finite("mean", mean, M, n)
     lead = x.shape[:-2]
     P, mu = check_last_axes("covariance", covariance, M, n, n), check_last_axes("probability", probability, M)
-    z, errors = check_last_axes("measurement", measurement, 2), check_last_axes("R", R, 2, 2)
+    check_covariance("covariance", P)
+    check_distribution("probability", mu)
+    z, errors = check_finite("measurement", measurement, 2), check_last_axes("R", R, 2, 2)
+    check_positive_definite("R", errors)
     noise = checked_copy("Q", Q, M, n, n)
+    check_covariance("Q", noise)
     try:
         x, P, mu = flatten_lead(x, lead, M, n), flatten_lead(P, lead, M, n, n), flatten_lead(mu, lead, M)
         z, errors = flatten_lead(z, lead, 2), flatten_lead(errors, lead, 2, 2)
@@ -140,7 +152,10 @@ def imm_ukf_scan(
             f"{np.shape(measurement)} and {np.shape(R)}, expected leading axes that broadcast to the mean's, {lead}"
         ) from None
     places = checked_copy("transmitter", transmitter, 2), checked_copy("receiver", receiver, 2)
+    check_finite("transmitter and receiver", places)
     kernels.scan(x, P, mu, z, errors, *places, F, noise, changes, (0,) * n, (0,) * M)
+    if not (np.isfinite(mu).all() and np.isfinite(P).all()):
+        raise InputError("F P F' + Q of a model has no Cholesky factor, expected a Q with variance in every component")
     return x.reshape(*lead, M, n), P.reshape(*lead, M, n, n), mu.reshape(*lead, M)
 
 
@@ -169,6 +184,15 @@ def variable_structure(transition: ArrayLike, active: ArrayLike) -> FloatArray:
             " probability > 0 for at least one"
         )
     return np.asarray(left / total)
+
+
+def _check_models(
+    mean: ArrayLike, covariance: ArrayLike, probability: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean, covariance and probability of the models as arrays of valid values; otherwise raise."""
+    x, P, mu = check_finite("mean", mean), check_covariance("covariance", covariance), np.asarray(probability, float)
+    check_distribution("probability", mu)
+    return x, P, mu
 
 
 def _check_state_size(name: str, size: tuple[int, ...]) -> None:

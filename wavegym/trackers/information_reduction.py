@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_broadcast, check_elements
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import check_non_negative, check_within
 from wavegym.trackers.information_reduction_kernels import GATE, LIMIT, reduction
@@ -73,10 +74,7 @@ def reduction_table() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _check_arguments(pd: ArrayLike, clutter: ArrayLike) -> tuple[tuple[int, ...], FloatArray, FloatArray]:
     """Return the broadcast shape and fresh C-contiguous arrays of that shape; otherwise raise an InputError."""
-    p, n = np.asarray(pd, np.float64), np.asarray(clutter, np.float64)
-    for value in p[~((p >= 0.0) & (p <= 1.0))].flat:
-        check_within("pd", float(value), 0.0, 1.0)
-    for value in n[~((n >= 0.0) & np.isfinite(n))].flat:
-        check_non_negative("clutter", float(value))
-    shape = np.broadcast_shapes(p.shape, n.shape)
-    return shape, np.array(np.broadcast_to(p, shape), order="C"), np.array(np.broadcast_to(n, shape), order="C")
+    p = check_elements(lambda name, value: check_within(name, value, 0.0, 1.0), "pd", pd)
+    n = check_elements(check_non_negative, "clutter", clutter)
+    p, n = (np.array(values, order="C") for values in check_broadcast(pd=p, clutter=n))
+    return p.shape, p, n

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym import sensors
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import FloatArray
+from wavegym.core.covariance_checks import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError, check_positive
 from wavegym.trackers import jpda_kernels
 from wavegym.trackers.checks import check_association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.kalman import check_positive_definite
 
 
 def jpda_update(
@@ -52,10 +53,16 @@ def jpda_update(
         Updated mean (..., target, n) and covariance (..., target, n, n).
 
     Raises:
-        InputError: shapes that do not fit, a pd or gate_probability out of range, a clutter density or gate not > 0, an
-            S that is not positive definite, or more than ten targets in one cluster.
+        InputError: shapes that do not fit, numbers that are not finite, a pd or gate_probability out of range, a
+            clutter density or gate not > 0, a P that is not symmetric positive semidefinite, an S that is not positive
+            definite, or more than ten targets in one cluster.
     """
     check_positive("gate", gate)
+    check_covariance("covariance", covariance)
+    check_positive_definite("S", S)
+    for name, values in (("mean", mean), ("measurements", measurements), ("predicted", predicted),
+                         ("cross_covariance", cross_covariance)):  # fmt: skip
+        check_finite(name, values)
     share = float(sensors.gate_probability(gate)) if gate_probability is None else gate_probability
     detection, density, share = check_association_terms(pd, clutter_density, share)
     x, P, *rest = _check_shapes(mean, covariance, measurements, predicted, S, cross_covariance, detection, density)
@@ -63,8 +70,7 @@ def jpda_update(
     count = math.prod(lead)
     flat = [array.reshape(count, *array.shape[len(lead) :]) for array in (x, P, *rest)]
     jpda_kernels.jpda_update(*flat, gate, share, (0,) * n)
-    if np.isnan(P).any():
-        check_positive_definite("S", S)
+    if np.isnan(P).any() or np.isnan(x).any():
         many = f"more than CLUSTER_LIMIT = {CLUSTER_LIMIT} of {targets} targets share measurements in one cluster"
         raise InputError(f"{many}, expected fewer (use a smaller gate)")
     return x, P

@@ -16,7 +16,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import FloatArray
+from wavegym.core.covariance_checks import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import kernels
 from wavegym.trackers.rank_one_kernels import rank_one_update
@@ -35,13 +37,25 @@ def predict(mean: ArrayLike, covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) 
 
     Returns:
         The predicted mean (..., n) and covariance (..., n, n).
+
+    Raises:
+        InputError: shapes that do not fit, numbers that are not finite, or a P or Q that is not symmetric positive
+            semidefinite.
     """
-    return kernels.predict(mean, covariance, F, Q)
+    check_covariance("P", covariance)
+    check_covariance("Q", Q)
+    x, P = kernels.predict(mean, covariance, F, Q)
+    _check_result(x, mean=mean, F=F)
+    return x, P
 
 
 def predict_covariance(covariance: ArrayLike, F: ArrayLike, Q: ArrayLike) -> FloatArray:
-    """F P F' + Q, (..., n, n): the covariance recursion alone, for planners."""
-    return kernels.predict_covariance(covariance, F, Q)
+    """F P F' + Q, (..., n, n): the covariance recursion alone, for planners. Raises as ``predict`` does."""
+    check_covariance("P", covariance)
+    check_covariance("Q", Q)
+    P = kernels.predict_covariance(covariance, F, Q)
+    _check_result(P, F=F)
+    return P
 
 
 def update(
@@ -60,15 +74,21 @@ def update(
         The updated mean (..., n) and the exactly symmetric covariance (..., n, n).
 
     Raises:
-        InputError: a P, R or innovation covariance S that is not positive definite, if the update shows it.
+        InputError: shapes that do not fit, numbers that are not finite, a P or R that is not symmetric positive
+            semidefinite, or a singular innovation covariance S.
     """
+    check_covariance("P", covariance)
+    check_covariance("R", R)
     x, P = kernels.update(mean, covariance, innovation, H, R)
     _check_updated(P, covariance, H, R)
+    _check_result(x, mean=mean, innovation=innovation)
     return x, P
 
 
 def update_covariance(covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> FloatArray:
     """P - K S K', (..., n, n): the covariance recursion alone. Raises as ``update`` does."""
+    check_covariance("P", covariance)
+    check_covariance("R", R)
     P = kernels.update_covariance(covariance, H, R)
     _check_updated(P, covariance, H, R)
     return P
@@ -93,28 +113,41 @@ def scalar_updates(
         The updated mean (..., n) and the exactly symmetric covariance (..., n, n).
 
     Raises:
-        InputError: a variance that is not > 0, shapes that do not fit, or a P that is not positive definite, if the
-            update shows it.
+        InputError: a variance that is not > 0, shapes that do not fit, numbers that are not finite, or a P that is not
+            symmetric positive semidefinite.
     """
     errors = np.atleast_1d(np.asarray(variance, dtype=np.float64))
     if not (errors > 0.0).all():
         raise InputError(f"variance is {errors[~(errors > 0.0)][0]}, expected numbers > 0, or inf where missing")
+    check_covariance("P", covariance)
     x, P = rank_one_update(mean, covariance, innovation, H, errors)
-    _check_updated(P, covariance, H, np.nan_to_num(errors)[..., None] * np.eye(errors.shape[-1]))  # inf * 0 is NaN
+    used = np.isfinite(errors)
+    _check_updated(P, covariance, H, np.where(used, errors, 0.0)[..., None] * np.eye(errors.shape[-1]))
+    if not np.isfinite(x).all():
+        _check_result(x, mean=mean, innovation=np.where(used, innovation, 0.0))
     return x, P
 
 
 def ekf_predict(
     mean: FloatArray, covariance: ArrayLike, f: Function, jacobian: Function, Q: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Time update of a nonlinear model: f(x) and F P F' + Q with F = jacobian(x), (..., n, n)."""
-    return f(mean), predict_covariance(covariance, jacobian(mean), Q)
+    """Time update of a nonlinear model: f(x) and F P F' + Q with F = jacobian(x), (..., n, n).
+
+    Raises:
+        InputError: as ``predict``, with the results of ``f`` and ``jacobian`` in place of F x and F.
+    """
+    P = predict_covariance(covariance, jacobian(mean), Q)
+    return check_finite("f(mean)", f(mean), P.shape[-1]), P
 
 
 def ekf_update(
     mean: FloatArray, covariance: ArrayLike, measurement: FloatArray, h: Function, jacobian: Function, R: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Measurement update linearised at the predicted mean: innovation z - h(x), H = jacobian(x), (..., m, n)."""
+    """Measurement update linearised at the predicted mean: innovation z - h(x), H = jacobian(x), (..., m, n).
+
+    Raises:
+        InputError: as ``update``.
+    """
     return update(mean, covariance, measurement - h(mean), jacobian(mean), R)
 
 
@@ -122,40 +155,35 @@ def nees(error: ArrayLike, covariance: ArrayLike) -> FloatArray:
     """Normalised estimation error squared e' P^-1 e, (...): chi-square with n degrees of freedom when consistent.
 
     Raises:
-        InputError: a P that is not positive definite.
+        InputError: shapes that do not fit, numbers that are not finite, or a P that is not symmetric positive definite.
     """
+    check_positive_definite("covariance", covariance)
     values = kernels.squared_mahalanobis(error, covariance)
-    if np.isnan(values).any():
-        check_positive_definite("covariance", covariance)
+    _check_result(values, error=error)
     return values
 
 
-def check_positive_definite(name: str, matrix: ArrayLike) -> FloatArray:
-    """Return ``matrix`` (..., n, n) if symmetric positive definite; otherwise raise an InputError."""
-    array = np.asarray(matrix, dtype=np.float64)
-    if not np.allclose(array, np.swapaxes(array, -1, -2), rtol=1e-9, atol=0.0):
-        raise InputError(f"{name} is {array.tolist()}, expected a symmetric matrix")
-    smallest = np.linalg.eigvalsh(array).min()
-    if not smallest > 0.0:
-        raise InputError(f"{name} has the eigenvalue {smallest:.6g}, expected a positive definite matrix")
-    return array
+def _check_result(result: FloatArray, **given: ArrayLike) -> None:
+    """Raise an InputError for the first of the arguments ``given`` that is not finite, if it shows in the result."""
+    if not np.isfinite(result).all():
+        for name, values in given.items():
+            check_finite(name, values)
+        raise InputError("the result overflows, expected smaller numbers: the greatest is below 1e308")
 
 
 def _check_updated(updated: FloatArray, covariance: ArrayLike, H: ArrayLike, R: ArrayLike) -> None:
     """Raise an InputError for the first track whose updated variance is negative or NaN.
 
-    Such a variance reveals a P or R that is not positive definite, in a twentieth of the time of its eigenvalues.
+    With valid P and R, such a variance reveals an H that is not finite, a singular S, or a loss of all digits.
     """
     n = updated.shape[-1]
     variances = updated.reshape(-1, n * n)[:, :: n + 1]
     if not variances.size or variances.min() >= 0.0:
         return
+    check_finite("H", H)
     lead = updated.shape[:-2]
     index = tuple(int(i) for i in np.argwhere(~(np.diagonal(updated, 0, -2, -1) >= 0.0).all(-1))[0])
     p, h, r = (np.broadcast_to(np.asarray(a), lead + np.shape(a)[-2:])[index] for a in (covariance, H, R))
     where = f" of track {index}" if index else ""
-    for name, matrix in (("P", p), ("R", r), ("the innovation covariance H P H' + R", h @ p @ h.T + r)):
-        smallest = np.linalg.eigvalsh(matrix).min() if np.isfinite(matrix).all() else np.nan
-        if not smallest > 0.0:
-            raise InputError(f"{name}{where} has the eigenvalue {smallest:.6g}, expected it positive definite")
+    check_positive_definite(f"the innovation covariance H P H' + R{where}", h @ p @ h.T + r)
     raise InputError(f"the update{where} left a negative variance, expected a better conditioned P and R")

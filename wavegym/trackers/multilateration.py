@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_last_axes, checked_copy, flatten_lead
+from wavegym.core.array_checks import check_finite, check_last_axes, checked_copy, flatten_lead
 from wavegym.core.arrays import FloatArray
+from wavegym.core.covariance_checks import check_covariance
 from wavegym.core.errors import InputError
 from wavegym.trackers import multilateration_kernels as kernels
 
@@ -32,9 +33,11 @@ def multilaterate(
         ellipses do not intersect. Receivers close together give a large error across the line of sight.
 
     Raises:
-        InputError: shapes that do not fit, or antennas in one line.
+        InputError: shapes that do not fit, numbers that are not finite, an R that is not symmetric positive
+            semidefinite, or antennas in one line.
     """
-    z, errors = check_last_axes("measurements", measurements, 2, 2), check_last_axes("R", R, 2, 2, 2)
+    z, errors = check_finite("measurements", measurements, 2, 2), check_last_axes("R", R, 2, 2, 2)
+    check_covariance("R", errors)
     t, s = checked_copy("transmitter", transmitter, 2), checked_copy("receivers", receivers, 2, 2)
     check_triangle(t, s)
     try:
@@ -51,8 +54,8 @@ def multilaterate(
 
 
 def check_triangle(transmitter: FloatArray, receivers: FloatArray) -> None:
-    """Raise an InputError if a transmitter (2,) and two receivers (2, 2) stand in one line."""
-    a, b = receivers - transmitter
+    """Raise an InputError if a transmitter (2,) and two receivers (2, 2) are not finite or stand in one line."""
+    a, b = check_finite("receivers", receivers) - check_finite("transmitter", transmitter)
     if abs(a[0] * b[1] - a[1] * b[0]) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
         raise InputError(
             f"transmitter {transmitter.tolist()} and receivers {receivers.tolist()} stand in one line, expected a"

@@ -62,18 +62,25 @@ def correct_one(d, H, a, v, s, y, nn):
         d[i] += v[i] * rest
 
 
+@inlined
+def absorb_rows_one(e, P, H, y, variance, d, v, nn):
+    """d (n,) = K y and P[e] = [P[e]^-1 + H' R^-1 H]^-1, R = diag(variance); rows of infinite variance are left out."""
+    for k in range(len(nn)):
+        d[k] = 0.0
+    for a in range(len(variance)):
+        if variance[a] < np.inf:
+            s = gain_one(e, P, H, a, v, nn, range(len(nn))) + variance[a]
+            correct_one(d, H, a, v, s, y[a], nn)
+            shrink_one(e, P, v, s, nn)
+
+
 @batched("(n),(n,n),(m),(m,n),(m)->(n),(n,n)")
 def rank_one_update(x, P, y, H, variance, x_out, P_out, nn, mm):
     """x' = x + K y, P' = [P^-1 + H' R^-1 H]^-1, R = diag(variance); rows of infinite variance are left out."""
-    n, columns = len(nn), np.arange(len(nn))
+    n = len(nn)
     v, d = np.empty(n), np.empty(n)
     for e in range(x.shape[0]):
         P_out[e] = P[e]
-        d[:] = 0.0
-        for a in range(len(mm)):
-            if variance[e, a] < np.inf:
-                s = gain_one(e, P_out, H[e], a, v, nn, columns) + variance[e, a]
-                correct_one(d, H[e], a, v, s, y[e, a], nn)
-                shrink_one(e, P_out, v, s, nn)
+        absorb_rows_one(e, P_out, H[e], y[e], variance[e], d, v, nn)
         for i in range(n):
             x_out[e, i] = x[e, i] + d[i]

@@ -21,14 +21,14 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_key
+from wavegym.core.array_checks import check_finite, check_key
 from wavegym.core.arrays import FloatArray
 from wavegym.core.counter_rng_kernels import stream
+from wavegym.core.covariance_checks import check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import rbpf_kernels as kernels
 from wavegym.trackers.checks import check_association_terms
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.kalman import check_positive_definite
 
 STATES = 4  # [x y xdot ydot]
 SIZES = (0,) * STATES
@@ -184,8 +184,7 @@ def _check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> 
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
         wanted = ", ".join("any" if n is None else str(n) for n in shape)
         raise InputError(f"{name} has the shape {array.shape}, expected ({wanted})")
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} has values that are not finite, the first at {np.argwhere(~np.isfinite(array))[0]}")
+    check_finite(name, array)
     return array
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
 from wavegym.waveforms.waveform import Waveform
@@ -52,6 +53,4 @@ def _check_axis(name: str, values: ArrayLike) -> FloatArray:
     axis = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if axis.ndim != 1:
         raise InputError(f"{name} has shape {axis.shape}, expected one axis")
-    if not np.isfinite(axis).all():
-        raise InputError(f"{name} holds {axis[~np.isfinite(axis)][0]}, expected finite numbers")
-    return axis
+    return check_finite(name, axis)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_elements, check_finite
 from wavegym.core.arrays import FloatArray
+from wavegym.core.errors import check_positive
 
 SPEED_OF_LIGHT = 299792458.0
 """Speed of light in vacuum, m/s."""
@@ -29,11 +31,20 @@ class FisherFactors:
         residual: r, delay information that no Doppler shift can imitate, (rad/s)^2.
         slope: b, effective chirp rate (positive for an up-chirp), rad/s^2.
         spread: v, mean square duration, s^2.
+
+    Raises:
+        InputError: a residual or spread that is not a finite number > 0 (durations of 1e-150 s overflow), or a slope
+            that is not finite.
     """
 
     residual: ArrayLike
     slope: ArrayLike
     spread: ArrayLike
+
+    def __post_init__(self) -> None:
+        check_elements(check_positive, "residual (delay information)", self.residual)
+        check_finite("slope (chirp rate)", self.slope)
+        check_elements(check_positive, "spread (mean square duration)", self.spread)
 
     def information(self) -> FloatArray:
         """Fisher information of (delay in s, Doppler in Hz) at SNR 1, shape (..., 2, 2)."""
@@ -45,12 +56,22 @@ class FisherFactors:
         """Cramer-Rao covariance R = Gamma J^-1 Gamma^T of (range in m, range-rate in m/s) at SNR 1, shape (..., 2, 2).
 
         Gamma = diag(c/2, -c/(2 fc)): range-rate is positive when receding, Doppler negative.
+        InputError for a carrier_hz that is not a finite number > 0.
         """
+        carrier = check_elements(check_positive, "carrier_hz", carrier_hz)
         r, b, v = np.asarray(self.residual), np.asarray(self.slope), np.asarray(self.spread)
-        metres = 0.5 * SPEED_OF_LIGHT  # per second of delay
-        rate = metres / (_TWO_PI * np.asarray(carrier_hz, dtype=np.float64))  # m/s per rad/s of Doppler
-        delay = metres / r
-        return _symmetric(metres * delay, -rate * (delay * b), rate * rate * (1.0 / v + b * b / r))
+        return unchecked_covariance(r, b, v, carrier)
+
+
+def unchecked_covariance(r: FloatArray, b: FloatArray, v: FloatArray, carrier: FloatArray | float) -> FloatArray:
+    """``FisherFactors.measurement_covariance`` of a residual, slope and spread without checks, for the systems' steps.
+
+    An action is a point of a box whose bounds were checked when the system was made.
+    """
+    metres = 0.5 * SPEED_OF_LIGHT  # per second of delay
+    rate = metres / (_TWO_PI * carrier)  # m/s per rad/s of Doppler
+    delay = metres / r
+    return _symmetric(metres * delay, -rate * (delay * b), rate * rate * (1.0 / v + b * b / r))
 
 
 def _symmetric(first: FloatArray, off: FloatArray, second: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import check_choice, check_non_negative, check_positive
 from wavegym.core.units import quantity
@@ -93,16 +94,25 @@ def gaussian_fisher_factors(duration: ArrayLike, signed_chirp_rate: ArrayLike) -
     """Factored Fisher information of Gaussian chirps at SNR 1: r = 1/(2 k^2), b = 2 d g, v = k^2/2.
 
     Durations (s) and signed chirp rates (rad/s^2) broadcast. det J = r v = 1/4 for all of them.
+
+    Raises:
+        InputError: a duration that is not a finite number > 0, or a chirp rate that is not finite.
     """
-    k = np.asarray(duration, dtype=np.float64)
+    k, rate = check_elements(check_positive, "duration", duration), check_finite("signed_chirp_rate", signed_chirp_rate)
+    check_broadcast(duration=k, signed_chirp_rate=rate)
+    return FisherFactors(*unchecked_gaussian_factors(k, rate))
+
+
+def unchecked_gaussian_factors(k: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The fields of ``gaussian_fisher_factors`` without checks, for ``unchecked_covariance``."""
     square = k * k
-    return FisherFactors(0.5 / square, 2.0 * np.asarray(signed_chirp_rate, dtype=np.float64), 0.5 * square)
+    return 0.5 / square, 2.0 * rate, 0.5 * square
 
 
 def gaussian_measurement_covariance(
     duration: ArrayLike, signed_chirp_rate: ArrayLike, carrier_hz: ArrayLike
 ) -> FloatArray:
-    """Measurement covariance of Gaussian chirps at SNR 1, for grids of parameters; inputs are not checked.
+    """Measurement covariance of Gaussian chirps at SNR 1, for grids of parameters.
 
     R = [[c^2 k^2/2, -d c^2 g k^2/wc], [., (c/wc)^2 (1/(2 k^2) + 2 g^2 k^2)]], wc = 2 pi fc (Kershaw and Evans 1994).
 
@@ -113,15 +123,26 @@ def gaussian_measurement_covariance(
 
     Returns:
         (..., 2, 2) covariances of (range in m, range-rate in m/s), bit for bit independent of the batch.
+
+    Raises:
+        InputError: a duration or carrier that is not a finite number > 0, or a chirp rate that is not finite.
     """
     return gaussian_fisher_factors(duration, signed_chirp_rate).measurement_covariance(carrier_hz)
 
 
 def chirp_rate_for_sweep(sweep_hz: ArrayLike, duration: ArrayLike) -> FloatArray:
-    """Chirp rate g = pi sweep/(2 k), rad/s^2, that sweeps ``sweep_hz`` (Hz) in two durations k (s); they broadcast."""
-    return np.pi * np.asarray(sweep_hz, dtype=np.float64) / (2.0 * np.asarray(duration, dtype=np.float64))
+    """Chirp rate g = pi sweep/(2 k), rad/s^2, that sweeps ``sweep_hz`` (Hz) in two durations k (s); they broadcast.
+
+    InputError for a duration that is not a finite number > 0, or a sweep that is not finite.
+    """
+    k = check_elements(check_positive, "duration", duration)
+    return np.pi * check_finite("sweep_hz", sweep_hz) / (2.0 * k)
 
 
 def sweep_for_chirp_rate(chirp_rate: ArrayLike, duration: ArrayLike) -> FloatArray:
-    """Sweep 2 k g/pi, Hz, of a chirp rate g (rad/s^2) at duration k (s): the inverse of ``chirp_rate_for_sweep``."""
-    return 2.0 * np.asarray(duration, dtype=np.float64) * np.asarray(chirp_rate, dtype=np.float64) / np.pi
+    """Sweep 2 k g/pi, Hz, of a chirp rate g (rad/s^2) at duration k (s): the inverse of ``chirp_rate_for_sweep``.
+
+    InputError for a duration that is not a finite number > 0, or a chirp rate that is not finite.
+    """
+    k = check_elements(check_positive, "duration", duration)
+    return 2.0 * k * check_finite("chirp_rate", chirp_rate) / np.pi

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_choice, check_positive
 from wavegym.core.units import quantity
@@ -118,7 +119,7 @@ def _fourth_power(x: FloatArray) -> FloatArray:
 
 
 def trapezoid_fisher_factors(moments: ArrayLike, duration: ArrayLike, signed_sweep: ArrayLike) -> FisherFactors:
-    """Factored Fisher information of trapezoid chirps at SNR 1; inputs are not checked.
+    """Factored Fisher information of trapezoid chirps at SNR 1.
 
     r = bandwidth/lam^2 + (2 pi D)^2 residual, b = 2 pi d D slope/lam, v = spread lam^2.
 
@@ -126,22 +127,34 @@ def trapezoid_fisher_factors(moments: ArrayLike, duration: ArrayLike, signed_swe
         moments: (spread, slope, residual, bandwidth) of each chirp's law, (..., 4): ``ChirpLaw.moments``.
         duration: lam, s, (...).
         signed_sweep: d D, Hz, negative for a down-chirp, (...); the three broadcast.
+
+    Raises:
+        InputError: shapes that do not fit, moments or a sweep that are not finite, or a duration that is not a finite
+            number > 0.
     """
-    m = np.asarray(moments, dtype=np.float64)
-    length = np.asarray(duration, dtype=np.float64)
-    swing = _TWO_PI * np.asarray(signed_sweep, dtype=np.float64)  # rad/s
+    m, length = check_finite("moments", moments, 4), check_elements(check_positive, "duration", duration)
+    sweep = check_finite("signed_sweep", signed_sweep)
+    check_broadcast(moments=m[..., 0], duration=length, signed_sweep=sweep)
+    return FisherFactors(*unchecked_trapezoid_factors(m, length, sweep))
+
+
+def unchecked_trapezoid_factors(
+    m: FloatArray, length: FloatArray, sweep: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The fields of ``trapezoid_fisher_factors`` without checks, for ``unchecked_covariance``."""
+    swing = _TWO_PI * sweep  # rad/s
     square = length * length
-    return FisherFactors(
-        residual=m[..., 3] / square + (swing * swing) * m[..., 2],
-        slope=swing * m[..., 1] / length,
-        spread=m[..., 0] * square,
+    return (
+        m[..., 3] / square + (swing * swing) * m[..., 2],
+        swing * m[..., 1] / length,
+        m[..., 0] * square,
     )
 
 
 def chirp_measurement_covariance(
     moments: ArrayLike, duration: ArrayLike, signed_sweep: ArrayLike, carrier_hz: ArrayLike
 ) -> FloatArray:
-    """Measurement covariance of trapezoid chirps of any laws at SNR 1, for grids of parameters; inputs are not checked.
+    """Measurement covariance of trapezoid chirps of any laws at SNR 1, for grids of parameters.
 
     Args:
         moments: (spread, slope, residual, bandwidth) of each chirp's law, (..., 4). Stack ``ChirpLaw.moments`` to mix
@@ -152,6 +165,9 @@ def chirp_measurement_covariance(
 
     Returns:
         (..., 2, 2) covariances of (range in m, range-rate in m/s), bit for bit independent of the batch.
+
+    Raises:
+        InputError: as ``trapezoid_fisher_factors``, and for a carrier that is not a finite number > 0.
     """
     return trapezoid_fisher_factors(moments, duration, signed_sweep).measurement_covariance(carrier_hz)
 

@@ -26,3 +26,22 @@ def later(system, count, steps, seed=0):
     for _ in range(steps):
         state = system.transition(state, rng.integers(system.targets, size=count), worlds)
     return state, worlds
+
+
+def play(system, worlds, choose):
+    """All states of a batch of episodes, and the actions between them."""
+    states, actions = [system.initial(worlds)], []
+    for _ in range(system.horizon):
+        actions.append(choose(states[-1].belief))
+        states.append(system.transition(states[-1], actions[-1], worlds))
+    return states, actions
+
+
+def index_rule(system):
+    """Look where the gain per step of delay is greatest."""
+
+    def choose(belief):
+        wait = system.delay(belief)
+        return (system.gain(belief, wait, 14) / (1.0 + 2.0 * wait)).argmax(axis=1)
+
+    return choose

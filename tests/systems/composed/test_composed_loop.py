@@ -13,7 +13,7 @@ import wavegym
 from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.evaluation import compare
+from wavegym.evaluation import compare, summarise
 from wavegym.systems.composed import (
     LinearTargets,
     LineOfSightRadar,
@@ -116,6 +116,19 @@ def test_another_truth_fools_the_tracker() -> None:
     env.reset(seed=2)
     nees = [env.step(np.full(200, 1))[-1]["nees"].mean() for _ in range(11)]
     assert nees[-1] > 8.0
+
+
+@pytest.mark.parametrize(("turn_rate", "flag"), [(0.0, ""), (0.1, "high")])
+def test_a_report_flags_a_tracker_that_is_fooled_and_no_other(registered, turn_rate, flag) -> None:
+    motion = planar().targets.motion if not turn_rate else constant_turn(1.0, 2.0, turn_rate, order="derivative")
+    truth = {"targets": replace(planar().targets, motion=motion)}
+    summary = summarise(compare(registered, [], worlds=100, jobs=1, progress=False, truth=truth))
+    assert summary["nees_dimension"] == 4
+    played = summary["policies"]["myopic"]
+    assert played["nees"]["flag"] == flag
+    low, high = played["true_over_believed"]["ci"]
+    assert (low > 1.2) == bool(flag)
+    assert (low < 1.0 < high) == (not flag)
 
 
 @dataclass(frozen=True)

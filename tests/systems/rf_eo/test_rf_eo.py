@@ -6,7 +6,7 @@ import numpy as np
 import oracles
 import pytest
 import rf_eo_oracle as plain
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from wavegym.core import trees
 from wavegym.sensors import platform_measurement
@@ -219,6 +219,58 @@ def test_the_iterated_filter_is_consistent_from_the_first_step(system):
     assert ((means > low) & (means < high)).all()
     low, high = chi2.ppf([0.025, 0.975], 4 * count) / count
     assert low < means.mean() < high
+
+
+EPISODES = [(RfEo(), "random", 200), (RfEoFar(), "random", 300), (RfEoFar(), "myopic", 100)]
+
+
+@pytest.mark.parametrize(("system", "chooses", "count"), EPISODES)
+def test_the_filter_is_consistent_in_every_step_of_an_episode(system, chooses, count):
+    """Mean NEES: 4 within 5 standard errors in each step, and within 4 of one step's over all steps.
+
+    The errors of one step have the chi-square distribution; over the steps they may be wholly correlated. In RfEo the
+    first estimates are the paper's, no draws from P0: their NEES is 0.5, so the first ten steps are left out.
+    """
+    worlds = oracles.worlds(system, count, 1)
+    states, _ = play(system, worlds, system.best_action if chooses == "myopic" else at_random(system))
+    first = 1 if system.first_estimate == "drawn" else 11
+    means = np.array([system.state_info(state)["nees"].mean() for state in states[first:]])
+    values = 2 * count
+    low, high = chi2.ppf(norm.cdf([-5, 5]), 4 * values) / values
+    assert ((means > low) & (means < high)).all(), means
+    low, high = chi2.ppf(norm.cdf([-4, 4]), 4 * values) / values
+    assert low < means.mean() < high
+
+
+def test_after_a_range_alone_the_belief_is_as_wide_as_the_posterior():
+    """One platform measures a range of 35 km to 2 m over a prior of 1 km: the posterior bends by 14 m.
+
+    Oracle: a million draws of the prior, weighted. Mean to .2 standard deviations; no direction is too narrow by more
+    than 15 % of the variance, and none too wide by more than 80 % (sigma points count half as much again of the bend).
+    """
+    system = RfEo(
+        horizon=1, q=0.0, platforms=((0.0, 0.0),), starts=((0.0, 0.0, 35e3, 0.0),), first_estimate="drawn",
+        prior_variance=(1e6, 25.0, 1e6, 25.0)
+    )  # fmt: skip
+    worlds, rng = oracles.worlds(system, 4, 2), np.random.default_rng(1)
+    state = system.initial(worlds)
+    action = np.repeat(system.action_set.encode(np.array([[[3e3, 20e6, 1e-5]]])), 4, axis=0)
+    report = system.measure(system.move(state.truth, state.belief.step, worlds), state.belief, action, worlds)
+    report.variance[..., 1:] = np.inf
+    after, F = system.track(state.belief, action, report), system.motion.F
+    for e in range(4):
+        spread = np.linalg.cholesky(F @ state.belief.covariance[e, 0] @ F.T)
+        drawn = F @ state.belief.mean[e, 0] + rng.standard_normal((1_000_000, 4)) @ spread.T
+        miss = report.z[e, 0, 0] - np.hypot(drawn[:, 0], drawn[:, 2])
+        weight = np.exp(-0.5 * miss * miss / report.variance[e, 0, 0])
+        assert weight.sum() ** 2 > 1000 * np.square(weight).sum()  # effective draws
+        mean = np.average(drawn, axis=0, weights=weight)
+        P = np.cov(drawn.T, aweights=weight)
+        ratios = np.linalg.eigvals(np.linalg.solve(P, after.covariance[e, 0])).real
+        off = np.linalg.solve(np.linalg.cholesky(P), after.mean[e, 0] - mean)
+        assert np.abs(off).max() < 0.2
+        assert ratios.min() > 0.85
+        assert ratios.max() < 1.8
 
 
 def test_the_plain_extended_filter_is_not():

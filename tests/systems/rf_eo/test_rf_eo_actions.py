@@ -172,7 +172,10 @@ def test_points_are_checked(form, points, platforms, words):
 
 @pytest.mark.parametrize("platforms", [((-1e3, -1e3),), ((-1e3, -1e3), (1e3, -1e3))])
 def test_all_forms_play_the_same_episode(platforms):
-    """Step by step on the same settings: library and joint to the bit, the box by way of a logarithm and back."""
+    """Step by step on the same settings: library and joint to the bit, the box by way of a logarithm and back.
+
+    The iterated update of a wide prior amplifies that rounding.
+    """
     systems = {form: RfEo(horizon=20, action=form, platforms=platforms) for form in FORMS}
     worlds = oracles.worlds(systems["box"], 3)
     states = {form: system.initial(worlds) for form, system in systems.items()}
@@ -185,7 +188,7 @@ def test_all_forms_play_the_same_episode(platforms):
         for a, b in zip((*one.truth, *one.belief), (*joint.truth, *joint.belief), strict=True):
             np.testing.assert_array_equal(a, b)
         np.testing.assert_array_equal(one.truth.received, box.truth.received)
-        assert oracles.covariance_distance(box.belief.covariance, one.belief.covariance) < 1e-8
+        assert oracles.covariance_distance(box.belief.covariance, one.belief.covariance) < 1e-6
         sigma = np.sqrt(np.diagonal(one.belief.covariance, axis1=-2, axis2=-1))
         assert np.abs((box.belief.mean - one.belief.mean) / sigma).max() < 1e-7
     assert one.truth.received.max() > 0

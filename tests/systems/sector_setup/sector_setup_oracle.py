@@ -1,10 +1,15 @@
-"""One step of the sector-setup loop in plain NumPy: full matrices, Joseph's form, Jacobians by complex steps."""
+"""One step of the sector-setup loop in plain NumPy: full matrices, Joseph's form, Jacobians by complex steps.
+
+Posterior linearisation as its paper has it (moments of the points, no shortcut for the residual), with the diagonal of
+the residual's covariance.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from tests.oracles import motion, predict, update
 
@@ -21,9 +26,11 @@ class Step(NamedTuple):
 
 
 def model(system, q, seconds=None):
-    """F and Q of [x xdot y ydot]."""
-    F, Q = motion(2, system.dt if seconds is None else seconds, q)
-    return np.kron(np.eye(2), F), np.kron(np.eye(2), Q)
+    """F and Q of [x xdot y ydot]; F is the exponential of the turning motion's generator."""
+    seconds = system.dt if seconds is None else seconds
+    turn = np.array([[0.0, -system.turn_rate], [system.turn_rate, 0.0]])
+    generator = np.kron(np.eye(2), [[0.0, 1.0], [0.0, 0.0]]) + np.kron(turn, np.diag([0.0, 1.0]))
+    return expm(seconds * generator), np.kron(np.eye(2), motion(2, seconds, q)[1])
 
 
 def measure(system, x):
@@ -53,25 +60,58 @@ def noise(system, waveform, eta):
     return np.square(system.waveforms[waveform]) * system.reference_snr / eta
 
 
-def step(system, world, k, action, mean, covariance, truth, pointed, dead, q, visible):
-    """From step k to k + 1; arrays of one environment."""
-    target, waveform = divmod(action, len(system.waveforms))
-    mean, covariance, truth = mean.copy(), covariance.copy(), truth.copy()
+def curved(system, mean, covariance, waveform, seen):
+    """Whether a seen quantity's second-order terms over the prior's spread exceed a fifth of its deviation."""
+    spread, restless = (np.trace(covariance[a::2, a::2]) for a in (0, 1))
+    _, eta = measure(system, mean)
+    squared = system.reference_range**2 * np.sqrt(system.reference_snr / eta)  # product of the legs
+    far, rate = np.array([noise(system, waveform, each) for each in eta]).T
+    bend = (spread / 2) ** 2 / squared
+    turn = spread * restless / squared + bend * (mean[1] ** 2 + mean[3] ** 2) / squared
+    return bool((seen & ((bend > 0.04 * far) | (turn > 0.04 * rate))).any())
+
+
+def relinearised(system, x, P, z, waveform, seen, estimate):
+    """Regress the measurements over the estimate's spread, and update the prediction x, P again, until it rests."""
+    for _ in range(1, system.iterations):
+        mean, covariance = estimate
+        root = 2.0 * np.linalg.cholesky(covariance).T
+        points = np.concatenate([mean + root, mean - root])
+        looks = [measure(system, point) for point in points]
+        Z = np.array([h[seen].ravel() for h, _ in looks])
+        errors = [np.concatenate([noise(system, waveform, each) for each in eta[seen]]) for _, eta in looks]
+        h, cross = Z.mean(axis=0), (points - mean).T @ (Z - Z.mean(axis=0)) / 8
+        H = np.linalg.solve(covariance, cross).T
+        residual = np.diag((Z - h).T @ (Z - h) / 8 - H @ covariance @ H.T)
+        y = z[seen].ravel() - h - H @ (x - mean)
+        estimate = update(x, P, y, H, np.diag(residual + np.mean(errors, axis=0)))
+        if np.abs((estimate[0] - mean) / np.sqrt(np.diag(estimate[1]))).max() < 0.1:
+            break
+    return estimate
+
+
+def step(system, world, k, action, truth, belief):
+    """From step k to k + 1; arrays of one environment. The world follows ``system.truth_model``."""
+    real, (target, waveform) = system.truth_model, divmod(action, len(system.waveforms))
+    mean, covariance, targets = belief.mean.copy(), belief.covariance.copy(), truth.targets.copy()
     for t in range(system.targets):
-        F, Q = model(system, q[t])
-        mean[t], covariance[t] = predict(mean[t], covariance[t], F, Q)
-        truth[t] = F @ truth[t] + np.linalg.cholesky(Q) @ world.process[k, t]
-    if target != pointed:
-        dead = system.dead_steps
+        mean[t], covariance[t] = predict(mean[t], covariance[t], *model(system, belief.q[t]))
+        F, Q = model(real, truth.q[t])
+        targets[t] = F @ targets[t] + np.linalg.cholesky(Q) @ world.process[k, t]
+    dead = belief.dead if target == belief.pointed else system.dead_steps
     if dead > 0:
-        return Step(mean, covariance, truth, target, dead - 1, 0)
-    z, eta = measure(system, truth[target])
-    seen = world.detection[k, :, target] < detection(system, eta)
-    if not visible[k, target] or not seen.any():
-        return Step(mean, covariance, truth, target, 0, 0)
-    z += np.sqrt([noise(system, waveform, each) for each in eta]) * world.error[k, :, target]
-    h, expected = measure(system, mean[target])
+        return Step(mean, covariance, targets, target, dead - 1, 0)
+    z, eta = measure(real, targets[target])
+    seen = world.detection[k, :, target] < detection(real, eta)
+    if not truth.visible[k, target] or not seen.any():
+        return Step(mean, covariance, targets, target, 0, 0)
+    z += np.sqrt([noise(real, waveform, each) for each in eta]) * world.error[k, :, target]
+    x, P = mean[target], covariance[target]
+    h, expected = measure(system, x)
     R = np.diag(np.concatenate([noise(system, waveform, each) for each in expected[seen]]))
-    H = jacobian(system, mean[target])[seen].reshape(-1, 4)
-    mean[target], covariance[target] = update(mean[target], covariance[target], (z - h)[seen].ravel(), H, R)
-    return Step(mean, covariance, truth, target, 0, int(seen.sum()))
+    H = jacobian(system, x)[seen].reshape(-1, 4)
+    estimate = update(x, P, (z - h)[seen].ravel(), H, R)
+    if curved(system, x, P, waveform, seen):
+        estimate = relinearised(system, x, P, z, waveform, seen, estimate)
+    mean[target], covariance[target] = estimate
+    return Step(mean, covariance, targets, target, 0, int(seen.sum()))

@@ -9,7 +9,6 @@ import shapely
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
-from wavegym.schedulers.heuristics.index_policies import CostOfDelay
 from wavegym.sensors import Antenna
 from wavegym.systems.sector_setup.city import SectorSetupCity
 
@@ -53,17 +52,6 @@ def test_direct_visibility_is_that_of_the_first_image():
 def test_given_windows_replace_those_of_the_map():
     visible = SectorSetupCity(windows=((1, 5, 9),)).initial(oracles.worlds(SYSTEM, 2)).belief.visible
     assert visible.sum() == visible.size - 2 * 5
-
-
-def test_estimates_are_consistent():
-    """NEES at the ends of 400 episodes with a heuristic that keeps all tracks: mean 4, variance 8."""
-    worlds, rule = oracles.worlds(SYSTEM, 400), CostOfDelay(alpha=0.0, ahead=18)
-    state = SYSTEM.initial(worlds)
-    rule.begin(SYSTEM, 400, np.random.default_rng(0))
-    for _ in range(SYSTEM.horizon):
-        state = SYSTEM.transition(state, rule.act(state.belief, None, None), worlds)
-    nees = SYSTEM.state_info(state)["nees"]
-    assert abs(nees.mean() - 4.0) < 5 * np.sqrt(8 / nees.size)
 
 
 @pytest.mark.parametrize(

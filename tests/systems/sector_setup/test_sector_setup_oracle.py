@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -9,6 +10,7 @@ import oracles
 import pytest
 import sector_setup_oracle as plain
 
+from wavegym.core.system import State
 from wavegym.systems.sector_setup.system import SectorSetup
 
 SYSTEM = SectorSetup()
@@ -16,6 +18,13 @@ THREE = SectorSetup(
     horizon=25, targets=2, receivers=((-3e3, 0.0), (2e3, 7e3), (5e3, -1e3)), dead_steps=1, waveforms=((5.0, 3.0),),
     weights=(1.0, 0.0, 2.0, 5.0), windows=((0, 4, 9), (1, 0, 3)), dt=0.5,
 )  # fmt: skip
+
+TURNING = replace(SYSTEM, turn_rate=0.05)
+MISTAKEN = replace(THREE, truth={
+    "q": (1.0, 30.0), "turn_rate": -0.1, "prior_variance": (4e4, 100.0, 4e4, 100.0), "reference_range": 4e3,
+    "false_alarm": 1e-4, "nearest_range": 1500.0, "reference_snr": 40.0, "windows": ((0, 2, 5),),
+})  # fmt: skip
+LOOPS = pytest.mark.parametrize("system", [SYSTEM, THREE, TURNING, MISTAKEN], ids=["default", "three", "turn", "truth"])
 
 
 def held(system, rng, count, stay=0.85):
@@ -42,7 +51,7 @@ def ready(system, belief, target, seen=True):
     return belief._replace(pointed=target, dead=np.zeros_like(belief.dead), visible=visible)
 
 
-@pytest.mark.parametrize("system", [SYSTEM, THREE], ids=["default", "three receivers"])
+@LOOPS
 def test_whole_episodes(system):
     """Means to 1e-7 of a standard deviation, covariances to 1e-9."""
     rng, worlds = np.random.default_rng(1), oracles.worlds(system, 4)
@@ -51,8 +60,7 @@ def test_whole_episodes(system):
         before, state = states[-1], system.transition(states[-1], action, worlds)
         for e in range(4):
             own = oracles.rows(worlds, e)
-            _, mean, P, pointed, dead, q, visible = oracles.rows(before.belief, e)
-            want = plain.step(system, own, k, action[e], mean, P, before.truth.targets[e], pointed, dead, q, visible)
+            want = plain.step(system, own, k, action[e], oracles.rows(before.truth, e), oracles.rows(before.belief, e))
             after, truth = oracles.rows(state.belief, e), oracles.rows(state.truth, e)
             assert (after.step, after.pointed, after.dead) == (k + 1, want.pointed, want.dead)
             assert truth.detections == want.detections
@@ -65,23 +73,63 @@ def test_whole_episodes(system):
     assert detections > 20
 
 
-def test_belief_coasts_as_the_motion_model_says():
-    """Several steps at once, as in ``gain``, against F P F' + Q."""
-    state, _, rng = somewhere(SYSTEM, 5)
-    belief = ready(SYSTEM, state.belief, rng.integers(4, size=5), seen=False)
+@LOOPS
+def test_a_compiled_step_is_that_of_its_parts(system):
+    """Bit for bit."""
+    rng, worlds = np.random.default_rng(3), oracles.worlds(system, 9)
+    fused = composed = system.initial(worlds)
+    for action in held(system, rng, 9):
+        fused = system.fused_transition(fused, action, worlds)
+        composed = system.composed_transition(composed, action, worlds)
+        for one, other in zip((*fused.truth, *fused.belief), (*composed.truth, *composed.belief), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_measurements_are_those_of_the_truth():
+    """Half paths and their rates at the world's SNR; 0 where nothing is detected or no pulse was sent."""
+    state, worlds, rng = somewhere(MISTAKEN, 40, steps=3)
+    action = np.where(rng.random(40) < 0.7, state.belief.pointed, 1 - state.belief.pointed)
+    truth = MISTAKEN.move(state.truth, state.belief.step, worlds)
+    got = MISTAKEN.measure(truth, state.belief, action, worlds)
+    real, rows = MISTAKEN.truth_model, np.arange(40)
+    z, eta = (np.array(a) for a in zip(*(plain.measure(real, x) for x in truth.targets[rows, action]), strict=True))
+    shown = truth.visible[rows, 3, action] & ~got.silent
+    np.testing.assert_array_equal(
+        got.detected, shown[:, None] & (worlds.detection[rows, 3, :, action] < plain.detection(real, eta))
+    )
+    noise = np.array([[plain.noise(real, 0, each) for each in row] for row in eta])
+    want = np.where(got.detected[..., None], z + np.sqrt(noise) * worlds.error[rows, 3, :, action], 0.0)
+    np.testing.assert_allclose(got.z, want, rtol=1e-12)
+    assert (got.silent.sum(), got.detected.sum()) > (5, 5)
+    noted = MISTAKEN.note(truth, got)
+    np.testing.assert_array_equal(noted.detections, got.detected.sum(axis=1))
+    np.testing.assert_array_equal(noted.silent, got.silent)
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 0.05])
+def test_belief_coasts_as_the_motion_model_says(turn_rate):
+    """Seven steps against F P F' + Q."""
+    system = replace(SYSTEM, turn_rate=turn_rate)
+    state, _, rng = somewhere(system, 5)
+    belief = ready(system, state.belief, rng.integers(4, size=5), seen=False)
     here = belief
     for _ in range(7):
-        here = SYSTEM.predict(here, 2 * here.pointed)
+        here = system.predict(here, 2 * here.pointed)
     for e, t in product(range(5), range(4)):
-        F, Q = plain.model(SYSTEM, belief.q[e, t], 7 * SYSTEM.dt)
-        mean, P = oracles.predict(belief.mean[e, t], belief.covariance[e, t], F, Q)
-        np.testing.assert_allclose(here.mean[e, t], mean, rtol=1e-12)
+        mean, P = belief.mean[e, t], belief.covariance[e, t]
+        for _ in range(7):
+            mean, P = oracles.predict(mean, P, *plain.model(system, belief.q[e, t]))
+        np.testing.assert_allclose(here.mean[e, t], mean, rtol=1e-11)
         assert oracles.covariance_distance(here.covariance[e, t], P) < 1e-12
 
 
 @pytest.mark.parametrize("system", [SYSTEM, THREE], ids=["default", "three receivers"])
 def test_predicted_outcomes_are_what_happens(system):
-    """Draws of 0 and 1 select the receivers that detect, in the world and in prediction, at every step."""
+    """Draws of 0 and 1 select the receivers that detect, in the world and in prediction, at every step.
+
+    With a plain extended Kalman filter, whose covariance does not depend on what is measured.
+    """
+    system = replace(system, iterations=1)
     rng, worlds = np.random.default_rng(2), oracles.worlds(system, 30)
     worlds = worlds._replace(detection=rng.integers(0, 2, worlds.detection.shape).astype(float))
     state, rows, updates = system.initial(worlds), np.arange(30), 0
@@ -136,6 +184,8 @@ def test_expected_outcome_is_the_mean_of_what_happens():
     """10^4 drawn steps: within 5 standard errors with the truth at its prediction, else within 3 % of the change."""
     state, _, rng = somewhere(SYSTEM, 1, seed=3)
     count, action = 10_000, np.full(10_000, 2)
+    truth = type(state.truth)(*(np.repeat(a, count, axis=0) for a in state.truth))
+    truth = truth._replace(visible=np.ones_like(truth.visible))
     many = type(state.belief)(*(np.repeat(a, count, axis=0) for a in ready(SYSTEM, state.belief, np.ones(1, int))))
     many = many._replace(step=np.zeros(count, np.int64))
     worlds = oracles.worlds(SectorSetup(horizon=1), count)
@@ -145,7 +195,7 @@ def test_expected_outcome_is_the_mean_of_what_happens():
         noise = rng.standard_normal(many.mean.shape) @ np.linalg.cholesky(many.covariance[0, 1]).T
         true_states = many.mean + spread * noise
         quiet = worlds._replace(process=spread * worlds.process)
-        after = SYSTEM.transition(type(state)(state.truth._replace(targets=true_states), many), action, quiet)
+        after = SYSTEM.transition(State(truth._replace(targets=true_states), many), action, quiet)
         looks = after.belief.covariance[:, 1]
         if spread == 0.0:
             error = looks.std(axis=0) / np.sqrt(count)
@@ -154,23 +204,24 @@ def test_expected_outcome_is_the_mean_of_what_happens():
         assert abs(np.trace(looks.mean(axis=0) - predicted)) < 0.03 * np.trace(before - predicted)
 
 
+@pytest.mark.parametrize("system", [SYSTEM, TURNING], ids=["straight", "turn"])
 @pytest.mark.parametrize(("wait", "ahead"), [(0, 1), (0, 14), (3, 5), (9, 14), (12, 30)])
-def test_gain_is_what_a_look_takes_off_the_costs_to_come(wait, ahead):
+def test_gain_is_what_a_look_takes_off_the_costs_to_come(system, wait, ahead):
     """Against the costs of beliefs without further measurements, with and without the look."""
-    state, _, _ = somewhere(SYSTEM, 12, steps=35)
+    state, _, _ = somewhere(system, 12, steps=35)
     belief = state.belief
     dark = belief._replace(visible=np.zeros_like(belief.visible))
     for _ in range(wait):
-        dark = SYSTEM.predict(dark, np.zeros(12, np.int64))
-    gain = SYSTEM.gain(belief, wait, ahead)
-    for c in SYSTEM.candidates():
+        dark = system.predict(dark, np.zeros(12, np.int64))
+    gain = system.gain(belief, wait, ahead)
+    for c in system.candidates():
         seen = dark._replace(visible=belief.visible, pointed=np.full(12, c // 2), dead=np.zeros(12, np.int64))
-        here, there = SYSTEM.predict(dark, np.full(12, c)), SYSTEM.predict(seen, np.full(12, c))
+        here, there = system.predict(dark, np.full(12, c)), system.predict(seen, np.full(12, c))
         there = there._replace(visible=dark.visible)
         total = np.zeros(12)
-        for _ in range(min(ahead, SYSTEM.horizon - 35 - wait)):
-            total += SYSTEM.cost(here) - SYSTEM.cost(there)
-            here, there = (SYSTEM.predict(b, np.zeros(12, np.int64)) for b in (here, there))
+        for _ in range(min(ahead, system.horizon - 35 - wait)):
+            total += system.cost(here) - system.cost(there)
+            here, there = (system.predict(b, np.zeros(12, np.int64)) for b in (here, there))
         np.testing.assert_allclose(gain[:, c], total, rtol=1e-9, atol=1e-6)
         np.testing.assert_array_equal(gain[:, c] > 0, belief.visible[:, 35 + wait, c // 2])
 

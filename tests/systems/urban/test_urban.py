@@ -121,6 +121,15 @@ def test_the_cost_is_that_of_the_cheapest_slots():
         assert SYSTEM.cost(state.belief)[e] == pytest.approx(sum(sorted(each)[:2]))
 
 
+def test_the_trace_is_that_of_all_tracks_in_use():
+    belief = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1].belief
+    _, P = Tracks(*belief[1:]).combined()
+    want = [sum(np.trace(P[e, s]) for s in np.flatnonzero(belief.status[e])) for e in range(5)]
+    np.testing.assert_allclose(SYSTEM.trace(belief), want)
+    assert (belief.status != 0).any()
+    assert (belief.status == 0).any()
+
+
 def test_prediction_has_the_shapes_of_the_contract_and_is_a_prediction():
     belief = played(SYSTEM, "round-robin", 3, stop=70)[-1].belief
     each, one = SYSTEM.predict(belief, np.arange(4)[None]), SYSTEM.predict(belief, np.full(3, LONG_UP))
@@ -206,7 +215,7 @@ def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
         ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
         ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
         ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan"),
-        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "map and antennas span"),
+        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "m from the nearest road, expected at most twice the reach"),
         ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
         ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
     ],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 
@@ -13,11 +13,12 @@ from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.waveforms import (
     chirp_law,
-    chirp_measurement_covariance,
     measurement_covariances,
     parse_law,
     trapezoid_chirp_library,
 )
+from wavegym.waveforms.fisher import unchecked_covariance
+from wavegym.waveforms.trapezoid import unchecked_trapezoid_factors
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class ChirpActions:
         sensors: number of sensors.
         form: "library" (an index per sensor), "joint" (one index for all sensors, over every law and direction at the
             longest duration and the widest sweep) or "box" (the parameters of every sensor).
+        own: pulses of each sensor in place of the chirps, in the forms "library" and "joint".
     """
 
     laws: tuple[str, ...]
@@ -40,16 +42,17 @@ class ChirpActions:
     carrier_hz: float
     sensors: int
     form: str
+    own: Library | None = field(default=None, kw_only=True)
 
     @cached_property
     def library(self) -> Library:
-        """One sensor's waveforms: law, duration, sweep, direction, the last fastest."""
-        return trapezoid_chirp_library(self.laws, self.durations, self.sweeps)
+        """One sensor's waveforms: law, duration, sweep, direction, the last fastest; or the given ones."""
+        return self.own or trapezoid_chirp_library(self.laws, self.durations, self.sweeps)
 
     @cached_property
     def widest(self) -> Library:
-        """Every law and direction at the longest duration and the widest sweep."""
-        return trapezoid_chirp_library(self.laws, (max(self.durations),), (max(self.sweeps),))
+        """Every law and direction at the longest duration and the widest sweep, or the given waveforms."""
+        return self.own or trapezoid_chirp_library(self.laws, (max(self.durations),), (max(self.sweeps),))
 
     @cached_property
     def joint(self) -> JointLibrary:
@@ -114,7 +117,9 @@ class ChirpActions:
 
     @cached_property
     def constants(self) -> Array:
-        """Fixed schedules: one law, duration and sweep for all sensors, each sensor up or down."""
+        """Fixed schedules: one law, duration and sweep for all sensors, each sensor up or down; or a given pulse."""
+        if self.own:
+            return self.encode(np.repeat(np.arange(len(self.own))[:, None], self.sensors, axis=1))
         pairs = len(self.sensor_library) // 2
         directions = np.array(list(product((0, 1), repeat=self.sensors)))
         choices = 2 * np.arange(pairs)[:, None, None] + directions
@@ -135,7 +140,8 @@ class ChirpActions:
 
     def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:
         """C (..., 2, 2) of any chirps: index of the law, duration (s) and signed sweep (Hz), each (...)."""
-        return chirp_measurement_covariance(self._moments[law], duration, sweep, self.carrier_hz)
+        factors = unchecked_trapezoid_factors(self._moments[law], duration, sweep)
+        return unchecked_covariance(*factors, self.carrier_hz)
 
     @cached_property
     def _moments(self) -> Array:

@@ -2,7 +2,8 @@
 
 Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state).
 ``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
-``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability);
+``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability), as the
+tracker assumes them; ``world`` is the same tuple with the true values, of which kernels read all but the last two.
 ``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
 ``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
 visible target); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
@@ -15,9 +16,9 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.clutter_kernels import add_clutter, room
+from wavegym.sensors.clutter_kernels import add_clutter, most_load, room
 from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.gate_kernels import gate_volume_one, in_gate
+from wavegym.sensors.gate_kernels import in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers.jpda_kernels import factor_one, update_targets
@@ -102,13 +103,13 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 
 @kernel
-def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan):
+def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gate, work, z, outside, scan):
     """Fill z with the targets' returns that lie in a gate; returns their number.
 
-    outside[e, t] counts returns outside their own target's gate, scan[e, 0] detections. eta, Pd and the error's
-    covariance are those at the true range.
+    outside[e, t] counts returns outside their own target's gate, scan[e, 0] detections. eta, Pd and the
+    error's covariance are the world's, at the true range.
     """
-    sensors, log_pf, gate = radar[0], radar[3], radar[5]
+    sensors, log_pf = world[0], world[3]
     centre, L = work[0], work[2]
     C, strength, chance = pulse
     own_row = row(e, C)
@@ -123,7 +124,7 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, ou
         r, v = range_and_rate(
             path[e, t, age, 0], path[e, t, age, 1], path[e, t, age, 2], path[e, t, age, 3], sensors[i, 0], sensors[i, 1]
         )
-        weakness = weakness_one(e, i, r, strength, radar)
+        weakness = weakness_one(e, i, r, strength, world)
         if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf):
             continue
         scan[e, 0] += 1
@@ -143,9 +144,9 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, ou
 
 
 @kernel
-def transition(step, mean, covariance, X, V, path, first, uniform, error, key, pulse, targets, F, Q, radar,
+def transition(step, mean, covariance, X, V, path, first, uniform, error, key, pulse, targets, world, F, Q, radar,
             mean_out, covariance_out, X_out, V_out, truth, outside, scan, nn):  # fmt: skip
-    """One step of every environment, sensor after sensor; tapes read at [e, step].
+    """One step of every environment, sensor after sensor; tapes read at [e, step]. F and Q are the tracker's.
 
     X (e, particle, t, n), V (e, particle, t, n, n): with particles, they are the tracker, and mean and covariance are
     their moments; without, the tracker is JPDA. outside (e, t) is counted up; scan (e, 4): detections, clutter points
@@ -169,11 +170,11 @@ def transition(step, mean, covariance, X, V, path, first, uniform, error, key, p
             is_lit(e, i, present, pulse[2], lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             z = room(z, count_t)
-            returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, radar, work, z, outside, scan)
-            if not most_clutter(lit, work[2], radar[5], radar[4]) <= MOST_CLUTTER:  # NaN, too
+            returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, world, radar[5], work, z, outside, scan)
+            if not most_load(lit, work[0], work[2], radar[5], world[4]) <= MOST_CLUTTER:  # NaN, too
                 scan[e, 1] = np.nan
                 break
-            z, count = add_clutter(stream(own, i), work[0], work[2], lit, radar[5], radar[4], z, returns)
+            z, count = add_clutter(stream(own, i), work[0], work[2], lit, radar[5], world[4], z, returns)
             scan[e, 1] += count - returns
             track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
         if particles:
@@ -195,17 +196,6 @@ def hand_over(e, t, first, mean, X, nn):
         mean[e, t, a] = first[e, t, a]
         for j in range(X.shape[1]):
             X[e, j, t, a] = first[e, t, a]
-
-
-@kernel
-def most_clutter(present, L, gate, density):
-    """The greatest expected number of clutter points in an open gate; NaN if a gate's volume is NaN."""
-    most = 0.0
-    for t in range(len(present)):
-        if present[t]:
-            expected = density * gate_volume_one(t, L, gate)
-            most = expected if expected > most or np.isnan(expected) else most
-    return most
 
 
 @kernel

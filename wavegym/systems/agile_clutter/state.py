@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -80,6 +81,11 @@ def drawn_around(centre: ArrayLike, spread: ArrayLike, place: Array) -> Array:
     return np.array(centre) + np.array(spread) * (2.0 * place - 1.0)
 
 
+def corners(centre: ArrayLike, spread: ArrayLike) -> Array:
+    """The corners of the boxes from which ``drawn_around`` draws, (16 target, 4)."""
+    return drawn_around(centre, spread, np.array(list(product((0.0, 1.0), repeat=4)))[:, None]).reshape(-1, 4)
+
+
 def target_fields(targets: int, sensors: int) -> tuple[ObservationField, ...]:
     """Observation fields: time left, and of every target the prediction at the next pulse, also at each sensor."""
     listed = [ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
@@ -103,21 +109,24 @@ def target_fields(targets: int, sensors: int) -> tuple[ObservationField, ...]:
     return tuple(listed)
 
 
-def first_gate_volume(
-    starts: ArrayLike, variance: ArrayLike, sensors: ArrayLike, C: Array, law: tuple[float, float], gate: float
+def greatest_gate_volume(
+    mean: Array, P: Array, sensors: ArrayLike, C: Array, law: tuple[float, float], gate: float
 ) -> float:
-    """Area in m (m/s) of the largest validation gate before the first measurement, over targets and sensors.
+    """Area in m (m/s) of the largest validation gate, over targets and sensors.
+
+    The measurement noise is that at three standard deviations of position beyond the estimate.
 
     Args:
-        starts: [x y xdot ydot] of each target, (target, 4).
-        variance: diagonal of P0, (4,).
+        mean: estimated [x y xdot ydot] of each target, (target, 4).
+        P: covariance of all estimates, (4, 4).
         sensors: positions, (sensor, 2).
         C: measurement covariances of all waveforms at unit SNR, (waveform, 2, 2).
         law: reference and nearest range of the SNR, m.
         gate: radius in standard deviations.
     """
     places = np.asarray(sensors)[:, None]
-    H = range_and_rate_jacobian(starts, places)  # (sensor, target, 2, 4)
-    eta = range_law_snr(range_and_rate(starts, places)[..., 0], *law)
-    S = (H * np.asarray(variance) @ np.swapaxes(H, -1, -2))[:, :, None] + C / eta[..., None, None, None]
+    H = range_and_rate_jacobian(mean, places)  # (sensor, target, 2, 4)
+    farthest = range_and_rate(mean, places)[..., 0] + 3.0 * np.sqrt(P[0, 0] + P[1, 1])
+    eta = range_law_snr(farthest, *law)
+    S = (H @ P @ np.swapaxes(H, -1, -2))[:, :, None] + C / eta[..., None, None, None]
     return float(gate_volume(S, gate).max())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -11,14 +12,14 @@ import numpy as np
 from pydantic import NonNegativeInt
 
 from wavegym.core import trees
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import BestAction, LinearCost, SensorBySensor
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors import gate_probability
+from wavegym.sensors import gate_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
@@ -32,11 +33,12 @@ from wavegym.systems.agile_clutter.state import (
     Pulse,
     Truth,
     World,
-    first_gate_volume,
+    greatest_gate_volume,
     target_fields,
 )
-from wavegym.targets import MotionModel, constant_velocity, random_path
-from wavegym.trackers import Particles
+from wavegym.systems.precision import check_precision
+from wavegym.targets import MotionModel, constant_turn, random_path
+from wavegym.trackers import Particles, predict_covariance
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 
@@ -52,7 +54,8 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         Each target's state is [x y xdot ydot] (m, m/s), x_k = F x_{k-1} + w_k, white acceleration of density q (eqs. 1
         and 2). Sensor i measures range and range-rate of every target with covariance N = C / eta (section 3.2), where
         C is the inverse Fisher information of its chirp at unit SNR and eta = (r0 / r)^4. A target is detected with
-        probability Pd = Pf^(1 / (1 + eta)); clutter is Poisson, uniform in the union of the validation gates, so a
+        probability Pd = Pf^(1 / (1 + eta)). Clutter is a Poisson field over range and range-rate, new at every step and
+        sensor and the same for all pulses and trackers; the tracker takes the returns inside its validation gates, so a
         pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
         at the predicted one. Sensor by sensor, an unscented filter with joint probabilistic data association updates
         all targets. ``tracker="particle"``: a Rao-Blackwellised particle filter samples joint associations from their
@@ -78,21 +81,34 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
 
     horizon: int = parameter(32, "steps in an episode", ge=1)
     dt: float = parameter(0.25, "time step", unit="s", gt=0)
-    q: float = parameter(1.0, "process noise density", unit="m^2/s^3", ge=0)
+    q: float = parameter(1.0, "process noise density", unit="m^2/s^3", truth=True, ge=0)
+    turn_rate: float = parameter(
+        0.0, "rate at which all targets turn, positive to the left", unit="rad/s", truth=True, ge=-10, le=10
+    )
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
-    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", gt=0)
-    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", gt=0)
+    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
+    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
     sensors: tuple[tuple[float, float], ...] = parameter(
         ((3e3, -16e3), (3e3, 20.4e3)), "position (x, y) of each sensor", unit="m"
     )
     starts: tuple[PlanarState, ...] = parameter(
-        ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0)), "first [x y xdot ydot] of each target", unit="m, m/s"
+        ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0)),
+        "first [x y xdot ydot] of each target",
+        unit="m, m/s",
+        truth=True,
     )
     births: tuple[NonNegativeInt, ...] = parameter((0, 7), "step at which the tracker receives each target")
     lifetime: int = parameter(25, "steps for which each target is tracked", ge=1, le=100_000)
-    prior_variance: PositiveState = parameter((4e3, 4e3, 100.0, 100.0), "diagonal of P0", unit="m^2, m^2/s^2")
-    false_alarm: float = parameter(0.01, "false alarm probability Pf", gt=0, lt=1)
-    clutter_density: float = parameter(1e-4, "false returns per m of range and m/s of range-rate", unit="s/m^2", ge=0)
+    prior_variance: PositiveState = parameter(
+        (4e3, 4e3, 100.0, 100.0),
+        "diagonal of P0, the covariance of the first estimate",
+        unit="m^2, m^2/s^2",
+        truth=True,
+    )
+    false_alarm: float = parameter(0.01, "false alarm probability Pf", truth=True, gt=0, lt=1)
+    clutter_density: float = parameter(
+        1e-4, "false returns per m of range and m/s of range-rate", unit="s/m^2", truth=True, ge=0
+    )
     gate: float = parameter(4.0, "radius of the validation gates in standard deviations", gt=0)
     weights: NonNegativeState = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
     laws: tuple[str, ...] = parameter(
@@ -106,6 +122,9 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         "sweeps of the library, which holds every law with every duration and sweep, up and down",
         unit="Hz",
     )
+    library: Library | None = parameter(
+        None, "a Library of waveforms of your own, in place of ``laws``, ``durations`` and ``sweeps``", unit=""
+    )
     action: Literal["library", "joint", "box"] = parameter(
         "library",
         "a waveform per sensor; one index for all sensors (every law up and down, at the longest duration and the "
@@ -118,11 +137,28 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     )
     particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
 
+    nees_dimension = 4  # position and velocity
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
+        self._check_library()
         self._check_targets()
         self._check_clutter()
+        self._check_precision()
+
+    def _check_library(self) -> None:
+        """InputError for a library of one's own together with what describes the built-in one."""
+        if self.library is None:
+            return
+        if self.action == "box":
+            raise InputError(
+                "library is given with action='box', expected action='library' or 'joint': a box spans built-in chirps"
+            )
+        for field in dataclasses.fields(self):
+            if field.name in ("laws", "durations", "sweeps") and getattr(self, field.name) != field.default:
+                given = f"{field.name} is {getattr(self, field.name)} with library="
+                raise InputError(f"{given}, expected one of the two: the library takes the place of the chirps")
 
     def _check_targets(self) -> None:
         """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
@@ -137,21 +173,47 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         check_within("least of births", min(self.births), 0, self.horizon - 1)
 
     def _check_clutter(self) -> None:
-        """InputError for a density that expects too many points in a gate."""
+        """InputError for a density that expects too many points in a gate, of a target that is never detected too."""
         C, snr = self.action_set.sensor_covariances, (self.reference_range, self.nearest_range)
-        volume = first_gate_volume(self.starts, self.prior_variance, self.sensors, C, snr, self.gate)
+        starts = self.farthest_starts()
+        P, volume = np.diag(self.prior_variance), 0.0
+        for age in (1, self.lifetime):
+            coasting = self._motion_over(age * self.dt)
+            after = starts @ coasting.F.T, predict_covariance(P, coasting.F, coasting.Q)
+            volume = max(volume, greatest_gate_volume(*after, self.sensors, C, snr, self.gate))
         most = float(f"{kernels.MOST_CLUTTER / volume:.3g}")
-        check_within("clutter_density", self.clutter_density, 0, most, "s/m^2")
+        if not self.clutter_density <= most:
+            raise InputError(
+                f"clutter_density is {self.clutter_density!r} s/m^2, expected a number in [0, {most:g}] (nearest: "
+                f"{most:g}): a target of prior_variance {self.prior_variance} that is not detected in {self.lifetime} "
+                f"steps of {self.dt:g} s would have over {kernels.MOST_CLUTTER:g} false returns in its gate"
+            )
+
+    def _check_precision(self) -> None:
+        """InputError for pulses too fine for the tracker; see ``check_precision``."""
+        starts, places = np.array(self.starts), np.array(self.sensors)[:, None]
+        H = range_and_rate_jacobian(starts, places)  # (sensor, target, 2, 4)
+        P = H @ predict_covariance(np.diag(self.prior_variance), self.motion.F, self.motion.Q) @ np.swapaxes(H, -1, -2)
+        eta = range_law_snr(range_and_rate(starts, places)[..., 0], self.reference_range, self.nearest_range)
+        check_precision(P, self.action_set.sensor_covariances, eta, self.reference_range)
+
+    def farthest_starts(self) -> Array:
+        """First states of the targets that stand for all possible ones, (state, 4)."""
+        return np.array(self.starts)
 
     @cached_property
     def motion(self) -> MotionModel:
-        """The targets' motion model, shared by the world and the tracker."""
-        return constant_velocity(self.dt, self.q, ("x", "y"), order="derivative")
+        """The targets' motion model as the tracker assumes it; ``truth_model.motion`` is the world's."""
+        return self._motion_over(self.dt)
+
+    def _motion_over(self, seconds: float) -> MotionModel:
+        return constant_turn(seconds, self.q, self.turn_rate, order="derivative")
 
     @cached_property
     def action_set(self) -> ChirpActions:
         """The chirps of all sensors in the form that ``action`` names."""
-        return ChirpActions(self.laws, self.durations, self.sweeps, self.carrier_hz, len(self.sensors), self.action)
+        chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
+        return ChirpActions(*chirps, len(self.sensors), self.action, own=self.library)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
@@ -176,6 +238,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
 
     @cached_property
     def _radar(self) -> tuple[Any, ...]:
+        """Sensors, detection, clutter and gates, as ``kernels`` lists them."""
         law = (self.reference_range, self.nearest_range, math.log(self.false_alarm))
         return (np.array(self.sensors), *law, self.clutter_density, self.gate, float(gate_probability(self.gate)))
 
@@ -197,8 +260,9 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     def initial(self, world: World) -> State:
         """The true paths, and the first estimates drawn around their starts."""
         count, S = world.start.shape[:2]
-        path = random_path(self.motion, self.first_states(world), world.process)
-        first = path[:, :, 0] + np.sqrt(self.prior_variance) * world.start
+        model = self.truth_model
+        path = random_path(model.motion, model.first_states(world), world.process)
+        first = path[:, :, 0] + np.sqrt(model.prior_variance) * world.start
         mean = np.where(self._targets[0][:, None] == 0, first, self.starts)
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
         particles = None
@@ -224,8 +288,8 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         X_out, V_out = np.empty(X.shape), np.empty(V.shape)
         kernels.transition(
             step, mean, covariance, X, V, truth.path, truth.first, world.detection, world.error, world.key,
-            pulse.rows((len(step), 1)), self._targets, *self._model, self._radar, x, P, X_out, V_out, true_states,
-            outside, scan, NN
+            pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, X_out,
+            V_out, true_states, outside, scan, NN
         )  # fmt: skip
         if np.isnan(scan).any():
             where = f"environment {np.argmax(np.isnan(scan).any(axis=1))} at step {step[np.isnan(scan).any(axis=1)][0]}"
@@ -327,10 +391,10 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         return out
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Of each target, 0 unless ``present``: ``position_error`` (m), ``squared_error`` (m^2, weighted with Lambda)
-        and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen outside its gates. Of the step:
-        ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"`` also ``ess`` and ``ancestors``,
-        effective sample size and distinct ancestors as shares of the particles.
+        """Of each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
+        (m^2, weighted with Lambda) and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen
+        outside its gates. Of the step: ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"``
+        also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the particles.
         """
         truth, belief = state
         present = np.empty(truth.outside.shape, np.bool_)
@@ -339,6 +403,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         figures = {
             "present": present,
             "position_error": position,
+            "position_variance": np.where(present, belief.covariance[..., 0, 0] + belief.covariance[..., 1, 1], 0.0),
             "squared_error": squared,
             "nees": nees,
             "lost": truth.outside > LOST_AFTER,

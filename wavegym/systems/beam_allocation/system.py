@@ -19,6 +19,7 @@ from wavegym.systems.agile_clutter.state import (
     PlanarState,
     PositiveState,
     Pulse,
+    corners,
     drawn_around,
     target_fields,
 )
@@ -73,6 +74,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         ((0.0, 4e3, 0.0, 0.0), (-3.5e3, -2e3, 0.0, 0.0), (3.5e3, -2e3, 0.0, 0.0)),
         "centre of the first [x y xdot ydot] of each target",
         unit="m, m/s",
+        truth=True,
     )
     births: tuple[NonNegativeInt, ...] = parameter((0, 0, 0), "0 for every target: all are present throughout")
     lifetime: int = parameter(60, "at least horizon: all targets are present throughout", ge=1, le=100_000)
@@ -85,11 +87,15 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         "sweep of each chirp, as many as durations; every law with every pair, rising, can be sent at every target",
         unit="Hz",
     )
+    library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
     tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
     particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
     spread: NonNegativeState = parameter(
-        (1e3, 1e3, 100.0, 100.0), "greatest distance of a first [x y xdot ydot] from its centre", unit="m, m/s"
+        (1e3, 1e3, 100.0, 100.0),
+        "greatest distance of a first [x y xdot ydot] from its centre",
+        unit="m, m/s",
+        truth=True,
     )
     shown: tuple[Count, Count] = parameter((6, 14), "least and greatest number of steps for which a target is visible")
     hidden: tuple[NonNegativeInt, NonNegativeInt] = parameter(
@@ -126,6 +132,10 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         truth, base = super().initial(world)
         step, mean, covariance = base[:3]
         return State(truth, Belief(step, mean, covariance, None, visibility(self, world.window, len(self.starts))))
+
+    def farthest_starts(self) -> Array:
+        """The corners of the boxes in which targets start, (state, 4)."""
+        return corners(self.starts, self.spread)
 
     def first_states(self, world: Any) -> Array:
         """The true states at birth, drawn around ``starts``."""

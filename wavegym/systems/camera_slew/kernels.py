@@ -13,12 +13,19 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.systems.rf_eo.kernels import gain_of, look_one, measure_one, move_one, track_one
-from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
+from wavegym.systems.rf_eo.kernels import move_one, receive_one, rows_of
+from wavegym.systems.rf_eo.look_kernels import gain_of, look_one, look_polar
+from wavegym.systems.rf_eo.tracker_kernels import absorb_one, iterate_one, residual_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+from wavegym.trackers.polar_kernels import (
+    AZIMUTH,
+    UNLIKELY,
+    miss_one,
+    normal_mass,
+    predict_polar_one,
+    to_cartesian_one,
+)
 from wavegym.trackers.rank_one_kernels import shrink_one
-
-AZIMUTH = 2  # of a platform's three quantities
 
 
 class Mount(NamedTuple):
@@ -60,93 +67,242 @@ def scaled(A, factor, out, nn):
             out[a, b] = factor * A[a, b]
 
 
-@kernel
-def transition(
-    step, mean, P, pointing, settling, density, visible, truth, unseen, process, error, found, action, F, Q, L, places,
-    rules, mount, variance, low, high, x, P_out, pointing_out, settling_out, truth_out, received, unseen_out, seen, nn
-):  # fmt: skip
-    """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen, seen (e, t).
-
-    Q and its factor L belong to a process noise density of 1; density (e, t): the targets' own.
-    """
-    (count, targets, n), rows, flat = mean.shape, 3 * places.shape[0], mean.shape[0] * mean.shape[1]
-    T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows)
-    own, factor = np.empty((1, n, n)), np.empty((n, n))
-    y, d, v, places, low, fence = np.empty(rows), np.empty(n), np.empty(n), places.copy(), low.copy(), np.empty((2, 3))
-    mean, truth, x, truth_out = (
-        mean.reshape((flat, n)), truth.reshape((flat, n)), x.reshape((flat, n)), truth_out.reshape((flat, n))
-    )  # fmt: skip
-    P, P_out = P.reshape((flat, n, n)), P_out.reshape((flat, n, n))
-    for e in range(count):
-        k, aim = step[e], e * targets + action[e]
-        for t in range(targets):
-            predict_mean_one(e * targets + t, mean, F, 0, x, nn)
-        towards = bearing(x[aim, 0] - places[0, 0], x[aim, 2] - places[0, 1])
-        pointing_out[e], settling_out[e], sees = turn_towards(towards, pointing[e], settling[e], mount)
-        places[0, 2] = pointing_out[e]
-        for t in range(targets):
-            i = e * targets + t
-            scaled(L, np.sqrt(density[e, t]), factor, nn)
-            move_one(e, k, t, i, truth, F, factor, process, truth_out, nn)
-            scaled(Q[0], density[e, t], own[0], nn)
-            predict_covariance_one(i, P, F, own, 0, T, P_out, nn)
-            look_one(i, x, places, rules, h, H)
-            low[0, AZIMUTH] = -mount.half if sees and found[e, k, t] < share_of(e, k, t, visible, mount) else np.inf
-            got = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
-            seen[e, t] = R[AZIMUTH] < np.inf
-            received[e, t], unseen_out[e, t] = got, 0 if seen[e, t] else unseen[e, t] + 1
-            track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
+@inlined
+def point_one(e, action, mean, F, pointing, settling, places, mount, x, nn):
+    """Predict the means x (e t, n) of all targets of environment e, and turn towards one: as ``turn_towards``."""
+    targets = mean.shape[0] // action.shape[0]
+    for i in range(e * targets, (e + 1) * targets):
+        predict_mean_one(i, mean, F, 0, x, nn)
+    aim = e * targets + action[e]
+    azimuth = bearing(x[aim, 0] - places[0, 0], x[aim, 2] - places[0, 1])
+    return turn_towards(azimuth, pointing[e], settling[e], mount)
 
 
 @inlined
-def absorb_predicted(t, P, h, H, variance, low, high, rules, azimuth, v, nn):
-    """Update P[t] with the radars' quantities of target t predicted in view, and with the camera's if ``azimuth``."""
+def sense_one(e, k, t, i, x, truth, error, found, searched, places, rules, world, view, h, H, z, R):
+    """Measure truth[i]: fills z (a,) and the tracker's variances R (a,); returns the number of quantities received.
+
+    x[i]: predicted state. ``searched``: whether the camera searches an image for the target. ``world``: rules, mount
+    and view of the world. An azimuth is in the view only where the camera finds the target.
+    """
+    true_rules, true_mount, true_view = world
+    look_one(i, x, places, rules, h, H)
+    seen = searched and found[e, k, t] < true_mount.detection
+    true_view[1][0, AZIMUTH] = -true_mount.half if seen else np.inf
+    fence = true_view[0]  # not read: there are no penalties
+    return receive_one(e, k, t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z, R)
+
+
+@inlined
+def track_one(e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, mount, x, P, p_out, S_out, scratch, nn):
+    """One step of the tracker for polar[i], S[i]: fills p_out[i], S_out[i] and their Cartesian moments x[i], P[i].
+
+    The measurements of platform 0 are linear in p; those of other platforms need a few iterations.
+    """
+    A, T, points, h, H, y, d, v = scratch
+    predict_polar_one(i, polar, S, F[0], Q[0], density[e, t], p_out, S_out, points, A, T, nn)
+    look_polar(i, p_out, places, rules, h, H)
+    missed = searched and h[0] >= rules.nearest and not R[AZIMUTH] < np.inf
+    residual_one(z, h, y)
+    if places.shape[0] > 1:
+        iterate_one(i, p_out, S_out, z, R, h, H, places, rules, y, d, v, True, nn)
+    else:
+        absorb_one(i, S_out, H, y, R, d, v, nn)
+        for a in range(len(nn)):
+            p_out[i, a] += d[a]
+    p_out[i, AZIMUTH] = wrapped(p_out[i, AZIMUTH])
+    if missed:
+        miss_image(i, p_out, S_out, places[0, 2], mount, v, nn)
+    to_cartesian_one(i, p_out, S_out, places[0, 0], places[0, 1], x, P, nn)
+
+
+@inlined
+def miss_image(i, p, S, pointing, mount, g, nn):
+    """Update with an image around ``pointing`` in which the target was not found."""
+    off = wrapped(pointing - p[i, AZIMUTH])
+    miss_one(i, p, S, off - mount.half, off + mount.half, mount.detection, g, nn)
+
+
+@inlined
+def scratch_for(rows, nn):
+    """Scratch space of ``track_one``."""
+    n = len(nn)
+    return (
+        np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows),
+        np.empty(n), np.empty(n)
+    )  # fmt: skip
+
+
+@kernel
+def transition(
+    step, mean, P, polar, S, pointing, settling, density, visible, truth, unseen, true_density, process, error, found,
+    action, true_F, true_L, world, F, Q, places, rules, mount, view,
+    x, P_out, polar_out, S_out, pointing_out, settling_out, truth_out, received, unseen_out, seen, nn
+):  # fmt: skip
+    """One step of every environment; mean, polar, truth (e, t, n), P, S (e, t, n, n), received, unseen, seen (e, t).
+
+    Q and the world's noise factor belong to a process noise density of 1; density (e, t): the targets' own.
+    """
+    (count, targets, n), rows, places = mean.shape, 3 * places.shape[0], places.copy()
+    factor, h, H, z, R = np.empty((n, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(rows)
+    scratch, (true_rules, true_mount, (true_variance, true_low, true_high)) = scratch_for(rows, nn), world
+    world = (true_rules, true_mount, (true_variance, true_low.copy(), true_high))
+    mean, polar, truth, x, polar_out, truth_out, S, P_out, S_out = (
+        rows_of(mean), rows_of(polar), rows_of(truth), rows_of(x), rows_of(polar_out), rows_of(truth_out),
+        rows_of(S), rows_of(P_out), rows_of(S_out)
+    )  # fmt: skip
+    for e in range(count):
+        k = step[e]
+        pointing_out[e], settling_out[e], sees = point_one(
+            e, action, mean, F, pointing, settling, places, mount, x, nn
+        )  # fmt: skip
+        places[0, 2] = pointing_out[e]
+        for t in range(targets):
+            i = e * targets + t
+            scaled(true_L, np.sqrt(true_density[e, t]), factor, nn)
+            move_one(e, k, t, i, truth, true_F, factor, process, truth_out, nn)
+            searched = sees and visible[e, k, t]
+            got = sense_one(
+                e, k, t, i, x, truth_out, error, found, searched, places, rules, world, view, h, H, z, R
+            )  # fmt: skip
+            seen[e, t] = R[AZIMUTH] < np.inf
+            received[e, t], unseen_out[e, t] = got, 0 if seen[e, t] else unseen[e, t] + 1
+            track_one(
+                e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, mount, x, P_out, polar_out, S_out,
+                scratch, nn
+            )  # fmt: skip
+
+
+@kernel
+def move(step, truth, density, process, F, L, truth_out, nn):
+    """Fill truth_out (e, t, n): all targets one step on; L belongs to a density of 1, density (e, t): their own."""
+    targets, factor = truth.shape[1], np.empty(L.shape)
+    truth, truth_out = rows_of(truth), rows_of(truth_out)
+    for i in range(truth.shape[0]):
+        e, t = i // targets, i % targets
+        scaled(L, np.sqrt(density[e, t]), factor, nn)
+        move_one(e, step[e], t, i, truth, F, factor, process, truth_out, nn)
+
+
+@kernel
+def sense(
+    step, mean, pointing, settling, visible, truth, error, found, action, world, F, places, rules, mount, view, z, R, nn
+):  # fmt: skip
+    """Fill z, R (e, t, a): what radars and camera measure of truth (e, t, n), after the camera has turned."""
+    (count, targets, n), rows, places = mean.shape, 3 * places.shape[0], places.copy()
+    h, H, x = np.empty(rows), np.empty((rows, n)), np.empty((count * targets, n))
+    true_rules, true_mount, (true_variance, true_low, true_high) = world
+    world = (true_rules, true_mount, (true_variance, true_low.copy(), true_high))
+    mean, truth = rows_of(mean), rows_of(truth)
+    for e in range(count):
+        places[0, 2], _, sees = point_one(e, action, mean, F, pointing, settling, places, mount, x, nn)
+        for t in range(targets):
+            i, searched = e * targets + t, sees and visible[e, step[e], t]
+            sense_one(
+                e, step[e], t, i, x, truth, error, found, searched, places, rules, world, view, h, H, z[e, t], R[e, t]
+            )  # fmt: skip
+
+
+@kernel
+def track(
+    step, mean, P, polar, S, pointing, settling, density, visible, action, z, R, F, Q, places, rules, mount,
+    x, P_out, polar_out, S_out, pointing_out, settling_out, nn
+):  # fmt: skip
+    """Turn the camera and track with measurements z of variances R (e, t, a), infinite where nothing was received."""
+    (count, targets, _), places, scratch = mean.shape, places.copy(), scratch_for(z.shape[2], nn)
+    mean, polar, x, polar_out, S, P_out, S_out = (
+        rows_of(mean), rows_of(polar), rows_of(x), rows_of(polar_out), rows_of(S), rows_of(P_out), rows_of(S_out)
+    )  # fmt: skip
+    for e in range(count):
+        pointing_out[e], settling_out[e], sees = point_one(
+            e, action, mean, F, pointing, settling, places, mount, x, nn
+        )  # fmt: skip
+        places[0, 2] = pointing_out[e]
+        for t in range(targets):
+            searched = sees and visible[e, step[e], t]
+            track_one(
+                e, t, e * targets + t, polar, S, density, z[e, t], R[e, t], searched, F, Q, places, rules, mount,
+                x, P_out, polar_out, S_out, scratch, nn
+            )  # fmt: skip
+
+
+@inlined
+def absorb_predicted(t, S, h, H, variance, low, high, rules, azimuth, v, nn):
+    """Update S[t] with the radars' quantities predicted in view, or with the camera's azimuth alone if ``azimuth``."""
     for a in range(h.shape[1]):
         j, q = a // 3, a % 3
-        seen = azimuth if a == AZIMUTH else low[j, q] <= h[t, a] <= high[j, q]
+        seen = a == AZIMUTH if azimuth else low[j, q] <= h[t, a] <= high[j, q]
         if seen and h[t, 3 * j] >= rules.nearest:
-            s = gain_of(q, t, P, H[t], a, v, nn) + variance[j, q]
-            shrink_one(t, P, v, s, nn)
+            s = gain_of(q, t, S, H[t], a, v, nn) + variance[j, q]
+            shrink_one(t, S, v, s, nn)
+
+
+@inlined
+def mass_in_image(i, p, S, pointing, mount):
+    """Probability that target i is in the image."""
+    off, sigma = wrapped(pointing - p[i, AZIMUTH]), np.sqrt(S[i, AZIMUTH, AZIMUTH])
+    return normal_mass((off - mount.half) / sigma, (off + mount.half) / sigma)
+
+
+@inlined
+def blended(first, second, weight, out, nn):
+    """out (n, n) = (1 - weight) first + weight second; out may be one of them."""
+    for a in range(len(nn)):
+        for b in range(len(nn)):
+            out[a, b] = (1.0 - weight) * first[a, b] + weight * second[a, b]
 
 
 @kernel
 def predict(
-    step, mean, P, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount, variance,
-    low, high, x, P_out, pointing_out, settling_out, nn
+    step, mean, P, polar, S, pointing, settling, density, visible, actions, draws, sampled, F, Q, places, rules, mount,
+    view, x, P_out, polar_out, S_out, pointing_out, settling_out, nn
 ):  # fmt: skip
-    """Fill predicted means x (e, c, t, n), covariances P_out (e, c, t, n, n), and the camera's state (e, c).
+    """Fill predicted beliefs x, polar_out (e, c, t, n), P_out, S_out (e, c, t, n, n), and the camera's state (e, c).
 
     actions (e or 1, c); draws (e, c or 1, t), used where ``sampled``.
     """
-    (count, candidates, targets), n = x.shape[:3], len(nn)
-    ahead, v, known = np.empty((targets, n)), np.empty(n), np.empty(targets, np.bool_)
-    without_camera, with_camera = np.empty((targets, n, n)), np.empty((targets, n, n))
+    (count, candidates, targets), n, sx, sy = x.shape[:3], len(nn), places[0, 0], places[0, 1]
+    A, T, points = np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n))
+    ahead, p, v, (variance, low, high) = np.empty((targets, n)), np.empty((targets, n)), np.empty(n), view
+    unseen, found, known = np.empty((targets, n, n)), np.empty((targets, n, n)), np.empty(targets, np.bool_)
+    x_unseen, x_found = np.empty((targets, n)), np.empty((targets, n))
+    P_unseen, P_found = np.empty((targets, n, n)), np.empty((targets, n, n))
     h, H = np.empty((targets, 3 * places.shape[0])), np.empty((targets, 3 * places.shape[0], n))
     for e in range(count):
-        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, without_camera, h, H, nn)
-        for t in range(targets):  # predict_ahead assumed a density of 1
-            for a in range(n):
-                for b in range(n):
-                    without_camera[t, a, b] += (density[e, t] - 1.0) * Q[0, a, b]
-        with_camera[:], known[:] = without_camera, False
+        known[:] = False
         for t in range(targets):
-            absorb_predicted(t, without_camera, h, H, variance, low, high, rules, False, v, nn)
+            predict_mean_one(t, mean[e], F, 0, ahead, nn)
+            predict_polar_one(t, polar[e], S[e], F[0], Q[0], density[e, t], p, unseen, points, A, T, nn)
+            look_polar(t, p, places, rules, h[t], H[t])
+            absorb_predicted(t, unseen, h, H, variance, low, high, rules, False, v, nn)
+            to_cartesian_one(t, p, unseen, sx, sy, x_unseen, P_unseen, nn)
         for c in range(candidates):
             aim = actions[e if actions.shape[0] > 1 else 0, c]
-            after, left, sees = turn_towards(h[aim, AZIMUTH], pointing[e], settling[e], mount)
+            towards = bearing(ahead[aim, 0] - sx, ahead[aim, 2] - sy)
+            after, left, sees = turn_towards(towards, pointing[e], settling[e], mount)
             pointing_out[e, c], settling_out[e, c] = after, left
             for t in range(targets):
-                x[e, c, t], P_out[e, c, t] = ahead[t], without_camera[t]
+                polar_out[e, c, t], S_out[e, c, t] = p[t], unseen[t]
+                x[e, c, t], P_out[e, c, t] = x_unseen[t], P_unseen[t]
                 share = share_of(e, step[e], t, visible, mount)
-                if not (sees and in_image(h[t, AZIMUTH], after, mount)):
+                if not sees or share == 0.0 or h[t, 0] < rules.nearest:
+                    continue
+                chance = share * mass_in_image(t, p, unseen, after, mount)
+                if chance < UNLIKELY:
                     continue
                 if not known[t]:
-                    absorb_predicted(t, with_camera, h, H, variance, low, high, rules, True, v, nn)
-                    known[t] = True
+                    known[t], found[t] = True, unseen[t]
+                    absorb_predicted(t, found, h, H, variance, low, high, rules, True, v, nn)
+                    to_cartesian_one(t, p, found, sx, sy, x_found, P_found, nn)
+                if sampled and draws[e, c if draws.shape[1] > 1 else 0, t] < chance:
+                    x[e, c, t], P_out[e, c, t], S_out[e, c, t] = x_found[t], P_found[t], found[t]
+                    continue
+                miss_image(t, polar_out[e, c], S_out[e, c], after, mount, v, nn)
+                to_cartesian_one(t, polar_out[e, c], S_out[e, c], sx, sy, x[e, c], P_out[e, c], nn)
                 if not sampled:
-                    P_out[e, c, t] = (1.0 - share) * without_camera[t] + share * with_camera[t]
-                elif draws[e, c if draws.shape[1] > 1 else 0, t] < share:
-                    P_out[e, c, t] = with_camera[t]
+                    polar_out[e, c, t], x[e, c, t] = p[t], x_unseen[t]
+                    blended(S_out[e, c, t], found[t], chance, S_out[e, c, t], nn)
+                    blended(P_out[e, c, t], P_found[t], chance, P_out[e, c, t], nn)
 
 
 @kernel
@@ -168,14 +324,14 @@ def delay(step, mean, pointing, settling, visible, F, places, mount, out, off, n
 
 
 @kernel
-def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, variance, low, high, out, nn):
+def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, view, out, nn):
     """Fill out (e, c), the reduction of the summed cost by one look at target c after ``wait`` (e, c) steps.
 
     F, Q (w, n, n): transition of 1, 2, ... steps and noise of a density of 1; M (l, n, n): weights summed over as many
     steps. All targets that will be in the image and in sight count. The radars' measurements up to the look count as if
     all were taken with the look.
     """
-    targets, n = mean.shape[1], len(nn)
+    targets, n, (variance, low, high) = mean.shape[1], len(nn), view
     x, V, T, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty((n, n)), np.empty(n)
     noise, step_on = np.empty((1, n, n)), np.empty((1, n, n))
     H, h = np.empty((3 * places.shape[0], n)), np.empty(3 * places.shape[0])

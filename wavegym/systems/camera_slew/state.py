@@ -32,6 +32,17 @@ class Truth(NamedTuple):
     received: Array  # (env, target) int: measured quantities of the last step
     unseen: Array  # (env, target) int: steps since the camera found the target
     seen: Array  # (env, target) bool: whether the camera found the target in the last step
+    q: Array  # (env, target) m^2/s^3: process noise density
+
+
+class Measurements(NamedTuple):
+    """What radars and camera report of one step, platform after platform: range, range-rate, azimuth.
+
+    The azimuth is relative to where the camera points (rad); only the first platform has a camera.
+    """
+
+    z: Array  # (env, target, 3 platforms), 0 where nothing was received
+    variance: Array  # (env, target, 3 platforms) of their errors as the tracker assumes it; infinite: not received
 
 
 class Belief(NamedTuple):
@@ -40,6 +51,8 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
+    polar_mean: Array  # (env, target, 4): range, range-rate, azimuth, velocity across the line of sight
+    polar_covariance: Array  # (env, target, 4, 4)
     pointing: Array  # (env,) rad, clockwise from +y
     settling: Array  # (env,) int: steps to settle that are left after the turn
     q: Array  # (env, target) m^2/s^3: process noise density

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, Gain, LinearCost
+from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import check_ordered
 from wavegym.core.parameters import Positive, parameter, system_parameters
@@ -19,8 +19,17 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
-from wavegym.systems.camera_slew.state import Belief, Truth, World, camera_fields, coming, platform_belief
-from wavegym.systems.rf_eo.kernels import Rules, measure
+from wavegym.systems.camera_slew.state import (
+    Belief,
+    Measurements,
+    Truth,
+    World,
+    camera_fields,
+    coming,
+    platform_belief,
+)
+from wavegym.systems.rf_eo.kernels import measure
+from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.system import (
     FARTHEST,
     GREATEST,
@@ -31,9 +40,11 @@ from wavegym.systems.rf_eo.system import (
     RfEo,
     StateVariance,
     StateWeights,
+    TurnRate,
 )
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel
+from wavegym.trackers.polar_kernels import to_polar
 
 LONGEST = 10_000  # steps: the system keeps a transition matrix for each number of steps
 FASTEST = 1e6  # rad/s
@@ -43,11 +54,11 @@ Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
 @system_parameters
-class CameraSlew(System, LinearCost, Gain, Delay):
+class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
-        Targets and tracker are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and
+        Targets and radar are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and
         range-rate of every target, but no azimuth. The camera on the first platform measures the azimuths of the
         targets in its image. An action names the target to look at: the camera turns towards its predicted azimuth at
         ``slew`` rad/s at most. A turn of more than half the field of view blinds the camera until it has arrived and
@@ -56,6 +67,12 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         tree lines block the camera's line of sight to a target; the radar sees through them. The process noise density
         of each target is known too. There is one waveform: r |rdot| stays below c lambda / 8, so a single pulse
         repetition frequency measures both range and range-rate without ambiguity.
+
+        Without the camera a target's cross-range is open, and its posterior bends along a circle about the radar. The
+        tracker is a Kalman filter in polar coordinates about the first platform [r, rdot, azimuth, cross velocity], in
+        which its measurements are linear; sigma points take the estimate through the motion. A look that does not find
+        a target is evidence against the azimuths in the image. The belief holds the polar Gaussian and its exact
+        Cartesian mean and covariance.
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
@@ -77,17 +94,25 @@ class CameraSlew(System, LinearCost, Gain, Delay):
     horizon: int = parameter(60, "steps in an episode", ge=1, le=LONGEST)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
     q: tuple[Positive, Positive] = parameter(
-        (0.02, 2.0), "bounds of the process noise density: from a straight road to manoeuvres", unit="m^2/s^3"
+        (0.02, 2.0),
+        "bounds of the process noise density: from a straight road to manoeuvres",
+        unit="m^2/s^3",
+        truth=True,
     )
+    turn_rate: TurnRate = parameter(0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True)
     targets: int = parameter(4, "number of targets", ge=1, le=MOST)
     sector: tuple[Azimuth, Azimuth] = parameter(
-        (-1.5, 1.5), "least and greatest azimuth of the targets' starts, clockwise from +y", unit="rad"
+        (-1.5, 1.5), "least and greatest azimuth of the targets' starts, clockwise from +y", unit="rad", truth=True
     )
     ranges: tuple[Distance, Distance] = parameter(
-        (2e3, 5e3), "least and greatest range of the targets' starts", unit="m"
+        (2e3, 5e3), "least and greatest range of the targets' starts", unit="m", truth=True
     )
-    speed: float = parameter(5.0, "standard deviation of each velocity component at the start", unit="m/s", ge=0)
-    prior_variance: StateVariance = parameter((100.0, 1.0, 100.0, 1.0), "diagonal of P0", unit="m^2, m^2/s^2")
+    speed: float = parameter(
+        5.0, "standard deviation of each velocity component at the start", unit="m/s", truth=True, ge=0
+    )
+    prior_variance: StateVariance = parameter(
+        (100.0, 1.0, 100.0, 1.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True
+    )
     platforms: tuple[Position, ...] = parameter(
         ((0.0, 0.0),),
         "positions (x, y), each with a radar; the first carries the camera. With a single radar, only the camera "
@@ -105,24 +130,28 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         math.radians(30.0), "greatest turn rate of the camera, a pan-tilt head's", unit="rad/s", gt=0, le=FASTEST
     )
     settle: int = parameter(3, "steps to settle, focus and search the image after a turn", ge=0, le=1000)
-    detection: float = parameter(0.7, "probability that a target in the image is found", ge=0, le=1)
+    detection: float = parameter(0.7, "probability that a target in the image is found", truth=True, ge=0, le=1)
     shown: tuple[int, int] = parameter((6, 14), "least and greatest number of steps in the camera's sight, by turns")
     hidden: tuple[int, int] = parameter((4, 10), "least and greatest number of steps out of sight, by turns")
     windows: tuple[Window, ...] = parameter(
         (), "given windows out of sight, in place of drawn ones: (target, first step, last step)", unit=""
     )
-    pixels: int = parameter(1000, "pixels across the image", ge=1, le=1_000_000)
+    pixels: int = parameter(1000, "pixels across the image", truth=True, ge=1, le=1_000_000)
     carrier_hz: float = parameter(10e9, "carrier frequency fc", unit="Hz", gt=0, le=1e15)
     prf: float = parameter(10e3, "pulse repetition frequency", unit="Hz", gt=0, le=0.5 * GREATEST)
-    bandwidth: float = parameter(2e6, "bandwidth B, narrow as a surveillance radar's", unit="Hz", gt=0, le=GREATEST)
-    fft_length: int = parameter(128, "Nfft, pulses integrated", ge=1, le=1_000_000)
+    bandwidth: float = parameter(
+        2e6, "bandwidth B, narrow as a surveillance radar's", unit="Hz", truth=True, gt=0, le=GREATEST
+    )
+    fft_length: int = parameter(128, "Nfft, pulses integrated", truth=True, ge=1, le=1_000_000)
     iterations: int = parameter(
         10, "most iterations of an update; 1 is the plain extended Kalman filter", ge=1, le=1_000_000
     )
     weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
     nearest_range: float = parameter(
-        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", gt=0, le=FARTHEST
+        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
     )
+
+    nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -145,16 +174,17 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         """
         angle = 2.0 * self.half_field / self.pixels
         return RfEo(
-            horizon=self.horizon, dt=self.dt, q=1.0, carrier_hz=self.carrier_hz, fft_length=self.fft_length,
-            pixels=self.pixels, platforms=self.platforms, starts=((0.0, 0.0, self.ranges[1], 0.0),) * self.targets,
-            prior_variance=self.prior_variance, prf=(self.prf, 2.0 * self.prf),
-            bandwidth=(0.5 * self.bandwidth, self.bandwidth), pixel_angle=(angle, 2.0 * angle), penalty="hard",
+            horizon=self.horizon, dt=self.dt, q=1.0, turn_rate=self.turn_rate, carrier_hz=self.carrier_hz,
+            fft_length=self.fft_length, pixels=self.pixels, platforms=self.platforms,
+            starts=((0.0, 0.0, self.ranges[1], 0.0),) * self.targets, prior_variance=self.prior_variance,
+            prf=(self.prf, 2.0 * self.prf), bandwidth=(0.5 * self.bandwidth, self.bandwidth),
+            pixel_angle=(angle, 2.0 * angle), penalty="hard",
             iterations=self.iterations, weights=self.weights, nearest_range=self.nearest_range,
         )  # fmt: skip
 
     @property
     def motion(self) -> MotionModel:
-        """The targets' motion model, shared by the world and the tracker."""
+        """The targets' motion model at a density of 1, of the tracker; ``truth_model.motion`` is the world's."""
         return self.loop.motion
 
     @cached_property
@@ -167,11 +197,16 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         return Mount(self.half_field, self.slew * self.dt, self.settle, self.detection)
 
     @cached_property
-    def _scene(self) -> tuple[Any, ...]:
-        """Kernel arguments: model, platforms, and the scalars of the RF/EO kernels; no penalties."""
+    def _rules(self) -> Rules:
+        """The scalars of the RF/EO kernels; no penalties."""
         law = (self.loop.wavelength, self.fft_length, self.pixels, False, self.iterations)
-        rules = Rules(KINDS["hard"], self.nearest_range, 0.0, False, *law)
-        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self.loop.places, rules
+        return Rules(KINDS["hard"], self.nearest_range, 0.0, False, *law)
+
+    @cached_property
+    def _scene(self) -> tuple[Any, ...]:
+        """Kernel arguments: model, platforms, scalars, camera, and field of view."""
+        F, Q = self.motion.F[None].copy(), self.motion.Q[None].copy()
+        return F, Q, self.loop.places, self._rules, self._mount, self._view
 
     @cached_property
     def _view(self) -> tuple[Array, Array, Array]:
@@ -218,35 +253,85 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         vx, vy = self.speed * world.velocity[..., 0], self.speed * world.velocity[..., 1]
         return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
 
+    def _densities(self, world: World) -> Array:
+        """Process noise density of each target, (env, target)."""
+        return self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
+
     def initial(self, world: World) -> State:
         """The targets' drawn starts, and the first estimates."""
         count, T = world.start.shape[:2]
-        true_states = self._starts(world)
-        mean = true_states + np.sqrt(self.prior_variance) * world.start
+        true_states = self.truth_model._starts(world)
+        mean = true_states + np.sqrt(self.truth_model.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         nothing = np.zeros((count, T), np.int64)
         step = np.zeros(count, np.int64)
-        q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
-        truth = Truth(true_states, nothing, nothing.copy(), np.zeros((count, T), np.bool_))
+        q, true_q = self._densities(world), self.truth_model._densities(world)
+        truth = Truth(true_states, nothing, nothing.copy(), np.zeros((count, T), np.bool_), true_q)
         visible = visibility(self, world.window, T)
-        return State(truth, Belief(step, mean, covariance, np.zeros(count), step.copy(), q, visible))
+        p, S = to_polar(mean, covariance, self.loop.places[0])
+        return State(truth, Belief(step, mean, covariance, p, S, np.zeros(count), step.copy(), q, visible))
 
-    def transition(self, state: State, action: Array, world: World) -> State:
+    @cached_property
+    def _true_motion(self) -> tuple[Array, Array]:
+        """Kernel arguments: transition matrix (1, 4, 4) and noise factor (4, 4) of the world, at a density of 1."""
+        motion = self.truth_model.motion
+        return motion.F[None].copy(), motion.noise_factor
+
+    @cached_property
+    def _world(self) -> tuple[Any, ...]:
+        """Kernel arguments: the world's scalars, camera, and field of view."""
+        model = self.truth_model
+        return model._rules, model._mount, model._view
+
+    def _empty(self, shape: tuple[int, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
+        """Arrays for means, covariances, polar means and covariances (*shape, target, ...), and the camera's state."""
+        mean, covariance = (*shape, self.targets, 4), (*shape, self.targets, 4, 4)
+        cartesian, polar = ((np.empty(mean), np.empty(covariance)) for _ in range(2))
+        return *cartesian, *polar, np.empty(shape), np.empty(shape, np.int64)
+
+    def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
         truth, belief = state
-        mean, covariance = belief.mean, belief.covariance
-        count, T = truth.unseen.shape
-        x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
-        after, left, seen = np.empty(count), np.empty(count, np.int64), np.empty((count, T), np.bool_)
-        received, unseen = np.empty((count, T), np.int64), np.empty((count, T), np.int64)
-        F, Q, places, rules = self._scene
+        shape, fresh = truth.unseen.shape, self._empty(belief.step.shape)
+        received, unseen, seen = np.empty(shape, np.int64), np.empty(shape, np.int64), np.empty(shape, np.bool_)
+        moved = np.empty(truth.targets.shape)
         kernels.transition(
-            *belief, truth.targets, truth.unseen, world.process, world.error, world.found, action, F, Q,
-            self.motion.noise_factor, places, rules, self._mount, *self._view,
-            x, P, after, left, moved, received, unseen, seen, NN
+            *belief, truth.targets, truth.unseen, truth.q, world.process, world.error, world.found, action,
+            *self._true_motion, self._world, *self._scene, *fresh, moved, received, unseen, seen, NN
         )  # fmt: skip
-        fresh = belief._replace(step=belief.step + 1, mean=x, covariance=P, pointing=after, settling=left)
-        return State(Truth(moved, received, unseen, seen), fresh)
+        after = Belief(belief.step + 1, *fresh, belief.q, belief.visible)
+        return State(Truth(moved, received, unseen, seen, truth.q), after)
+
+    def move(self, truth: Truth, step: Array, world: World) -> Truth:
+        """The targets one step on."""
+        moved = np.empty(truth.targets.shape)
+        kernels.move(step, truth.targets, truth.q, world.process, *self._true_motion, moved, NN)
+        return truth._replace(targets=moved)
+
+    def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
+        """What radars and camera report, after the camera has turned towards the target ``action``."""
+        z = np.empty((*truth.unseen.shape, 3 * len(self.platforms)))
+        variance = np.empty(z.shape)
+        F, _, *scene = self._scene
+        kernels.sense(
+            belief.step, belief.mean, belief.pointing, belief.settling, belief.visible, truth.targets, world.error,
+            world.found, action, self._world, F, *scene, z, variance, NN
+        )  # fmt: skip
+        return Measurements(z, variance)
+
+    def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
+        """One step of the tracker; the camera turns."""
+        fresh = self._empty(belief.step.shape)
+        *scene, _ = self._scene
+        kernels.track(*belief, action, *measurements, *scene, *fresh, NN)
+        return Belief(belief.step + 1, *fresh, belief.q, belief.visible)
+
+    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+        """The truth with the number of quantities received, and whether the camera found each target."""
+        received = np.isfinite(measurements.variance)
+        seen = received[..., kernels.AZIMUTH].copy()
+        unseen = np.where(seen, 0, truth.unseen + 1)
+        return Truth(truth.targets, received.sum(axis=2), unseen, seen, truth.q)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief one step ahead: predicted means, and covariances updated with the quantities predicted in view.
@@ -259,29 +344,24 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         """
         several = actions.ndim == 2
         actions = actions if several else actions[:, None]
-        count, T = belief.mean.shape[:2]
-        shape = (count, actions.shape[1])
-        draws = np.empty((1, 1, T)) if outcome is None else outcome.reshape(count, -1, T)
-        x, P = np.empty((*shape, T, 4)), np.empty((*shape, T, 4, 4))
-        after, left = np.empty(shape), np.empty(shape, np.int64)
-        F, Q, places, rules = self._scene
-        kernels.predict(
-            *belief, actions, draws, outcome is not None, F, Q, places, rules, self._mount, *self._view,
-            x, P, after, left, NN
-        )  # fmt: skip
+        count, shape = len(belief.step), (len(belief.step), actions.shape[1])
+        draws = np.empty((1, 1, self.targets)) if outcome is None else outcome.reshape(count, -1, self.targets)
+        fresh = self._empty(shape)
+        kernels.predict(*belief, actions, draws, outcome is not None, *self._scene, *fresh, NN)
         if not several:
-            return Belief(belief.step + 1, x[:, 0], P[:, 0], after[:, 0], left[:, 0], belief.q, belief.visible)
+            x, P, p, S, pointing, settling = (array[:, 0] for array in fresh)
+            return Belief(belief.step + 1, x, P, p, S, pointing, settling, belief.q, belief.visible)
         step, q, visible = (
             np.broadcast_to(a[:, None], (*shape, *a.shape[1:])) for a in (belief.step + 1, belief.q, belief.visible)
         )
-        return Belief(step, x, P, after, left, q, visible)
+        return Belief(step, *fresh, q, visible)
 
     def _turns(self, belief: Belief) -> tuple[Array, Array]:
         """``delay``, and the azimuth of each target one step ahead relative to the camera's pointing (rad)."""
         delay, off = np.empty(belief.mean.shape[:2], np.int64), np.empty(belief.mean.shape[:2])
-        F, _, places, _ = self._scene
+        F, _, places, _, mount, _ = self._scene
         kernels.delay(
-            belief.step, belief.mean, belief.pointing, belief.settling, belief.visible, F, places, self._mount,
+            belief.step, belief.mean, belief.pointing, belief.settling, belief.visible, F, places, mount,
             delay, off, NN
         )  # fmt: skip
         return delay, off
@@ -315,10 +395,10 @@ class CameraSlew(System, LinearCost, Gain, Delay):
         """
         out = np.empty(belief.mean.shape[:2])
         waits = np.ascontiguousarray(np.broadcast_to(np.asarray(wait, np.int64), out.shape))
-        _, _, places, rules = self._scene
+        _, _, *scene = self._scene
         kernels.gain(
             belief.step, belief.mean, belief.covariance, belief.q, belief.visible, waits, *self._powers,
-            self.weights_ahead(ahead), places, rules, self._mount, *self._view, out, NN
+            self.weights_ahead(ahead), *scene, out, NN
         )  # fmt: skip
         return out
 
@@ -343,15 +423,16 @@ class CameraSlew(System, LinearCost, Gain, Delay):
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the camera.
 
-        For each target: ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this
-        step), ``found`` (by the camera in this step) and ``lost`` (not found for more than thirty steps). For the
-        camera: ``pointing`` (rad) and ``settling`` (steps).
+        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
+        (quantities measured in this step), ``found`` (by the camera in this step) and ``lost`` (not found for more than
+        thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (steps).
         """
         truth, belief = state
         position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
         measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
+            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
             "nees": nees,
             "received": truth.received.copy(),
             "found": truth.seen.copy(),

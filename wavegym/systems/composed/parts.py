@@ -236,7 +236,7 @@ class LineOfSightRadar(Sensor):
 
     def covariance(self, states: Array, pulse: Array) -> Array:
         """C / eta."""
-        eta = range_law_snr(states[..., 0], self.reference_range, self.nearest_range)
+        eta = range_law_snr(abs(states[..., 0]), self.reference_range, self.nearest_range)
         return pulse * (1.0 / eta)[..., None, None]
 
 

@@ -154,6 +154,11 @@ class Loop(System):
         return Belief(belief.step + 1, *track(self._tracker, Estimate(*belief[1:]), self.targets.motion, scan))
 
     @property
+    def nees_dimension(self) -> int:
+        """The number of states of a target."""
+        return len(self.targets.motion.names)
+
+    @property
     def outcome_shape(self) -> tuple[int, ...]:
         """A draw for each target: whether it is detected."""
         return (self.targets.count,)
@@ -216,7 +221,7 @@ class Loop(System):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target ``nees`` (expected: the number of states) and, where the state names them, ``position_error``
-        (m): of x and y, or of r.
+        (m) and ``position_variance`` (m^2): of x and y, or of r.
         """
         (states,), (_, mean, covariance, *_) = state
         names, error = self.targets.motion.names, mean - states
@@ -224,4 +229,5 @@ class Loop(System):
         place = [names.index(name) for name in ("r", "x", "y") if name in names]
         if place:
             found["position_error"] = np.sqrt(np.square(error[..., place]).sum(axis=-1))
+            found["position_variance"] = np.diagonal(covariance, axis1=-2, axis2=-1)[..., place].sum(axis=-1)
         return found

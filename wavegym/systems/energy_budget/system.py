@@ -14,7 +14,15 @@ from wavegym.core.capabilities import Delay, Gain, Spending
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
-from wavegym.systems.agile_clutter.state import NN, NonNegativeState, PlanarState, PositiveState, Pulse, drawn_around
+from wavegym.systems.agile_clutter.state import (
+    NN,
+    NonNegativeState,
+    PlanarState,
+    PositiveState,
+    Pulse,
+    corners,
+    drawn_around,
+)
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget.actions import PulseActions
@@ -65,13 +73,18 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     horizon: int = changed_default(AgileClutter, "horizon", 72)
     dt: float = changed_default(AgileClutter, "dt", 0.25)
     q: float = changed_default(AgileClutter, "q", 10.0)
-    reference_range: float = parameter(36e3, "r0, the range at which the longest pulse has eta = 1", unit="m", gt=0)
+    reference_range: float = parameter(
+        36e3, "r0, the range at which the longest pulse has eta = 1", unit="m", truth=True, gt=0
+    )
     sensors: tuple[tuple[float, float], ...] = changed_default(AgileClutter, "sensors", ((-10e3, 0.0), (10e3, 0.0)))
     starts: tuple[PlanarState, ...] = parameter(
-        ((0.0, 22e3, 0.0, 0.0),), "centre of the first [x y xdot ydot] of each target", unit="m, m/s"
+        ((0.0, 22e3, 0.0, 0.0),), "centre of the first [x y xdot ydot] of each target", unit="m, m/s", truth=True
     )
     spread: NonNegativeState = parameter(
-        (5e3, 4e3, 100.0, 100.0), "greatest distance of a first [x y xdot ydot] from its centre", unit="m, m/s"
+        (5e3, 4e3, 100.0, 100.0),
+        "greatest distance of a first [x y xdot ydot] from its centre",
+        unit="m, m/s",
+        truth=True,
     )
     births: tuple[NonNegativeInt, ...] = parameter((0,), "0 for every target")
     lifetime: int = changed_default(AgileClutter, "lifetime", 72)
@@ -91,8 +104,9 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         "rounded down to whole quanta",
         gt=0,
     )
-    mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", ge=1, le=1e6)
-    mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", ge=1, le=1e6)
+    mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", truth=True, ge=1, le=1e6)
+    mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
+    library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
     tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
     particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
@@ -153,6 +167,10 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         truth = Truth(**base._asdict(), spent=np.zeros(count), occluded=none, replaced=none.copy())
         return State(truth, self._belief(belief, np.full(count, self.total), self._first_occlusion(world)))
 
+    def farthest_starts(self) -> Array:
+        """The corners of the boxes in which targets start, (state, 4)."""
+        return corners(self.starts, self.spread)
+
     def first_states(self, world: Any) -> Array:
         """The true states at birth, drawn around ``starts``."""
         return drawn_around(self.starts, self.spread, world.place)
@@ -177,7 +195,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     def _draw_slot(self, belief: Any, world: World) -> tuple[Array, Array]:
         """Whether the next slot is clear, (env,) bool, and the belief's field of the occlusion after it."""
         draw = world.occlusion[np.arange(len(belief.step)), belief.step]
-        is_clear = draw < self._clear_probability(belief)
+        is_clear = draw < self.truth_model._clear_probability(belief)
         return is_clear, (~is_clear).astype(np.float64)
 
     def _clear_probability(self, belief: Any) -> Array:

@@ -10,12 +10,9 @@ import numpy as np
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
-from wavegym.waveforms import (
-    chirp_rate_for_sweep,
-    gaussian_chirp_library,
-    gaussian_measurement_covariance,
-    measurement_covariances,
-)
+from wavegym.waveforms import gaussian_chirp_library, measurement_covariances
+from wavegym.waveforms.fisher import unchecked_covariance
+from wavegym.waveforms.gaussian import unchecked_gaussian_factors
 
 
 @dataclass(frozen=True)
@@ -82,4 +79,5 @@ class GaussianActions:
             return self.covariances.take(actions, axis=0)
         values = self.box.decode(actions)
         duration, sweep = values[..., 0], values[..., 1]
-        return gaussian_measurement_covariance(duration, chirp_rate_for_sweep(sweep, duration), self.carrier_hz)
+        rate = np.pi * sweep / (2.0 * duration)
+        return unchecked_covariance(*unchecked_gaussian_factors(duration, rate), self.carrier_hz)

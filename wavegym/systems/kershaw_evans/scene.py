@@ -112,7 +112,7 @@ class LineOfSightScene:
     def _snr(self, moment: Moment) -> float:
         """eta at the true range: what the pulse was received with."""
         r = moment.states[-1].truth.targets[0, 0]
-        return float(range_law_snr(r, self.system.reference_range, self.system.nearest_range))
+        return float(range_law_snr(abs(r), self.system.reference_range, self.system.nearest_range))
 
 
 def transmitted(system: KershawEvans, action: Array) -> Waveform:

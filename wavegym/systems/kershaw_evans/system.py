@@ -33,6 +33,7 @@ from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
 from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
 from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
+from wavegym.systems.precision import check_precision
 from wavegym.targets import (
     MotionModel,
     Segment,
@@ -145,6 +146,8 @@ class KershawEvans(
     farthest_range: float = parameter(200e3, "recorded windows beyond it are left out", unit="m", gt=0)
     smoothing: float = parameter(7.0, "time constant against the jitter of a recording's time stamps", unit="s")
 
+    nees_dimension = 2  # range and range-rate
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("lower bound of start_range", self.start_range[0], "m")
@@ -161,7 +164,16 @@ class KershawEvans(
                 "library is given with action='box', expected action='library': a box spans Gaussian chirps"
             )
         self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
-        self.action_set.covariances, self.actions, self._paths  # noqa: B018  (an invalid pulse or recording)
+        self.action_set.covariances, self.actions  # noqa: B018  (an invalid pulse is reported here)
+        self._check_precision()
+        self._paths  # noqa: B018  (an invalid recording is reported here)
+
+    def _check_precision(self) -> None:
+        """InputError for pulses too fine for the filter; see ``check_precision``."""
+        widest = np.diag(self.prior_variance) * (10.0 if self.start_covariance == "random" else 1.0)
+        P = predict_covariance(widest, self.motion.F, self.motion.Q)[:MEASURED, :MEASURED]
+        eta = range_law_snr(np.mean(self.start_range), self.reference_range, self.nearest_range)
+        check_precision(P, self.action_set.covariances, eta, self.reference_range)
 
     @cached_property
     def motion(self) -> MotionModel:
@@ -316,7 +328,7 @@ class KershawEvans(
         """Range and range-rate with an error of covariance C / eta at the true range."""
         C, z = self.unit_covariance(action), np.empty((len(belief.step), MEASURED))
         kernels.receive(truth.targets, belief.step, world.normal, C, *self.truth_model._snr_law, z)
-        eta = range_law_snr(truth.targets[:, 0], *self._snr_law)
+        eta = range_law_snr(abs(truth.targets[:, 0]), *self._snr_law)
         return Measurements(z, C * (1.0 / eta)[:, None, None])
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
@@ -353,7 +365,7 @@ class KershawEvans(
         """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
         F, Q, *_ = self._radar(belief)
         mean, P = predict(belief.mean, belief.covariance, F, Q)
-        return P, range_law_snr(mean[:, 0], self.reference_range, self.nearest_range)
+        return P, range_law_snr(abs(mean[:, 0]), self.reference_range, self.nearest_range)
 
     def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
         """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
@@ -376,7 +388,7 @@ class KershawEvans(
         if self._own_tracker:
             raise NotImplementedError
         state = self.initial(world)
-        eta = range_law_snr(state.truth.path[:, 1:, 0], *self._snr_law)
+        eta = range_law_snr(abs(state.truth.path[:, 1:, 0]), *self._snr_law)
         (F, Q, M), C = self._model, self.unit_covariance(self.candidates())
         return Recursion(state.belief.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
 
@@ -405,10 +417,13 @@ class KershawEvans(
         return out
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2)."""
+        """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2);
+        ``position_variance`` (m^2).
+        """
         out = np.empty((3, len(state.belief.step)))
         kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
-        return {"position_error": out[0], "velocity_error": out[1], "nees": out[2]}
+        variance = state.belief.covariance[:, 0, 0].copy()
+        return {"position_error": out[0], "position_variance": variance, "velocity_error": out[1], "nees": out[2]}
 
 
 def _measured(states: Array) -> Array:

@@ -1,195 +1,48 @@
 """The RF/EO loop in compiled form: move the targets, measure them, track them.
 
-Shapes: e environments, t targets, p platforms, a = 3 p measured quantities, (r, rdot, azimuth) of platform after
-platform. ``settings`` (e, p, 3): PRF, bandwidth and pixel angle; variance, low and high (p, 3): measurement variances
-and field of view of one environment's settings. ``places`` (p, 3): positions and look directions; ``fence`` (2, 3):
-sharpness and height of the penalties; ``rules``: the scalars of ``Rules``.
+Shapes and arguments as in ``look_kernels.py``. The world and the tracker have numbers of their own: ``true_rules`` and
+the field of view ``true_view`` are the world's. A view is the tuple of variance, low and high, (p, 3) each.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
+from wavegym.sensors.platform_kernels import penalty_one, polar
+from wavegym.systems.rf_eo.look_kernels import information_one, look_one, spread_of, view_all
+from wavegym.systems.rf_eo.tracker_kernels import track_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
-from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
 
-SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate
-CONVERGED = 1e-3  # standard deviations: the iteration ends when the estimate moves by less
-PLACE = (0, 2)  # elements of [x xdot y ydot] that range and azimuth depend on
-ALL = (0, 1, 2, 3)  # elements that the range-rate depends on
 FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
 
 
-class Rules(NamedTuple):
-    """Scalars of the scenario; see ``RfEo``."""
-
-    penalty: int
-    nearest: float
-    margin: float
-    printed: bool
-    wavelength: float
-    fft_length: int
-    pixels: int
-    inflated: bool
-    iterations: int
-
-
 @inlined
-def view_all(e, settings, rules, variance, low, high):
-    """Fill variance, low and high for the settings of environment e."""
-    for j in range(settings.shape[1]):
-        view_one(
-            settings[e, j, 0], settings[e, j, 1], settings[e, j, 2], rules.wavelength, rules.fft_length, rules.pixels,
-            rules.printed, j, variance, low, high
-        )  # fmt: skip
-
-
-@inlined
-def look_one(i, x, places, rules, h, H):
-    """Predicted measurements h (a,) and Jacobian H (a, n) of x[i] at all platforms."""
-    for j in range(places.shape[0]):
-        sx, sy = places[j, 0], places[j, 1]
-        r, rdot, azimuth = polar(x[i, 0], x[i, 1], x[i, 2], x[i, 3], sx, sy, places[j, 2], rules.printed)
-        polar_rows(x[i, 0], x[i, 1], x[i, 2], x[i, 3], sx, sy, r, rdot, rules.printed, 3 * j, H)
-        h[3 * j], h[3 * j + 1], h[3 * j + 2] = r, rdot, azimuth
-
-
-@inlined
-def spread_of(q, i, P, H, a):
-    """h'P[i] h for row h of H, number a; q: range, range-rate or azimuth."""
-    return spread_one(i, P, H, a, ALL) if q == 1 else spread_one(i, P, H, a, PLACE)
-
-
-@inlined
-def gain_of(q, i, P, H, a, v, nn):
-    """As ``spread_of``; fills v (n,) = P[i] h."""
-    return gain_one(i, P, H, a, v, nn, ALL) if q == 1 else gain_one(i, P, H, a, v, nn, PLACE)
-
-
-@inlined
-def predicted_variance(value, spread, variance, low, high, q, fence, rules):
-    """R~ of quantity q: variance plus penalty at the predicted value, moved ``margin`` deviations towards the edge."""
-    if rules.margin == 0.0:
-        return variance + penalty_one(rules.penalty, value, low, high, fence[0, q], fence[1, q])
-    reach = rules.margin * np.sqrt(spread)
-    upper = penalty_one(rules.penalty, value + reach, low, high, fence[0, q], fence[1, q])
-    lower = penalty_one(rules.penalty, value - reach, low, high, fence[0, q], fence[1, q])
-    return variance + max(upper, lower)
-
-
-@inlined
-def information_one(i, P, h, H, variance, low, high, fence, rules):
-    """tr(P C' R~^-1 C) of target i as predicted: the information of the settings, weighted with P[i]."""
-    total = 0.0
-    for j in range(variance.shape[0]):
-        if h[3 * j] >= rules.nearest:
-            for q in range(3):
-                a = 3 * j + q
-                g = spread_of(q, i, P, H, a)
-                total += g / predicted_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
-    return total
-
-
-@inlined
-def measure_one(e, k, t, i, truth, h, error, places, variance, low, high, fence, rules, z, R):
-    """Measure truth[i]: fills z (a,) and the tracker's variances R (a,), infinite for quantities out of view.
+def receive_one(e, k, t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z, R):
+    """Measure truth[i]: fills z (a,) and the tracker's variances R (a,), 0 and infinite for quantities out of view.
 
     h (a,): predicted quantities. Returns the number of quantities received.
     """
     received = 0
+    variance, low, high = view
+    true_variance, true_low, true_high = true_view
     for j in range(places.shape[0]):
         sx, sy = places[j, 0], places[j, 1]
         true = polar(truth[i, 0], truth[i, 1], truth[i, 2], truth[i, 3], sx, sy, places[j, 2], rules.printed)
-        blind = true[0] < rules.nearest or h[3 * j] < rules.nearest
+        blind = true[0] < true_rules.nearest or h[3 * j] < rules.nearest
         for q in range(3):
-            a, lo, hi, drawn = 3 * j + q, low[j, q], high[j, q], variance[j, q]
-            R[a] = np.inf
+            a, lo, hi, drawn = 3 * j + q, true_low[j, q], true_high[j, q], true_variance[j, q]
+            z[a], R[a] = 0.0, np.inf
             if blind or not (rules.inflated or lo <= true[q] <= hi):
                 continue
-            R[a] = drawn
+            R[a] = variance[j, q]
             if rules.inflated:
-                R[a] += penalty_one(rules.penalty, h[a], lo, hi, fence[0, q], fence[1, q])
+                R[a] += penalty_one(rules.penalty, h[a], low[j, q], high[j, q], fence[0, q], fence[1, q])
                 drawn += penalty_one(rules.penalty, true[q], lo, hi, fence[0, q], fence[1, q])
             z[a] = true[q] + np.sqrt(drawn) * error[e, k, j, t, q]
             received += 1
     return received
-
-
-@inlined
-def curved_one(i, x, P, h, R):
-    """Whether the measurement's second-order terms matter over the prior's spread, so that the update has to iterate.
-
-    For a displacement d across the line of sight, the second-order term of the range is d^2 / 2r, that of the azimuth
-    d^2 / 2r^2, those of the range-rate d / r times the velocity's spread and d^2 / 2r^2 times the speed.
-    """
-    spread = P[i, 0, 0] + P[i, 2, 2]
-    restless = P[i, 1, 1] + P[i, 3, 3]
-    squared_speed = x[i, 1] * x[i, 1] + x[i, 3] * x[i, 3]
-    most = SECOND_ORDER * SECOND_ORDER
-    for j in range(h.shape[0] // 3):
-        r = h[3 * j]
-        bend = 0.5 * spread / r
-        turn = bend / r
-        if bend * bend > most * R[3 * j] or turn * turn > most * R[3 * j + 2]:
-            return True
-        if spread * restless / (r * r) + squared_speed * turn * turn > most * R[3 * j + 1]:
-            return True
-    return False
-
-
-@inlined
-def absorb_one(i, P, H, y, R, d, v, nn):
-    """d (n,) = K y and P[i] = [P[i]^-1 + H' R^-1 H]^-1, one received row after another."""
-    for k in range(len(nn)):
-        d[k] = 0.0
-    for j in range(R.shape[0] // 3):
-        for q in range(3):
-            a = 3 * j + q
-            if R[a] < np.inf:
-                s = gain_of(q, i, P, H, a, v, nn) + R[a]
-                correct_one(d, H, a, v, s, y[a], nn)
-                shrink_one(i, P, v, s, nn)
-
-
-@inlined
-def residual_one(z, h, y):
-    """y (a,) = z - h, azimuths wrapped."""
-    for j in range(h.shape[0] // 3):
-        y[3 * j] = z[3 * j] - h[3 * j]
-        y[3 * j + 1] = z[3 * j + 1] - h[3 * j + 1]
-        y[3 * j + 2] = wrapped(z[3 * j + 2] - h[3 * j + 2])
-
-
-@kernel
-def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
-    """Gauss-Newton update: linearise again at each new estimate, starting from the prediction x[i], P[i] with h, H.
-
-    Ends when the estimate moves by less than CONVERGED standard deviations, or after ``rules.iterations``.
-    """
-    n = len(nn)
-    prior, at = P[i].copy(), x[i : i + 1].copy()
-    for spent in range(1, rules.iterations + 1):
-        P[i] = prior
-        absorb_one(i, P, H, y, R, d, v, nn)
-        moved = 0.0
-        for k in range(n):
-            step = x[i, k] + d[k] - at[0, k]
-            moved = max(moved, step * step / P[i, k, k])
-            at[0, k] = x[i, k] + d[k]
-        if moved < CONVERGED * CONVERGED or spent == rules.iterations:
-            break
-        look_one(0, at, places, rules, h, H)
-        residual_one(z, h, y)
-        for a in range(h.shape[0]):
-            for k in range(n):
-                y[a] += H[a, k] * (at[0, k] - x[i, k])
-    for k in range(n):
-        x[i, k] = at[0, k]
 
 
 @inlined
@@ -202,45 +55,95 @@ def move_one(e, k, t, i, truth, F, L, process, truth_out, nn):
 
 
 @inlined
-def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
-    """Update the prediction x[i], P[i] with measurements z and variances R (a,); h, H: predicted ones and Jacobian."""
-    residual_one(z, h, y)
-    if rules.iterations > 1 and curved_one(i, x, P, h, R):
-        iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn)
-    else:
-        absorb_one(i, P, H, y, R, d, v, nn)
-        for a in range(len(nn)):
-            x[i, a] += d[a]
+def empty_view(platforms):
+    """Variance, low and high, to be filled by ``view_all``."""
+    return np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
+
+
+@inlined
+def rows_of(array):
+    """array (e, t, ...) as (e t, ...)."""
+    return array.reshape((array.shape[0] * array.shape[1], *array.shape[2:]))
 
 
 @kernel
 def transition(
-    step, mean, P, truth, unseen, process, error, settings, F, Q, L, places, fence, rules, x, P_out, truth_out,
-    received, unseen_out, share, nn
+    step, mean, P, truth, unseen, process, error, settings, true_F, true_L, true_rules, F, Q, places, fence, rules,
+    x, P_out, truth_out, received, unseen_out, share, nn
 ):  # fmt: skip
     """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen (e, t), share (e,)."""
     (count, targets, n), platforms = mean.shape, places.shape[0]
-    rows, flat = 3 * platforms, count * targets
-    variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
-    T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.zeros(rows), np.empty(rows)
+    rows, view, true_view = 3 * platforms, empty_view(platforms), empty_view(platforms)
+    T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(rows)
     y, d, v = np.empty(rows), np.empty(n), np.empty(n)
-    mean, truth, x, truth_out = (
-        mean.reshape((flat, n)), truth.reshape((flat, n)), x.reshape((flat, n)), truth_out.reshape((flat, n))
+    mean, P, truth, x, P_out, truth_out = (
+        rows_of(mean), rows_of(P), rows_of(truth), rows_of(x), rows_of(P_out), rows_of(truth_out)
     )  # fmt: skip
-    P, P_out = P.reshape((flat, n, n)), P_out.reshape((flat, n, n))
     for e in range(count):
         k, share[e] = step[e], np.inf
-        view_all(e, settings, rules, variance, low, high)
+        view_all(e, settings, rules, *view)
+        view_all(e, settings, true_rules, *true_view)
         for t in range(targets):
             i = e * targets + t
-            move_one(e, k, t, i, truth, F, L, process, truth_out, nn)
+            move_one(e, k, t, i, truth, true_F, true_L, process, truth_out, nn)
             predict_mean_one(i, mean, F, 0, x, nn)
             predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
             look_one(i, x, places, rules, h, H)
-            share[e] = min(share[e], information_one(i, P_out, h, H, variance, low, high, fence, rules))
-            got = measure_one(e, k, t, i, truth_out, h, error, places, variance, low, high, fence, rules, z, R)
+            share[e] = min(share[e], information_one(i, P_out, h, H, *view, fence, rules))
+            got = receive_one(
+                e, k, t, i, truth_out, h, error, places, view, true_view, fence, rules, true_rules, z, R
+            )  # fmt: skip
             received[e, t], unseen_out[e, t] = got, 0 if got > 0 else unseen[e, t] + 1
             track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
+
+
+@kernel
+def move(step, truth, process, F, L, truth_out, nn):
+    """Fill truth_out (e, t, n): all targets one step on."""
+    targets = truth.shape[1]
+    truth, truth_out = rows_of(truth), rows_of(truth_out)
+    for i in range(truth.shape[0]):
+        e, t = i // targets, i % targets
+        move_one(e, step[e], t, i, truth, F, L, process, truth_out, nn)
+
+
+@kernel
+def receive(
+    step, mean, P, truth, error, settings, true_rules, F, Q, places, fence, rules, z, R, share, nn
+):  # fmt: skip
+    """Fill z, R (e, t, a), what the platforms measure of truth (e, t, n), and share (e,), the least information."""
+    (count, targets, n), platforms = mean.shape, places.shape[0]
+    view, true_view = empty_view(platforms), empty_view(platforms)
+    x, V, T = np.empty((1, n)), np.empty((1, n, n)), np.empty((n, n))
+    H, h, truth = np.empty((3 * platforms, n)), np.empty(3 * platforms), rows_of(truth)
+    for e in range(count):
+        share[e] = np.inf
+        view_all(e, settings, rules, *view)
+        view_all(e, settings, true_rules, *true_view)
+        for t in range(targets):
+            i = e * targets + t
+            predict_mean_one(0, mean[e, t : t + 1], F, 0, x, nn)
+            predict_covariance_one(0, P[e, t : t + 1], F, Q, 0, T, V, nn)
+            look_one(0, x, places, rules, h, H)
+            share[e] = min(share[e], information_one(0, V, h, H, *view, fence, rules))
+            receive_one(
+                e, step[e], t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z[e, t], R[e, t]
+            )  # fmt: skip
+
+
+@kernel
+def track(mean, P, z, R, F, Q, places, rules, x, P_out, nn):
+    """Fill x (e, t, n), P_out (e, t, n, n): one step of the tracker with measurements z of variances R (e, t, a)."""
+    rows, n = z.shape[2], len(nn)
+    T, H, h, y, d, v = (
+        np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n)
+    )  # fmt: skip
+    mean, P, z, R, x, P_out = rows_of(mean), rows_of(P), rows_of(z), rows_of(R), rows_of(x), rows_of(P_out)
+    for i in range(mean.shape[0]):
+        predict_mean_one(i, mean, F, 0, x, nn)
+        predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
+        look_one(i, x, places, rules, h, H)
+        track_one(i, x, P_out, z[i], R[i], h, H, places, rules, y, d, v, nn)
 
 
 @kernel

@@ -9,7 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.kernels import gain_of, information_one, look_one, predicted_variance, spread_of, view_all
+from wavegym.systems.rf_eo.look_kernels import (
+    gain_of,
+    information_one,
+    look_one,
+    predicted_variance,
+    spread_of,
+    view_all,
+)
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rank_one_kernels import shrink_one
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.kernels import gain_of, predicted_variance, spread_of
+from wavegym.systems.rf_eo.look_kernels import gain_of, predicted_variance, spread_of
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.trackers.rank_one_kernels import shrink_one
 

@@ -28,6 +28,14 @@ class Truth(NamedTuple):
     share: Array  # (env,) least weighted information of any target, as predicted for the last settings
 
 
+class Measurements(NamedTuple):
+    """What the platforms report of one step, platform after platform: range (m), range-rate (m/s), azimuth (rad)."""
+
+    z: Array  # (env, target, 3 platforms), 0 where nothing was received
+    variance: Array  # (env, target, 3 platforms) of their errors as the tracker assumes it; infinite: not received
+    information: Array  # (env,) least weighted information of any target, as predicted for the settings
+
+
 class Belief(NamedTuple):
     """The belief."""
 

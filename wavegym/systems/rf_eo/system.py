@@ -11,22 +11,30 @@ from pydantic import Field
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import BestAction, LinearCost, Margin, MostInformation, SequencePlan
+from wavegym.core.capabilities import (
+    BestAction,
+    FusedTransition,
+    LinearCost,
+    Margin,
+    MostInformation,
+    SequencePlan,
+)
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
+from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.actions import PlatformActions
 from wavegym.systems.rf_eo.information_kernels import most_information
-from wavegym.systems.rf_eo.kernels import Rules
+from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.search_kernels import best_settings
-from wavegym.systems.rf_eo.state import Belief, Truth, World, platform_fields
-from wavegym.targets import MotionModel, constant_velocity
+from wavegym.systems.rf_eo.state import Belief, Measurements, Truth, World, platform_fields
+from wavegym.targets import MotionModel, constant_turn
 from wavegym.waveforms import SPEED_OF_LIGHT
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
@@ -35,13 +43,14 @@ PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 
 MOST = 64  # targets, and platforms
 FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
+FASTEST = 1e6  # rad/s
 GREATEST = 1e12  # PRF and bandwidth in Hz, pixel angle in rad
-MOST_RATIO = 1e12  # of the prior variance to a measurement variance
 
 Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 Position = tuple[Coordinate, Coordinate]
 TargetState = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 Azimuth = Annotated[float, Field(ge=-math.pi, le=math.pi, allow_inf_nan=False)]
+TurnRate = Annotated[float, Field(ge=-FASTEST, le=FASTEST, allow_inf_nan=False)]
 Bound = Annotated[float, Field(gt=0, le=GREATEST, allow_inf_nan=False)]
 Bounds = tuple[Bound, Bound]  # least and greatest
 StateVariance = tuple[Positive, Positive, Positive, Positive]
@@ -49,7 +58,7 @@ StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 
 
 @system_parameters
-class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin):
+class RfEo(System, FusedTransition, BestAction, SequencePlan, LinearCost, MostInformation, Margin):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
     Description
@@ -59,8 +68,9 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         its field of view: r <= c / (2 PRF), |rdot| <= lambda PRF / 4, |azimuth| <= Npix alpha / 2. So a high PRF covers
         fast targets, a low PRF distant targets, and a wide image has coarse pixels. An extended Kalman filter in
         information form (eqs. 8 to 11) updates each target with the quantities received. It iterates where the prior is
-        so wide that a single linearisation would mislead. Schedulers predict the covariance with a variance that grows
-        at the edge of the field of view (eqs. 12 and 13).
+        so wide that a single linearisation would mislead, and counts the bend of the measurement as noise where the
+        posterior is as wide too, as after a range alone (posterior linearisation). Schedulers predict the covariance
+        with a variance that grows at the edge of the field of view (eqs. 12 and 13).
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
@@ -81,10 +91,11 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
 
     horizon: int = parameter(1000, "steps in an episode", ge=1, le=1_000_000)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
-    q: float = parameter(0.01, "process noise density", unit="m^2/s^3", ge=0, le=1e12)
+    q: float = parameter(0.01, "process noise density", unit="m^2/s^3", truth=True, ge=0, le=1e12)
+    turn_rate: TurnRate = parameter(0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True)
     carrier_hz: float = parameter(10e9, "carrier frequency fc", unit="Hz", gt=0, le=1e15)
-    fft_length: int = parameter(128, "Nfft, pulses integrated", ge=1, le=1_000_000)
-    pixels: int = parameter(1000, "Npix, pixels across the image", ge=1, le=1_000_000)
+    fft_length: int = parameter(128, "Nfft, pulses integrated", truth=True, ge=1, le=1_000_000)
+    pixels: int = parameter(1000, "Npix, pixels across the image", truth=True, ge=1, le=1_000_000)
     platforms: tuple[Position, ...] = parameter(((-1e3, -1e3), (1e3, -1e3)), "positions (x, y)", unit="m")
     looks: tuple[Azimuth, ...] = parameter(
         (), "look direction of each platform, clockwise from +y; by default all look along +y", unit="rad"
@@ -93,7 +104,7 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0)), "first state [x xdot y ydot] of each target", unit="m, m/s"
     )
     first_estimate: Literal["halfway", "drawn"] = parameter("halfway", "first estimates; see Starting state", unit="")
-    prior_variance: StateVariance = parameter((1e6, 25.0, 1e6, 25.0), "diagonal of P0", unit="m^2, m^2/s^2")
+    prior_variance: StateVariance = parameter((1e6, 25.0, 1e6, 25.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True)
     prf: Bounds = parameter((1e3, 100e3), "least and greatest pulse repetition frequency", unit="Hz")
     bandwidth: Bounds = parameter((1e6, 20e6), "least and greatest bandwidth B", unit="Hz")
     pixel_angle: Bounds = parameter((1e-5, 2e-3 * math.pi), "least and greatest pixel angle alpha", unit="rad")
@@ -123,7 +134,7 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
     )
     weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
     nearest_range: float = parameter(
-        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", gt=0, le=FARTHEST
+        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
     )
     as_printed: bool = parameter(False, "use the paper's misprinted equations", unit="")
     action: Literal["box", "library", "joint"] = parameter(
@@ -131,6 +142,8 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         "log PRF, B and alpha of every platform; an index for each platform; or one index for all platforms",
         unit="",
     )
+
+    nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -159,7 +172,7 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         """InputError for a range variance below the filter's precision, or pulses that do not fit into a step."""
         finest = 0.5 * SPEED_OF_LIGHT / self.bandwidth[1]
         ratio = max(self.prior_variance) / (finest * finest / 12.0)
-        if ratio > MOST_RATIO:  # an update loses this ratio times 1e-16 of its precision
+        if ratio > MOST_RATIO:
             least = max(self.prior_variance) * MOST_RATIO / ratio
             wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
             raise InputError(f"prior_variance is up to {max(self.prior_variance):g}, expected {wanted}")
@@ -176,8 +189,8 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
 
     @cached_property
     def motion(self) -> MotionModel:
-        """The targets' motion model, shared by the world and the tracker."""
-        return constant_velocity(self.dt, self.q, ("x", "y"), order="axis")
+        """The targets' motion model, of the tracker; ``truth_model.motion`` is the world's."""
+        return constant_turn(self.dt, self.q, self.turn_rate)
 
     @cached_property
     def action_set(self) -> PlatformActions:
@@ -215,9 +228,13 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
     def _scene(self) -> tuple[Any, ...]:
         """Kernel arguments: model, platforms with their look directions, penalties, and the scalars."""
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
+        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self.places, fence, self._rules
+
+    @cached_property
+    def _rules(self) -> Rules:
+        """The scalars of the kernels."""
         law = (self.wavelength, self.fft_length, self.pixels, self.out_of_view == "inflated", self.iterations)
-        rules = Rules(KINDS[self.penalty], self.nearest_range, self.margin, self.as_printed, *law)
-        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self.places, fence, rules
+        return Rules(KINDS[self.penalty], self.nearest_range, self.margin, self.as_printed, *law)
 
     @cached_property
     def _weights(self) -> Array:
@@ -234,7 +251,7 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         count, S = world.start.shape[:2]
         true_states = np.tile(np.array(self.starts), (count, 1, 1))
         if self.first_estimate == "drawn":
-            mean = true_states + np.sqrt(self.prior_variance) * world.start
+            mean = true_states + np.sqrt(self.truth_model.prior_variance) * world.start
         else:
             mean = true_states * np.array([0.5, 0.0, 0.5, 0.0])
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
@@ -242,17 +259,53 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
         truth = Truth(true_states, nothing, nothing.copy(), np.zeros(count))
         return State(truth, Belief(np.zeros(count, np.int64), mean, covariance))
 
-    def transition(self, state: State, action: Array, world: World) -> State:
+    @cached_property
+    def _true_motion(self) -> tuple[Array, Array]:
+        """Kernel arguments: transition matrix (1, 4, 4) and noise factor (4, 4) of the world."""
+        motion = self.truth_model.motion
+        return motion.F[None].copy(), motion.noise_factor
+
+    def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: targets move, platforms take their settings and measure, the filter updates."""
         (true_states, _, unseen, _), (step, mean, covariance) = state
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
-        F, Q, *scene = self._scene
         kernels.transition(
             step, mean, covariance, true_states, unseen, world.process, world.error, self.action_set.settings(action),
-            F, Q, self.motion.noise_factor, *scene, x, P, moved, received, missed, share, NN
+            *self._true_motion, self.truth_model._rules, *self._scene, x, P, moved, received, missed, share, NN
         )  # fmt: skip
         return State(Truth(moved, received, missed, share), Belief(step + 1, x, P))
+
+    def move(self, truth: Truth, step: Array, world: World) -> Truth:
+        """The targets one step on."""
+        moved = np.empty(truth.targets.shape)
+        kernels.move(step, truth.targets, world.process, *self._true_motion, moved, NN)
+        return truth._replace(targets=moved)
+
+    def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
+        """What the platforms receive of every target with the settings ``action``."""
+        count, targets = belief.mean.shape[:2]
+        z, share = np.empty((count, targets, 3 * len(self.platforms))), np.empty(count)
+        variance = np.empty(z.shape)
+        kernels.receive(
+            *belief, truth.targets, world.error, self.action_set.settings(action), self.truth_model._rules,
+            *self._scene, z, variance, share, NN
+        )  # fmt: skip
+        return Measurements(z, variance, share)
+
+    def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
+        """One step of the filter."""
+        x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
+        F, Q, places, _, rules = self._scene
+        z, variance, _ = measurements
+        kernels.track(belief.mean, belief.covariance, z, variance, F, Q, places, rules, x, P, NN)
+        return Belief(belief.step + 1, x, P)
+
+    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+        """The truth with the number of quantities received, and the information that was predicted."""
+        received = np.isfinite(measurements.variance).sum(axis=2)
+        unseen = np.where(received > 0, 0, truth.unseen + 1)
+        return Truth(truth.targets, received, unseen, measurements.information)
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances."""
@@ -362,15 +415,17 @@ class RfEo(System, BestAction, SequencePlan, LinearCost, MostInformation, Margin
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the last settings.
 
-        For each target: ``position_error`` (m), ``nees`` (expected: 4), ``received`` (quantities measured in this step)
-        and ``lost`` (nothing received for more than ten steps). For the settings: ``information``, the least weighted
-        information of any target as predicted, and ``below_threshold``; 0 and False before the first choice.
+        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
+        (quantities measured in this step) and ``lost`` (nothing received for more than ten steps). For the settings:
+        ``information``, the least weighted information of any target as predicted, and ``below_threshold``; 0 and False
+        before the first choice.
         """
         truth, belief = state
         position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
         kernels.measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
+            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
             "nees": nees,
             "received": truth.received.copy(),
             "lost": truth.unseen > LOST_AFTER,

@@ -25,8 +25,8 @@ class SectorSetupCity(SectorSetup):
         As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
         the centre line, and drive along them. Each target has filed its route: its exact start and a constant velocity.
         A target is hidden when, on its filed route, a building stands between it and the illuminator or a receiver;
-        otherwise it is visible, even if manoeuvres have taken it off the route. These times depend on the true start:
-        schedulers can use them, the tracker does not.
+        otherwise it is visible, even if manoeuvres or a turn rate have taken it off the route. These times depend on
+        the true start: schedulers can use them, the tracker does not.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -45,6 +45,7 @@ class SectorSetupCity(SectorSetup):
         "promenade",
         "an urban map of wavegym, or a TOML file, with roads; region, shown and hidden are not used",
         unit="",
+        truth=True,
     )
     dt: float = changed_default(SectorSetup, "dt", 0.5)
     illuminator: Point = changed_default(SectorSetup, "illuminator", (0.0, 0.0))

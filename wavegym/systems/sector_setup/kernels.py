@@ -1,8 +1,8 @@
-"""Kernels of the closed loop of one illuminator and its receivers: move, set up, look, track.
+"""Kernels of the closed loop of one illuminator and its receivers: move, set up, measure, track.
 
 Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by
-receiver, n = 4 states [x xdot y ydot]. ``accuracy`` (waveform, 2): variances of range and range-rate at unit SNR.
-``visible`` (e, k, t): whether a target is visible in step k; after the last step none is.
+receiver, n = 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; after the last
+step none is. Arrays come one by one: Numba takes microseconds to look at each field of a NamedTuple.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -16,21 +16,28 @@ from numpy.typing import NDArray
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
-from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
+from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
+from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
+from wavegym.trackers.sigma_point_kernels import sigma_points_one
 
 PLACE = (0, 2)  # elements of [x xdot y ydot] on which a range depends
 ALL = (0, 1, 2, 3)  # elements on which a range-rate depends
+SECOND_ORDER = 0.2  # standard deviations: a greater linearisation error makes the update iterate
+CONVERGED = 0.1  # standard deviations: the iteration ends when the estimate moves by less
 
 
 class Radar(NamedTuple):
-    """Constants: sites (1 + j, 2), the illuminator first, and scalars; see ``SectorSetup``."""
+    """Constants of the world, or those that the tracker assumes: scalars of ``SectorSetup``, and arrays."""
 
-    sites: NDArray[np.float64]
+    sites: NDArray[np.float64]  # (1 + j, 2), the illuminator first
+    accuracy: NDArray[np.float64]  # (waveform, 2) variances of range and range-rate at unit SNR
     strength: float  # eta Rt^2 Rr^2
     nearest: float
     log_false_alarm: float
     dt: float
+    turn_rate: float
     dead_steps: int
+    iterations: int
 
 
 @inlined
@@ -48,24 +55,44 @@ def is_visible(e, k, t, visible):
 
 
 @inlined
-def coast_mean_one(i, x, tau, o, x_out):
-    """x_out[o] = x[i] after tau seconds."""
-    x_out[o, 0], x_out[o, 1] = x[i, 0] + tau * x[i, 1], x[i, 1]
-    x_out[o, 2], x_out[o, 3] = x[i, 2] + tau * x[i, 3], x[i, 3]
+def turning(tau, turn_rate):
+    """Displacement along and aside of a unit velocity after tau seconds, and the cosine and sine of its angle then.
+
+    The elements of ``constant_turn``'s F; bit for bit those of ``constant_velocity`` at a turn rate of 0.
+    """
+    if turn_rate == 0.0:
+        return tau, 0.0, 1.0, 0.0
+    half = np.sin(0.5 * turn_rate * tau)
+    sine = np.sin(turn_rate * tau)
+    return sine / turn_rate, 2.0 * half * half / turn_rate, np.cos(turn_rate * tau), sine
 
 
 @inlined
-def coast_one(i, P, tau, q, o, P_out):
-    """P_out[o] = F P[i] F' + Q over tau seconds of white acceleration of density q: 16 products instead of 128.
+def coast_mean_one(i, x, tau, turn_rate, o, x_out):
+    """x_out[o] = x[i] after tau seconds."""
+    along, aside, c, s = turning(tau, turn_rate)
+    u, v = x[i, 1], x[i, 3]
+    x_out[o, 0], x_out[o, 1] = x[i, 0] + along * u - aside * v, c * u - s * v
+    x_out[o, 2], x_out[o, 3] = x[i, 2] + aside * u + along * v, s * u + c * v
 
-    The motion model is ``constant_velocity(tau, q)``; its F only adds tau times a velocity.
+
+@inlined
+def coast_one(i, P, tau, turn_rate, q, o, P_out):
+    """P_out[o] = F P[i] F' + Q over tau seconds of white acceleration of density q: 64 products instead of 128.
+
+    The motion model is ``constant_turn(tau, q, turn_rate)``, whose F only rotates a velocity and adds its displacement.
+    P_out[o] may be P[i].
     """
+    along, aside, c, s = turning(tau, turn_rate)
     for b in range(4):
-        P_out[o, 0, b], P_out[o, 1, b] = P[i, 0, b] + tau * P[i, 1, b], P[i, 1, b]
-        P_out[o, 2, b], P_out[o, 3, b] = P[i, 2, b] + tau * P[i, 3, b], P[i, 3, b]
+        u, v = P[i, 1, b], P[i, 3, b]
+        P_out[o, 0, b], P_out[o, 1, b] = P[i, 0, b] + along * u - aside * v, c * u - s * v
+        P_out[o, 2, b], P_out[o, 3, b] = P[i, 2, b] + aside * u + along * v, s * u + c * v
     for a in range(4):
-        P_out[o, a, 0] += tau * P_out[o, a, 1]
-        P_out[o, a, 2] += tau * P_out[o, a, 3]
+        u, v = P_out[o, a, 1], P_out[o, a, 3]
+        P_out[o, a, 0] += along * u - aside * v
+        P_out[o, a, 2] += aside * u + along * v
+        P_out[o, a, 1], P_out[o, a, 3] = c * u - s * v, s * u + c * v
     speed = q * tau
     cross = 0.5 * speed * tau
     for a in PLACE:
@@ -112,79 +139,185 @@ def probability(eta, radar):
 
 
 @inlined
-def shrink_by(i, j, P, H, w, accuracy, eta, v, nn):
+def shrink_by(i, j, P, H, w, radar, eta, v, nn):
     """Update P[i] with a detection of waveform w at receiver j."""
-    s = gain_one(i, P, H, 2 * j, v, nn, PLACE) + accuracy[w, 0] / eta
+    s = gain_one(i, P, H, 2 * j, v, nn, PLACE) + radar.accuracy[w, 0] / eta
     shrink_one(i, P, v, s, nn)
-    s = gain_one(i, P, H, 2 * j + 1, v, nn, ALL) + accuracy[w, 1] / eta
+    s = gain_one(i, P, H, 2 * j + 1, v, nn, ALL) + radar.accuracy[w, 1] / eta
     shrink_one(i, P, v, s, nn)
+
+
+class Scratch(NamedTuple):
+    """Arrays that an update overwrites."""
+
+    h: NDArray[np.float64]  # (a,) predicted measurements
+    H: NDArray[np.float64]  # (a, n) their Jacobian, or the slopes of their regression
+    R: NDArray[np.float64]  # (a,) variances, infinite where a receiver did not detect
+    y: NDArray[np.float64]  # (a,) innovations
+    d: NDArray[np.float64]  # (n,) correction of the mean
+    v: NDArray[np.float64]  # (n,) gain before its division
+    at: NDArray[np.float64]  # (1, n) estimate around which the measurements are regressed
+    prior: NDArray[np.float64]  # (n, n)
+    A: NDArray[np.float64]  # (n, n) Cholesky factor
+    points: NDArray[np.float64]  # (2 n, n)
+    Z: NDArray[np.float64]  # (2 n, a) measurements of the points
 
 
 @inlined
-def absorb_by(i, j, P, H, y, w, accuracy, eta, d, v, nn):
-    """As ``shrink_by``, and add the correction of the mean by the innovations y (a,) to d (n,)."""
-    s = gain_one(i, P, H, 2 * j, v, nn, PLACE) + accuracy[w, 0] / eta
-    correct_one(d, H, 2 * j, v, s, y[2 * j], nn)
-    shrink_one(i, P, v, s, nn)
-    s = gain_one(i, P, H, 2 * j + 1, v, nn, ALL) + accuracy[w, 1] / eta
-    correct_one(d, H, 2 * j + 1, v, s, y[2 * j + 1], nn)
-    shrink_one(i, P, v, s, nn)
+def scratch(receivers, n):
+    """New ``Scratch`` for so many receivers and n states."""
+    rows = 2 * receivers
+    return Scratch(
+        np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n),
+        np.empty((1, n)), np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n)), np.empty((2 * n, rows))
+    )  # fmt: skip
 
 
-@kernel
-def move(e, k, q, truth, process, L, mean, P, radar, truth_out, x, P_out, nn):
-    """One step of the targets of environment e and of the belief; process (e, k, t, n), L L' = Q at unit density."""
-    for t in range(mean.shape[1]):
-        coast_mean_one(t, truth[e], radar.dt, t, truth_out[e])
+@inlined
+def move_one(e, k, targets, q, process, L, radar, targets_out, nn):
+    """One step of the targets of environment e; process (e, k, t, n), L L' = Q at unit density."""
+    for t in range(targets_out.shape[1]):
+        coast_mean_one(t, targets[e], radar.dt, radar.turn_rate, t, targets_out[e])
         root = np.sqrt(q[e, t])
         for a in range(len(nn)):
             for b in range(a + 1):
-                truth_out[e, t, a] += root * L[a, b] * process[e, k, t, b]
-        coast_mean_one(t, mean[e], radar.dt, t, x[e])
-        coast_one(t, P[e], radar.dt, q[e, t], t, P_out[e])
+                targets_out[e, t, a] += root * L[a, b] * process[e, k, t, b]
+
+
+@inlined
+def measure_one(e, k, t, w, sent, targets, visible, uniform, error, radar, z, seen, G):
+    """Fill z (e, a), and seen (e, j): whether a receiver detects target t; z is 0 where it does not.
+
+    SNR, Pd and errors follow from the truth, ``targets`` (e, t, n). G (a, n) is scratch space.
+    """
+    shown = sent and is_visible(e, k, t, visible)
+    for j in range(seen.shape[1]):
+        seen[e, j], z[e, 2 * j], z[e, 2 * j + 1] = False, 0.0, 0.0
+        if not shown:
+            continue
+        eta = look_one(t, targets[e], j, radar, z[e], G)
+        seen[e, j] = uniform[e, k, j, t] < probability(eta, radar)
+        for a in range(2):
+            off = np.sqrt(radar.accuracy[w, a] / eta) * error[e, k, j, t, a]
+            z[e, 2 * j + a] = z[e, 2 * j + a] + off if seen[e, j] else 0.0
+
+
+@inlined
+def curved_one(i, x, P, j, R, eta, radar):
+    """Whether second-order terms of the quantities of receiver j matter over the prior's spread; R (a,): variances.
+
+    For a displacement d across the line of sight and a leg r, the second-order term of a range is d^2 / 2r; those of
+    its rate are d / r times the velocity's spread, and d^2 / 2r^2 times the speed. r is the legs' geometric mean.
+    """
+    spread, restless = P[i, 0, 0] + P[i, 2, 2], P[i, 1, 1] + P[i, 3, 3]
+    squared_speed = x[i, 1] * x[i, 1] + x[i, 3] * x[i, 3]
+    inverse = np.sqrt(eta / radar.strength)  # 1 / r^2
+    bend = 0.25 * spread * spread * inverse
+    turn = spread * restless * inverse + squared_speed * bend * inverse
+    return max(bend / R[2 * j], turn / R[2 * j + 1]) > SECOND_ORDER * SECOND_ORDER
 
 
 @kernel
-def receive(e, k, t, w, truth, uniform, error, accuracy, radar, x, P, work, nn):
-    """Update x[e, t], P[e, t] with the detections of target t; return their number.
+def iterate_one(i, x, P, w, z, seen, radar, work, nn):
+    """Posterior linearisation of the prediction x[i], ``work.prior``, from the estimate ``work.at``, P[i] on.
 
-    SNR, Pd and errors follow from the truth; the tracker uses the predicted SNR.
+    Ends when the estimate moves by less than CONVERGED standard deviations, or after ``radar.iterations``, of which the
+    first gave that estimate. Error variances are means over the estimate's spread, too.
     """
-    h, H, z, G, y, d, v = work
-    for a in range(len(nn)):
-        d[a] = 0.0
-    detected = 0
-    for j in range(uniform.shape[2]):
-        true = look_one(t, truth[e], j, radar, z, G)
-        if uniform[e, k, j, t] >= probability(true, radar):
-            continue
-        detected += 1
-        eta = look_one(t, x[e], j, radar, h, H)
+    h, H, R, y, d, v, at, prior, A, points, Z = work
+    for _ in range(1, radar.iterations):
+        sigma_points_one(0, at, P[i : i + 1], A, points, nn)
+        R[:] = 0.0
+        for p in range(len(points)):
+            for j in range(len(seen)):
+                eta = look_one(p, points, j, radar, Z[p], H)
+                for a in range(2):
+                    R[2 * j + a] += radar.accuracy[w, a] / (eta * len(points)) if seen[j] else np.inf
+        regress_one(Z, A, h, H, R, nn)
+        if update_from_one(i, x, P, prior, at, z, h, H, R, y, d, v, nn) < CONVERGED * CONVERGED:
+            return
+
+
+@inlined
+def update_one(i, x, P, w, z, seen, radar, work, nn):
+    """Update the prediction x[i], P[i] with the measurements z (a,) of the receivers that detect, seen (j,).
+
+    An extended Kalman filter with the predicted SNR; where the measurements are curved, the iteration goes on from it.
+    """
+    curved = False
+    for j in range(len(seen)):
+        eta = look_one(i, x, j, radar, work.h, work.H)
         for a in range(2):
-            y[2 * j + a] = z[2 * j + a] + np.sqrt(accuracy[w, a] / true) * error[e, k, j, t, a] - h[2 * j + a]
-        absorb_by(t, j, P[e], H, y, w, accuracy, eta, d, v, nn)
+            work.R[2 * j + a] = radar.accuracy[w, a] / eta if seen[j] else np.inf
+            work.y[2 * j + a] = z[2 * j + a] - work.h[2 * j + a]
+        curved |= seen[j] and curved_one(i, x, P, j, work.R, eta, radar)
+    if curved:
+        work.prior[:] = P[i]
+    absorb_rows_one(i, P, work.H, work.y, work.R, work.d, work.v, nn)
     for a in range(len(nn)):
-        x[e, t, a] += d[a]
-    return detected
+        work.at[0, a] = x[i, a] + work.d[a]
+    if curved:
+        iterate_one(i, x, P, w, z, seen, radar, work, nn)
+    for a in range(len(nn)):
+        x[i, a] = work.at[0, a]
+
+
+@inlined
+def track_one(e, t, w, mean, P, q, z, seen, radar, x, P_out, work, nn):
+    """x[e], P_out[e]: all targets of environment e one step on, and target t updated where a receiver detects it."""
+    for i in range(x.shape[1]):
+        coast_mean_one(i, mean[e], radar.dt, radar.turn_rate, i, x[e])
+        coast_one(i, P[e], radar.dt, radar.turn_rate, q[e, i], i, P_out[e])
+    detections = 0
+    for j in range(seen.shape[1]):
+        detections += seen[e, j]
+    if detections > 0:
+        update_one(t, x[e], P_out[e], w, z[e], seen[e], radar, work, nn)
+
+
+@kernel
+def move(step, targets, q, process, L, radar, targets_out, nn):
+    """Fill targets_out (e, t, n): the targets one step later."""
+    for e in range(len(step)):
+        move_one(e, step[e], targets, q, process, L, radar, targets_out, nn)
+
+
+@kernel
+def measure(
+    step, pointed, dead, targets, visible, target, waveform, uniform, error, radar, z, seen, silent, nn
+):  # fmt: skip
+    """Fill z (e, a), seen (e, j) and silent (e,): whether no pulse was sent. ``radar`` is the world's."""
+    G = np.empty((z.shape[1], len(nn)))
+    for e in range(len(step)):
+        t, w = target[e], waveform[e]
+        _, _, sent = turn(pointed[e], dead[e], t, radar.dead_steps)
+        silent[e] = not sent
+        measure_one(e, step[e], t, w, sent, targets, visible, uniform, error, radar, z, seen, G)
+
+
+@kernel
+def track(
+    mean, P, pointed, dead, q, target, waveform, z, seen, radar, x, P_out, pointed_out, dead_out, nn
+):  # fmt: skip
+    """Fill the belief one step later from z (e, a) and seen (e, j). ``radar`` is the one that the tracker assumes."""
+    work = scratch(seen.shape[1], len(nn))
+    for e in range(len(target)):
+        t, w = target[e], waveform[e]
+        pointed_out[e], dead_out[e], _ = turn(pointed[e], dead[e], t, radar.dead_steps)
+        track_one(e, t, w, mean, P, q, z, seen, radar, x, P_out, work, nn)
 
 
 @kernel
 def transition(
-    step, mean, P, pointed, dead, q, visible, truth, target, waveform, process, uniform, error, L, accuracy, radar,
-    x, P_out, pointed_out, dead_out, truth_out, detections, silent, nn
+    step, mean, P, pointed, dead, q, targets, true_q, visible, target, waveform, process, uniform, error, L, radar,
+    assumed, targets_out, z, seen, silent, x, P_out, pointed_out, dead_out, nn
 ):  # fmt: skip
-    """One step of every environment; detections (e,): their number, silent (e,): whether no pulse was sent."""
-    rows, n = 2 * uniform.shape[2], len(nn)
-    work = (
-        np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(n),
-        np.empty(n)
-    )  # fmt: skip
+    """``move``, ``measure`` and ``track`` in one pass; ``radar`` is the world's, ``assumed`` the tracker's."""
+    work = scratch(seen.shape[1], len(nn))
     for e in range(len(step)):
-        k, t = step[e], target[e]
-        move(e, k, q, truth, process, L, mean, P, radar, truth_out, x, P_out, nn)
+        k, t, w = step[e], target[e], waveform[e]
+        move_one(e, k, targets, true_q, process, L, radar, targets_out, nn)
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
-        silent[e], detections[e] = not sent, 0
-        if sent and is_visible(e, k, t, visible):
-            detections[e] = receive(
-                e, k, t, waveform[e], truth_out, uniform, error, accuracy, radar, x, P_out, work, nn
-            )
+        silent[e] = not sent
+        measure_one(e, k, t, w, sent, targets_out, visible, uniform, error, radar, z, seen, work.H)
+        track_one(e, t, w, mean, P, q, z, seen, assumed, x, P_out, work, nn)

@@ -52,7 +52,7 @@ def look_all(i, x, radar, work):
 
 
 @kernel
-def expect(i, P, w, accuracy, work, o, P_out, nn):
+def expect(i, P, w, radar, work, o, P_out, nn):
     """P_out[o]: mean of P[i] over all combinations of receivers that detect waveform w."""
     eta, pd, _, H, V, v = work
     P_out[o] = 0.0
@@ -62,7 +62,7 @@ def expect(i, P, w, accuracy, work, o, P_out, nn):
         for j in range(len(eta)):
             if combination >> j & 1:
                 chance *= pd[j]
-                shrink_by(0, j, V, H, w, accuracy, eta[j], v, nn)
+                shrink_by(0, j, V, H, w, radar, eta[j], v, nn)
             else:
                 chance *= 1.0 - pd[j]
         for a in range(len(nn)):
@@ -72,7 +72,7 @@ def expect(i, P, w, accuracy, work, o, P_out, nn):
 
 @kernel
 def predict(
-    step, mean, P, pointed, dead, q, visible, target, waveform, draws, accuracy, radar, x_out, P_out, pointed_out,
+    step, mean, P, pointed, dead, q, visible, target, waveform, draws, radar, x_out, P_out, pointed_out,
     dead_out, nn
 ):  # fmt: skip
     """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out (e, c).
@@ -84,8 +84,8 @@ def predict(
     for e in range(count):
         own = e if len(target) > 1 else 0
         for t in range(targets):
-            coast_mean_one(t, mean[e], radar.dt, t, ahead)
-            coast_one(t, P[e], radar.dt, q[e, t], t, V)
+            coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, t, ahead)
+            coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], t, V)
         last = -1
         for c in range(candidates):
             t, w = target[own, c], waveform[own, c]
@@ -100,12 +100,12 @@ def predict(
                 look_all(t, ahead, radar, work)
                 last = t
             if draws.shape[2] == 0:
-                expect(t, V, w, accuracy, work, t, P_out[e, c], nn)
+                expect(t, V, w, radar, work, t, P_out[e, c], nn)
                 continue
             given = draws[e, c if draws.shape[1] > 1 else 0]
             for j in range(receivers):
                 if given[j] < work[1][j]:
-                    shrink_by(t, j, P_out[e, c], work[3], w, accuracy, work[0][j], work[5], nn)
+                    shrink_by(t, j, P_out[e, c], work[3], w, radar, work[0][j], work[5], nn)
 
 
 @inlined
@@ -166,7 +166,7 @@ def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
 
 
 @kernel
-def gain(step, mean, P, q, visible, target, waveform, wait, M, accuracy, radar, out, nn, mm):
+def gain(step, mean, P, q, visible, target, waveform, wait, M, radar, out, nn, mm):
     """out (e, c): trace(M[l - 1] (P_without - P_with)) of the candidate's target, one look after ``wait`` steps.
 
     target, waveform (c,), candidates of one target adjacent; wait (e or 1, c or 1); l: number of steps counted, up
@@ -186,13 +186,19 @@ def gain(step, mean, P, q, visible, target, waveform, wait, M, accuracy, radar, 
             if not is_visible(e, k, t, visible):
                 continue
             if t != last or delay != late:
-                tau = (delay + 1) * radar.dt
-                coast_mean_one(t, mean[e], tau, 0, ahead)
-                coast_one(t, P[e], tau, q[e, t], 0, V)
+                turns = (
+                    radar.turn_rate != 0.0
+                )  # several steps of a turn are no longer step: Q is that of straight motion
+                tau = radar.dt if turns else (delay + 1) * radar.dt
+                coast_mean_one(t, mean[e], tau, radar.turn_rate, 0, ahead)
+                coast_one(t, P[e], tau, radar.turn_rate, q[e, t], 0, V)
+                for _ in range(delay if turns else 0):
+                    coast_mean_one(0, ahead, tau, radar.turn_rate, 0, ahead)
+                    coast_one(0, V, tau, radar.turn_rate, q[e, t], 0, V)
                 look_all(0, ahead, radar, work)
                 project_one(V, M[min(len(M), horizon - k) - 1], work[3], U, G, B, nn, mm)
                 last, late = t, delay
-            out[e, c] = expected_worth(G, B, waveform[c], accuracy, work[0], work[1], S, D, mm)
+            out[e, c] = expected_worth(G, B, waveform[c], radar.accuracy, work[0], work[1], S, D, mm)
 
 
 @kernel
@@ -210,8 +216,8 @@ def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
         out[e, 0], out[e, 1] = (horizon - k) / horizon, dead[e]
         column = 2
         for t in range(mean.shape[1]):
-            coast_mean_one(t, mean[e], radar.dt, 0, ahead)
-            coast_one(t, P[e], radar.dt, q[e, t], 0, V)
+            coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
+            coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
             look_all(0, ahead, radar, work)
             now, change, share = is_visible(e, k, t, visible), soon, 0
             for later in range(soon - 1, -1, -1):

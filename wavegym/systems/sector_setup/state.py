@@ -26,8 +26,18 @@ class Truth(NamedTuple):
     """What no scheduler sees."""
 
     targets: Array  # (env, target, 4)
+    q: Array  # (env, target) process noise density, m^2/s^3
+    visible: Array  # (env, H, target) bool: whether the target is visible from step k to k + 1
     detections: Array  # (env,) int: receivers that detected the target in the last step
     silent: Array  # (env,) bool: whether the last step was a set-up step without a pulse
+
+
+class Measurements(NamedTuple):
+    """What the receivers report of one step; 0 where a receiver did not detect."""
+
+    z: Array  # (env, receiver, 2) half the path and its rate, m and m/s
+    detected: Array  # (env, receiver) bool
+    silent: Array  # (env,) bool: whether no pulse was sent
 
 
 class Belief(NamedTuple):
@@ -38,8 +48,8 @@ class Belief(NamedTuple):
     covariance: Array  # (env, target, 4, 4)
     pointed: Array  # (env,) int: target for which the illuminator is set up, -1 for none
     dead: Array  # (env,) int: remaining set-up steps without sensing
-    q: Array  # (env, target) process noise density, m^2/s^3
-    visible: Array  # (env, H, target) bool: whether the target is visible from step k to k + 1
+    q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
+    visible: Array  # (env, H, target) bool: whether the target is expected to be visible from step k to k + 1
 
 
 def sector_fields(targets: int, receivers: int, dead_steps: int) -> tuple[ObservationField, ...]:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, Gain, LinearCost
+from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
@@ -19,17 +19,18 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
-from wavegym.systems.sector_setup.state import SOON, Belief, Truth, World, sector_fields
+from wavegym.systems.sector_setup.state import SOON, Belief, Measurements, Truth, World, sector_fields
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
-from wavegym.targets import MotionModel, constant_velocity
+from wavegym.targets import MotionModel, constant_turn
 
+FASTEST = 1e6  # rad/s: greatest turn rate
 NN = (0, 0, 0, 0)  # its length tells kernels the size of the state [x xdot y ydot]
 Coordinate = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]  # m
 Point = tuple[Coordinate, Coordinate]
 
 
 @system_parameters
-class SectorSetup(System, LinearCost, Gain, Delay):
+class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay):
     """One illuminator serves several targets; setting it up for another target costs steps without sensing.
 
     Description
@@ -40,8 +41,9 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         error variances with 1 / eta; receivers detect independently with probability Pd = Pf^(1 / (1 + eta / 2)). The
         world uses eta at the true position, tracker and schedulers at the predicted position. Targets become visible
         and hidden at times known from the start: they drive behind buildings on a map. Targets are far apart, so the
-        association is known and there are no false returns. An extended Kalman filter uses the detections. One step
-        ahead a set-up never pays; over a window of visibility it does.
+        association is known and there are no false returns. An extended Kalman filter uses the detections. Where they
+        are curved over the spread of the prediction, posterior linearisation iterates the update. One step ahead a
+        set-up never pays; over a window of visibility it does.
 
     Rewards
         -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
@@ -55,7 +57,8 @@ class SectorSetup(System, LinearCost, Gain, Delay):
 
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
-        targets in clutter" (SNR and detection). The set-up time is this suite's own.
+        targets in clutter" (SNR and detection). A. F. Garcia-Fernandez et al., "Posterior linearization filter:
+        principles and implementation using sigma points", 2015 (the iteration). The set-up time is this suite's own.
     """
 
     horizon: int = parameter(60, "steps in an episode", ge=1, le=100_000)
@@ -67,14 +70,20 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         ((-4e3, 3e3), (4e3, 3e3)), "positions (x, y) of the receivers", unit="m", min_length=1, max_length=6
     )
     region: tuple[Point, Point] = parameter(
-        ((-2e3, 2e3), (2.5e3, 5e3)), "bounds of the first x, and of the first y", unit="m"
+        ((-2e3, 2e3), (2.5e3, 5e3)), "bounds of the first x, and of the first y", unit="m", truth=True
     )
-    speed: tuple[NonNegative, float] = parameter((5.0, 20.0), "bounds of the first speed", unit="m/s")
+    speed: tuple[NonNegative, float] = parameter((5.0, 20.0), "bounds of the first speed", unit="m/s", truth=True)
     q: tuple[Positive, float] = parameter(
-        (0.1, 5.0), "bounds of the process noise density, drawn log-uniformly for each target", unit="m^2/s^3"
+        (0.1, 5.0),
+        "bounds of the process noise density, drawn log-uniformly for each target",
+        unit="m^2/s^3",
+        truth=True,
+    )
+    turn_rate: float = parameter(
+        0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True, ge=-FASTEST, le=FASTEST
     )
     prior_variance: tuple[Positive, Positive, Positive, Positive] = parameter(
-        (2500.0, 25.0, 2500.0, 25.0), "diagonal of P0", unit="m^2, m^2/s^2"
+        (2500.0, 25.0, 2500.0, 25.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True
     )
     waveforms: tuple[tuple[Positive, Positive], ...] = parameter(
         ((12.0, 20.0), (60.0, 1.0)),
@@ -83,19 +92,29 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         min_length=1,
         max_length=64,
     )
-    reference_snr: float = parameter(20.0, "eta at the reference range, a ratio", gt=0)
-    reference_range: float = parameter(5.65e3, "Rt = Rr at which eta is reference_snr", unit="m", gt=0)
-    nearest_range: float = parameter(500.0, "the SNR grows no further where Rt or Rr is below it", unit="m", gt=0)
-    false_alarm: float = parameter(1e-3, "false alarm probability Pf", gt=0, lt=1)
+    reference_snr: float = parameter(20.0, "eta at the reference range, a ratio", truth=True, gt=0)
+    reference_range: float = parameter(5.65e3, "Rt = Rr at which eta is reference_snr", unit="m", truth=True, gt=0)
+    nearest_range: float = parameter(
+        500.0, "the SNR grows no further where Rt or Rr is below it", unit="m", truth=True, gt=0
+    )
+    false_alarm: float = parameter(1e-3, "false alarm probability Pf", truth=True, gt=0, lt=1)
     shown: tuple[int, int] = parameter((6, 14), "least and greatest number of steps for which a target stays visible")
     hidden: tuple[int, int] = parameter((4, 10), "least and greatest number of steps for which it stays hidden")
     windows: tuple[Window, ...] = parameter(
-        (), "(target, first step, last step) in which a target is hidden, in place of drawn windows", unit=""
+        (),
+        "(target, first step, last step) in which a target is hidden, in place of drawn windows",
+        unit="",
+        truth=True,
     )
     weights: tuple[NonNegative, NonNegative, NonNegative, NonNegative] = parameter(
         (1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2"
     )
+    iterations: int = parameter(
+        10, "most iterations of an update; 1 is the plain extended Kalman filter", ge=1, le=1_000_000
+    )
     lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of .15 rad in the middle of region
+
+    nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -113,7 +132,7 @@ class SectorSetup(System, LinearCost, Gain, Delay):
     @cached_property
     def motion(self) -> MotionModel:
         """Motion model at a process noise density of 1; the density of each target multiplies Q."""
-        return constant_velocity(self.dt, 1.0, ("x", "y"), order="axis")
+        return constant_turn(self.dt, 1.0, self.turn_rate)
 
     @cached_property
     def actions(self) -> Library:
@@ -127,12 +146,12 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         return (len(self.receivers),)
 
     @cached_property
-    def _radar(self) -> tuple[Array, kernels.Radar]:
-        """Variances of the waveforms at unit SNR, and the other constants of the kernels."""
+    def _radar(self) -> kernels.Radar:
+        """Constants of the kernels as the tracker assumes them; ``truth_model._radar`` has the world's."""
         accuracy = self.reference_snr * np.square(np.array(self.waveforms))
         sites, strength = np.array([self.illuminator, *self.receivers]), self.reference_snr * self.reference_range**4
         law = (strength, self.nearest_range, math.log(self.false_alarm))
-        return accuracy, kernels.Radar(sites, *law, self.dt, self.dead_steps)
+        return kernels.Radar(sites, accuracy, *law, self.dt, self.turn_rate, self.dead_steps, self.iterations)
 
     @cached_property
     def _weights(self) -> Array:
@@ -153,14 +172,20 @@ class SectorSetup(System, LinearCost, Gain, Delay):
 
     def initial(self, world: World) -> State:
         """Starts of the targets, first estimates around them, and windows of visibility."""
-        count, T = world.density.shape
-        true_states = self._starts(world)
-        mean = true_states + np.sqrt(self.prior_variance) * world.start
+        (count, T), real = world.density.shape, self.truth_model
+        true_states = real._starts(world)
+        mean = true_states + np.sqrt(real.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
-        q = self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
-        zero = np.zeros(count, np.int64)
-        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), q, self._visible(world, true_states))
-        return State(Truth(true_states, zero.copy(), np.zeros(count, np.bool_)), belief)
+        zero, silent = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+        visible, q = self._visible(world, true_states), self._densities(world)
+        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), q, visible)
+        if real is not self:
+            visible, q = real._visible(world, true_states), real._densities(world)
+        return State(Truth(true_states, q, visible, zero.copy(), silent), belief)
+
+    def _densities(self, world: World) -> Array:
+        """Process noise densities, (env, target)."""
+        return self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
 
     def _starts(self, world: World) -> Array:
         """First states of the targets, (env, target, 4): uniform in the region, any heading."""
@@ -176,18 +201,60 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         """Target and waveform of each action."""
         return np.divmod(np.asarray(actions, np.int64), len(self.waveforms))
 
-    def transition(self, state: State, action: Array, world: World) -> State:
+    def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: move, set up or look, track."""
-        belief = state.belief
-        x, P, true_states = np.empty(belief.mean.shape), np.empty(belief.covariance.shape), np.empty(belief.mean.shape)
-        pointed, dead, detections = np.empty((3, len(x)), np.int64)
-        silent = np.empty(len(x), np.bool_)
+        truth, belief = state
+        targets, report, fresh = np.empty(truth.targets.shape), self._report(belief), self._fresh(belief)
         kernels.transition(
-            *belief, state.truth.targets, *self._split(action), world.process, world.detection, world.error,
-            self.motion.noise_factor, *self._radar, x, P, pointed, dead, true_states, detections, silent, NN
+            *belief[:-1], *truth[:3], *self._split(action), world.process, world.detection, world.error,
+            self.motion.noise_factor, self.truth_model._radar, self._radar, targets, *report, *fresh, NN
         )  # fmt: skip
-        fresh = belief._replace(step=belief.step + 1, mean=x, covariance=P, pointed=pointed, dead=dead)
-        return State(Truth(true_states, detections, silent), fresh)
+        measurements = self._measurements(*report)
+        return State(self.note(truth._replace(targets=targets), measurements), self._following(belief, *fresh))
+
+    def move(self, truth: Truth, step: Array, world: World) -> Truth:
+        """The targets one step on, with white acceleration of their own density."""
+        targets, (states, q, _, _, _) = np.empty(truth.targets.shape), truth
+        kernels.move(step, states, q, world.process, self.motion.noise_factor, self.truth_model._radar, targets, NN)
+        return truth._replace(targets=targets)
+
+    def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
+        """What each receiver measures of the illuminated target, with SNR, Pd and errors at its true position."""
+        report = self._report(belief)
+        kernels.measure(
+            belief.step, belief.pointed, belief.dead, truth.targets, truth.visible, *self._split(action),
+            world.detection, world.error, self.truth_model._radar, *report, NN
+        )  # fmt: skip
+        return self._measurements(*report)
+
+    def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
+        """Set-up or look; one step of the tracker with the predicted SNR."""
+        z, detected, _ = measurements
+        fresh = self._fresh(belief)
+        kernels.track(
+            *belief[1:-1], *self._split(action), z.reshape(len(z), -1), detected, self._radar, *fresh, NN
+        )  # fmt: skip
+        return self._following(belief, *fresh)
+
+    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+        """The truth with the number of detections, and whether no pulse was sent."""
+        return truth._replace(detections=measurements.detected.sum(axis=1), silent=measurements.silent)
+
+    def _report(self, belief: Belief) -> tuple[Array, Array, Array]:
+        """Empty measurements (env, quantity), detections (env, receiver) and silence (env,)."""
+        count, receivers = len(belief.step), len(self.receivers)
+        return np.empty((count, 2 * receivers)), np.empty((count, receivers), np.bool_), np.empty(count, np.bool_)
+
+    def _measurements(self, z: Array, detected: Array, silent: Array) -> Measurements:
+        return Measurements(z.reshape(*detected.shape, 2), detected, silent)
+
+    def _fresh(self, belief: Belief) -> tuple[Array, ...]:
+        """Empty means, covariances, targets set up and dead steps."""
+        return tuple(np.empty_like(a) for a in (belief.mean, belief.covariance, belief.pointed, belief.dead))
+
+    def _following(self, belief: Belief, mean: Array, covariance: Array, pointed: Array, dead: Array) -> Belief:
+        """The belief one step later."""
+        return belief._replace(step=belief.step + 1, mean=mean, covariance=covariance, pointed=pointed, dead=dead)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief one step ahead: predicted means, and covariances after a look with the predicted SNR.
@@ -202,7 +269,7 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         x, P = (np.empty((*lead, *a.shape[1:])) for a in (belief.mean, belief.covariance))
         pointed, dead = np.empty((2, *lead), np.int64)
         prediction.predict(
-            *belief, *self._split(chosen), draws if draws.ndim == 3 else draws[:, None], *self._radar,
+            *belief, *self._split(chosen), draws if draws.ndim == 3 else draws[:, None], self._radar,
             x, P, pointed, dead, NN
         )  # fmt: skip
         step = belief.step + 1
@@ -242,7 +309,7 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         step, mean, covariance, _, _, q, visible = belief
         target, waveform = self._target_and_waveform
         M, rows = self.weights_ahead(ahead), (0,) * (2 * len(self.receivers))
-        prediction.gain(step, mean, covariance, q, visible, target, waveform, later, M, *self._radar, out, NN, rows)
+        prediction.gain(step, mean, covariance, q, visible, target, waveform, later, M, self._radar, out, NN, rows)
         return out
 
     def cost(self, belief: Belief) -> Array:
@@ -257,7 +324,7 @@ class SectorSetup(System, LinearCost, Gain, Delay):
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self.observation_fields)))
-        prediction.observe(*belief, self._radar[1], SOON, out, NN)
+        prediction.observe(*belief, self._radar, SOON, out, NN)
         logs = np.log10(out, out=out, where=self._logarithms > 0.0)
         return np.multiply(logs, self._logarithms, out=out, where=self._logarithms > 0.0)
 
@@ -270,14 +337,16 @@ class SectorSetup(System, LinearCost, Gain, Delay):
         )
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """For each target ``position_error`` (m), ``nees`` (expected: 4) and ``lost``: the error exceeds half the width
-        of the illuminated sector. For the step: ``detections``, and ``dead``: no pulse was sent.
+        """For each target ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost``: the
+        error exceeds half the width of the illuminated sector. For the step: ``detections``, and ``dead``: no pulse was
+        sent.
         """
         truth, belief = state
         position, nees = np.empty(belief.mean.shape[:2]), np.empty(belief.mean.shape[:2])
         measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
         return {
             "position_error": position,
+            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
             "nees": nees,
             "lost": position > self.lost_beyond,
             "detections": truth.detections.copy(),

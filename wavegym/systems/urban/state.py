@@ -147,12 +147,14 @@ def urban_info(state: State, direct: Array) -> dict[str, Array]:
     least = distance.min(axis=2)
     held = truth.present & (least <= HELD_WITHIN)
     e, g = np.nonzero(held)
-    nees = np.zeros(held.shape)
+    nees, variance = np.zeros((2, *held.shape))
     own, spread = off[e, g, near[e, g]], P[e, near[e, g], :4, :4]
     nees[e, g] = (own * np.linalg.solve(spread, own[..., None])[..., 0]).sum(axis=-1)
+    variance[e, g] = spread[:, 0, 0] + spread[:, 1, 1]
     nobody = (np.where(truth.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
     return {
         "position_error": np.where(truth.present, np.minimum(least, HELD_WITHIN), 0.0),
+        "position_variance": variance,
         "nees": nees,
         "present": held,
         "held": held,

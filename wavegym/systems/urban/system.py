@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
@@ -30,7 +31,7 @@ from wavegym.systems.urban.state import (
 )
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import Tracks, UrbanTracker
-from wavegym.trackers.urban.tracker import MODELS
+from wavegym.trackers.urban.tracker import EMPTY, MODELS
 from wavegym.waveforms import GaussianChirp, PulseTrain, measurement_covariances
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -68,7 +69,7 @@ class Urban(System):
         proposals of this suite.
     """
 
-    horizon: int = parameter(140, "scans in an episode", ge=1)
+    horizon: int = parameter(140, "scans in an episode", ge=1, le=10_000)
     dt: float = parameter(0.25, "time between scans", unit="s", gt=0)
     city: str = parameter("intersection", "an urban map of wavegym, or a TOML file", unit="")
     transmitters: tuple[Point, ...] = parameter(((2085.0, 1470.5),), "positions (x, y) of the transmitters", unit="m")
@@ -109,7 +110,7 @@ class Urban(System):
     sigma: float = parameter(0.25, "standard deviation of acceleration in NCV and turn models", unit="m/s^2", ge=0)
     vaguest: float = parameter(5.0, "largest standard deviation of the position of a new track", unit="m", gt=0)
     ghosts: bool = parameter(True, "whether the tracker uses the map to recognise ghosts", unit="")
-    slots: int = parameter(8, "maximum number of tracks", ge=1)
+    slots: int = parameter(8, "maximum number of tracks", ge=1, le=1000)
     charged: int = parameter(2, "number of slots in the cost", ge=1)
     clutter_density: float = parameter(1e-3, "expected false returns", unit="1/(m m/s)", gt=0)
     false_alarm: Probability | None = parameter(
@@ -121,6 +122,8 @@ class Urban(System):
         (1.0, 1.0, 1.0), "diagonal of Lambda, for positions, velocities and accelerations", unit="1, s^2, s^4"
     )
 
+    nees_dimension = 4  # position and velocity
+
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
@@ -129,7 +132,17 @@ class Urban(System):
         if self.fidelity == "signal" and self.false_alarm is not None:
             wanted = "expected none with fidelity='signal': it follows from clutter_density"
             raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
+        self._check_antennas()
         _ = self.actions, self.urban_tracker, self.scene, self._most
+
+    def _check_antennas(self) -> None:
+        """InputError for an antenna so far from all roads that no echo from a road is received."""
+        for name in ("transmitters", "receivers"):
+            for place in getattr(self, name):
+                away = self.map.paved.distance(shapely.Point(place))
+                if away > 2.0 * self.reach:
+                    wanted = f"at most twice the reach, {2.0 * self.reach:g} m: farther echoes are not received"
+                    raise InputError(f"{name} has {place}, {away:g} m from the nearest road, expected {wanted}")
 
     @cached_property
     def map(self) -> UrbanMap:
@@ -270,6 +283,12 @@ class Urban(System):
         each = self.absent - belief.existence * (self.absent - trace)
         return np.sort(each, axis=-1)[..., : self.charged].sum(axis=-1)
 
+    def trace(self, belief: Belief) -> Array:
+        """trace(W P) summed over the tracks in use, however doubtful they are."""
+        _, P = Tracks(*belief[1:]).combined()
+        each = (np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1)
+        return np.where(belief.status == EMPTY, 0.0, each).sum(axis=-1)
+
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The time left, and each slot."""
@@ -287,9 +306,9 @@ class Urban(System):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target ``held``: a confirmed track is within 20 m; ``position_error`` of the nearest track (20 m if
-        not held, 0 while the target is absent) and its ``nees`` (expected: 4); ``present``: equal to ``held``, which
-        selects the targets that evaluations average; ``lost``: both direct paths are visible, but the target is not
-        held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative`` tracks, of tracks ``refused`` a
-        slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
+        not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4);
+        ``present``: equal to ``held``, which selects the targets that evaluations average; ``lost``: both direct paths
+        are visible, but the target is not held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative``
+        tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.scene.direct)

@@ -21,14 +21,22 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core.array_checks import check_elements, check_last_axes
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_int, check_positive, check_probability, check_within
+from wavegym.core.errors import (
+    InputError,
+    check_int,
+    check_non_negative,
+    check_positive,
+    check_probability,
+    check_within,
+)
 from wavegym.core.parameters import in_one_line
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.sensors.visibility import Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.targets.motion import MotionModel
-from wavegym.trackers.imm import imm_combine, variable_structure
+from wavegym.trackers import imm_kernels
+from wavegym.trackers.imm import variable_structure
 from wavegym.trackers.multilateration import check_triangle
 from wavegym.trackers.urban import kernels, scan_kernels
 
@@ -52,7 +60,7 @@ class Tracks(NamedTuple):
 
     def combined(self) -> tuple[Array, Array]:
         """Mean (env, slot, 6) and covariance (env, slot, 6, 6) over each track's models."""
-        return imm_combine(self.x, self.P, self.mu)
+        return imm_kernels.combine(self.x, self.P, self.mu)  # unchecked: empty slots hold no distribution
 
 
 @in_one_line
@@ -131,6 +139,8 @@ class UrbanTracker:
             check_probability(name, getattr(self, name))
         for name in ("survival", "birth", "confirm"):
             check_within(name, getattr(self, name), 0.0, 1.0)
+        check_elements(lambda name, value: check_within(name, value, 0.0, 1.0), "drop", self.drop)
+        check_elements(check_non_negative, "merge", self.merge)
         _ = self.constants
 
     @cached_property

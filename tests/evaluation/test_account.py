@@ -1,0 +1,41 @@
+"""Accounts are what was played, from memory or from episodes.csv."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavegym.core.errors import InputError
+from wavegym.evaluation import compare
+from wavegym.evaluation.account import read_accounts
+from wavegym.evaluation.report import episodes
+from wavegym.schedulers import Fixed
+
+
+def test_a_file_holds_every_figure(tmp_path: Path) -> None:
+    comparison = compare("tests/Measured-v0", {"learner": [Fixed(0), Fixed(1)]}, worlds=6, jobs=1, progress=False)
+    file = tmp_path / "episodes.csv"
+    file.write_text(episodes(comparison))
+    read = read_accounts(file)
+    assert list(read) == ["myopic", "learner"]
+    for name, account in read.items():
+        own = comparison.account(name)
+        for field, values in account._asdict().items():
+            np.testing.assert_array_equal(values, getattr(own, field), err_msg=field)
+    assert read["learner"].cost.shape == (2, 6)
+    np.testing.assert_array_equal(read["myopic"].squared_error, read["myopic"].gospa ** 2)
+
+
+def test_an_older_file_lacks_what_was_not_recorded(tmp_path: Path) -> None:
+    file = tmp_path / "episodes.csv"
+    file.write_text("policy,member,world,seed,steps,cost,rmse,nees,lost\nmyopic,0,0,7,5,2.0,3.0,4.0,\n")
+    account = read_accounts(file)["myopic"]
+    assert (account.cost.item(), account.squared_error.item(), account.nees.item()) == (2.0, 9.0, 4.0)
+    assert np.isnan([account.believed_rmse, account.gospa, account.lost]).all()
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.csv is missing, expected it from `make headroom`"):
+        read_accounts(tmp_path / "none.csv")

@@ -1,0 +1,106 @@
+"""A tracker is called consistent where it is, and overconfident or underconfident where it is that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from evaluation_systems import Walker
+
+from wavegym.evaluation import summarise
+from wavegym.evaluation.account import account_of
+from wavegym.evaluation.comparison import Comparison
+from wavegym.evaluation.consistency import consistency, nees_bounds, nees_flag, steps_outside
+from wavegym.evaluation.play import merged, play
+from wavegym.evaluation.statistics import Estimate
+from wavegym.evaluation.table import markdown
+from wavegym.evaluation.task import Task
+from wavegym.evaluation.worlds import world_seeds
+from wavegym.schedulers import Fixed, Myopic
+
+SEEDS = world_seeds(0, "test", 300)
+
+
+def rng():
+    return np.random.default_rng(0)
+
+
+def task(believed):
+    return Task("tests/Walker-v0", Walker(believed=believed), None, {})
+
+
+def moments(believed, noise):
+    """The error's true variance and the variance by belief after each step, from the recursion of both, (H,) each."""
+    true, variance, found = 0.0, 0.0, []
+    for _ in range(30):
+        gain = (variance + 1.0) / (variance + 1.0 + (believed * noise) ** 2)
+        true = (1.0 - gain) ** 2 * (true + 1.0) + gain**2 * noise**2
+        variance = (1.0 - gain) * (variance + 1.0)
+        found.append((true, variance))
+    return np.array(found).T
+
+
+@pytest.mark.parametrize(("believed", "flag"), [(1.0, ""), (0.5, "high"), (2.0, "low")])
+def test_a_wrong_measurement_noise_is_flagged_and_the_right_one_is_not(believed, flag):
+    played = play(task(believed), Fixed(1), SEEDS)
+    found = consistency(account_of([played]), 1, rng())
+    true, variance = moments(believed, 2.0)
+    low, high = found.nees.ci
+    assert low < (true / variance).mean() < high
+    assert high - low < 0.35 * found.nees.value
+    assert found.flag == flag
+    low, high = found.true_over_believed.ci
+    assert low < true.mean() / variance.mean() < high
+    assert (low < 1.0 < high) == (not flag)
+
+
+def test_one_step_in_twenty_of_a_consistent_tracker_is_outside_its_bounds():
+    shares = [steps_outside([play(task(1.0), Fixed(1), world_seeds(root, "test", 100))], 1) for root in range(40)]
+    # The spread of the shares between comparisons holds the correlation of steps; five standard errors.
+    assert abs(np.mean(shares) - 0.05) < 5 * np.std(shares, ddof=1) / np.sqrt(len(shares))
+    assert np.mean(shares) < 0.08
+    assert steps_outside([play(task(0.5), Fixed(1), SEEDS)], 1) > 0.9
+
+
+def test_bounds_hold_the_mean_as_often_as_promised():
+    means = (np.random.default_rng(1).normal(size=(4000, 7, 3)) ** 2).sum(axis=2).mean(axis=1)
+    low, high = nees_bounds(7, 3)
+    assert abs(((low < means) & (means < high)).mean() - 0.95) < 5 * np.sqrt(0.95 * 0.05 / 4000)
+    np.testing.assert_allclose(np.array(nees_bounds(np.array([7, 9]), 3))[:, 0], [low, high])
+
+
+@pytest.mark.parametrize(
+    ("ci", "dimension", "flag"),
+    [
+        ((4.41, 5.0), 4, "high"),
+        ((4.39, 5.0), 4, ""),
+        ((3.0, 3.59), 4, "low"),
+        ((3.0, 3.61), 4, ""),
+        ((1.0, 90.0), 4, ""),
+        ((50.0, 90.0), None, ""),
+        (None, 4, ""),
+    ],
+)
+def test_a_mean_is_flagged_where_its_whole_interval_is_a_tenth_off(ci, dimension, flag):
+    assert nees_flag(Estimate(4.0, ci), dimension) == flag
+
+
+def test_steps_without_a_target_do_not_count():
+    played = play(task(1.0), Fixed(1), SEEDS[:3])
+    nobody = played._replace(nees_sum=0.0 * played.nees_sum, nees_count=0 * played.nees_count)
+    assert steps_outside([nobody], 1) is None
+    assert steps_outside([played], None) is None
+    found = consistency(account_of([nobody]), 1, rng())
+    assert (found.nees, found.flag) == (Estimate(None, None), "")
+    once = merged([played, nobody])
+    assert consistency(account_of([once]), 1, rng()).nees.value == pytest.approx(played.nees.mean())
+
+
+def test_a_report_shows_the_flag_and_what_is_expected():
+    members = {name: [play(task(0.5), policy, SEEDS)] for name, policy in {"myopic": Myopic(), "bad": Fixed(2)}.items()}
+    summary = summarise(Comparison(task(0.5), 0, SEEDS, members))
+    assert summary["nees_dimension"] == 1
+    assert [policy["nees"]["flag"] for policy in summary["policies"].values()] == ["high", "high"]
+    text = markdown(summary)
+    assert "Consistency of the tracker (expected NEES: 1):" in text
+    assert text.count(" high |") == 2
+    assert "true over believed" in text

@@ -1,0 +1,79 @@
+"""Whether a tracker is consistent: whether its errors are as large as its covariances say.
+
+The normalised estimation error squared (NEES) of a consistent tracker with n elements of error has the mean n and, for
+Gaussian errors, a chi-square distribution with n degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with
+Applications to Tracking and Navigation*, 2001, section 5.4.2). The steps of an episode are correlated, so the interval
+of a mean over steps is a bootstrap over worlds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.evaluation import statistics
+from wavegym.evaluation.account import Account
+from wavegym.evaluation.play import Played
+from wavegym.evaluation.statistics import LEVEL, Estimate
+
+TOLERANCE = 0.1  # of the expected NEES
+HIGH, LOW = "high", "low"  # flags of a mean NEES: the tracker is overconfident, underconfident
+
+
+class Consistency(NamedTuple):
+    """How well a tracker knows its errors."""
+
+    nees: Estimate  # mean over episodes
+    flag: str  # HIGH or LOW where the interval of the mean NEES leaves its bounds, else ""
+    true_over_believed: Estimate  # mean squared position error over the mean of its variance by belief
+
+
+def consistency(account: Account, dimension: int | None, rng: np.random.Generator) -> Consistency:
+    """The consistency of the tracker under one policy.
+
+    Args:
+        account: of the policy.
+        dimension: the mean NEES of a consistent tracker; without it nothing is flagged.
+        rng: of the bootstrap.
+    """
+    nees = statistics.ratio(account.nees, np.ones(account.nees.shape), rng)
+    ratio = statistics.ratio(np.square(account.rmse), np.square(account.believed_rmse), rng)
+    return Consistency(nees, nees_flag(nees, dimension), ratio)
+
+
+def nees_flag(nees: Estimate, dimension: int | None) -> str:
+    """HIGH or LOW where no value in the interval of the mean NEES is within TOLERANCE of ``dimension``, else ""."""
+    if dimension is None or nees.ci is None:
+        return ""
+    if nees.ci[0] > (1.0 + TOLERANCE) * dimension:
+        return HIGH
+    return LOW if nees.ci[1] < (1.0 - TOLERANCE) * dimension else ""
+
+
+def steps_outside(members: Sequence[Played], dimension: int | None) -> float | None:
+    """The share of steps whose mean NEES over worlds and targets is outside its own 95 % bounds; mean over members.
+
+    One step in twenty is expected of a consistent tracker. Targets and worlds count as independent.
+    """
+    if dimension is None:
+        return None
+    shares = []
+    for member in members:
+        total, count = member.nees_sum.sum(axis=0), member.nees_count.sum(axis=0)
+        counted = count > 0
+        if counted.any():
+            low, high = nees_bounds(count[counted], dimension)
+            mean = total[counted] / count[counted]
+            shares.append(np.mean((mean < low) | (mean > high)))
+    return float(np.mean(shares)) if shares else None
+
+
+def nees_bounds(count: Array | int, dimension: int) -> tuple[Array, Array]:
+    """The interval that holds the mean of ``count`` independent NEES with probability 95 %, shaped as ``count``."""
+    from scipy.stats import chi2  # half a second that a worker process need not spend
+
+    low, high = (chi2.ppf(tail, dimension * np.asarray(count)) / count for tail in ((1 - LEVEL) / 2, (1 + LEVEL) / 2))
+    return low, high
