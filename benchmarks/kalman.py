@@ -64,7 +64,7 @@ def run() -> dict[str, tuple[Ratio, float | None]]:
     """Each ratio with its target, if any."""
     envs = WaveformVectorEnv(KershawEvansPosition, BATCH)
     envs.reset(seed=0)
-    actions = np.random.default_rng(0).integers(0, len(envs.system.library), BATCH)
+    actions = np.random.default_rng(0).integers(0, len(envs.system.actions), BATCH)
     env, long = WaveformEnv(KershawEvansPosition), WaveformEnv(KershawEvansPosition, horizon=1000)
     return {
         "Kalman predict and update, batch of 256": (compare(kernel, lambda: peer(BATCH, 8)), 150.0),

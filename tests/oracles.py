@@ -16,7 +16,7 @@ def worlds(system, count, seed=0):
 
 def rows(batch, index):
     """The environments ``index`` (a slice or an array) of a NamedTuple of arrays."""
-    return type(batch)(*(a[index] for a in batch))
+    return type(batch)(*(None if a is None else a[index] for a in batch))
 
 
 def in_step(single, batch, steps, seed=5):

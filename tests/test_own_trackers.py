@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
+import oracles
 import pytest
 
 from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
+from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import compare
-from wavegym.systems.kershaw_evans.system import KershawEvans
+from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
+from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.testing import check_vector_env
 from wavegym.testing.capability_check import capability_defect
+from wavegym.trackers.protocol import ExtendedKalman
 from wavegym.waveforms import TrapezoidChirp
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_parts"
@@ -59,6 +65,84 @@ def test_a_tracker_of_ones_own_costs_more(plain) -> None:
 
 def test_a_tracker_of_ones_own_passes_the_check_of_capabilities() -> None:
     assert capability_defect(KershawEvans(tracker="own_parts.trackers:filterpy_ekf", horizon=6)) is None
+
+
+def test_a_tracker_with_a_memory_conforms_in_both_loops() -> None:
+    """Resets of single environments, unpickled copies, and schedulers that predict with its own process noise."""
+    from own_parts.trackers import AdaptiveNoise
+
+    check_vector_env(ID, tracker=AdaptiveNoise(), horizon=6)
+    assert capability_defect(KershawEvansPosition(tracker=AdaptiveNoise(), horizon=6)) is None
+    own = KershawEvansPosition()
+    targets = LinearTargets(own.motion, ((15e3, 0.0),) * 2, ((25e3, 300.0),) * 2, own.prior_variance)
+    parts = {"sensor": LineOfSightRadar(), "waveforms": Pulses(own.actions, own.carrier_hz)}
+    loop = Loop(targets=targets, **parts, objective=WeightedTrace((1, 0)), tracker=AdaptiveNoise(), horizon=6)
+    check_vector_env(partial(WaveformVectorEnv, loop))
+
+
+def test_a_memory_follows_the_world_where_the_model_does_not() -> None:
+    """The tracker assumes q = 1; the targets manoeuvre with 100, which the size of the innovations tells."""
+    from own_parts.trackers import AdaptiveNoise
+
+    nees, noise = {}, {}
+    for tracker in (None, AdaptiveNoise()):
+        env = gym.make_vec(ID, num_envs=300, q=1.0, truth={"q": 100.0}, tracker=tracker)
+        env.reset(seed=3)
+        found = [env.step(np.full(300, 12))[-1]["nees"].mean() for _ in range(40)]
+        nees[tracker], noise[tracker] = np.mean(found[20:]), env.unwrapped.belief.process_noise
+    adaptive = next(name for name in nees if name)
+    assert nees[adaptive] < 0.5 * nees[None]
+    assert noise[None] is None
+    assert np.median(noise[adaptive][:, 1, 1]) > 2.0  # q dt = 1 at first
+
+
+def test_schedulers_predict_with_the_process_noise_that_the_tracker_believes_in() -> None:
+    """A noise that is four times the model's in one environment of two, against a system whose model it is."""
+    system, other = (KershawEvansPosition(q=q) for q in (100.0, 400.0))
+    belief = system.initial(oracles.worlds(system, 2)).belief
+    noise = np.stack([system.motion.Q, other.motion.Q])
+    told = belief._replace(process_noise=noise)
+    every = system.candidates()[None]
+    got = system.predict(told, every)
+    for e, model in enumerate((system, other)):
+        alone, row = oracles.rows(belief, slice(e, e + 1)), oracles.rows(got, e)
+        want = oracles.rows(model.predict(alone, every), 0)
+        np.testing.assert_array_equal(row.covariance, want.covariance)
+        np.testing.assert_array_equal(row.process_noise, np.broadcast_to(noise[e], row.covariance.shape))
+        for depth in (1, 2):
+            cost = model.best_sequence(alone, depth)[1]
+            np.testing.assert_array_equal(system.best_sequence(told, depth)[1][e], cost[0])
+        np.testing.assert_array_equal(
+            system.innovation_covariance(told, every)[e], model.innovation_covariance(alone, every)[0]
+        )
+
+
+class Forgetful(ExtendedKalman):
+    """A tracker with the given memory, which it drops at the first update."""
+
+    def __init__(self, memory) -> None:
+        self.memory = memory
+
+    def begin(self, estimate, motion):
+        return estimate._replace(memory=self.memory)
+
+    def update(self, estimate, scan):
+        return super().update(estimate, scan)._replace(memory=None)
+
+
+@pytest.mark.parametrize(
+    ("memory", "message"),
+    [
+        (3.0, r"memory is 3.0, expected a NamedTuple of arrays, or None"),
+        (np.zeros(5), r"memory of Forgetful has shape \(5,\), expected axis 0 = environment: \(2, ...\)"),
+        (np.zeros(2), r"memory of Forgetful is None, expected an estimate with memory as begin\(\) returns it"),
+    ],
+)
+def test_a_memory_of_another_form_is_refused(memory, message) -> None:
+    env = gym.make_vec(ID, num_envs=2, tracker=Forgetful(memory))
+    with pytest.raises(InputError, match=message):  # noqa: PT012
+        env.reset(seed=1)
+        env.step(np.zeros(2, np.int64))
 
 
 def test_what_is_no_tracker_is_refused() -> None:

@@ -130,7 +130,9 @@ def test_the_reference_case():
             mean = state.truth.targets.copy()
             return state._replace(belief=state.belief._replace(mean=mean, covariance=np.diag([1e4, 1e4])[None]))
 
-    system = Known(targets="scripted", script=(), start_range=(20e3, 20e3), start_speed=(200.0, 200.0))
+    system = Known(
+        targets="scripted", tracker="kalman", script=(), start_range=(20e3, 20e3), start_speed=(200.0, 200.0)
+    )
     worlds = oracles.worlds(system, 1)
     worlds = worlds._replace(normal=np.zeros_like(worlds.normal))
     policies = {"myopic": Myopic(), "two": Lookahead(2), "three": Lookahead(3), "best": Optimum()}

@@ -1,14 +1,15 @@
 """What a tracker of your own has to offer, for every system that takes one (``tracker=``).
 
 A ``Tracker`` works on all targets of all environments at once. A ``TargetFilter`` works on one target, as the filters
-of other packages do; ``OneByOne`` makes a tracker of it.
+of other packages do; ``OneByOne`` makes a tracker of it. A ``TrackerWithMemory`` keeps more than a mean and a
+covariance, such as the models of an IMM, the hypotheses of an MHT or particles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,10 +21,13 @@ from wavegym.trackers.kalman import predict, update
 
 
 class Estimate(NamedTuple):
-    """Means and covariances of the states of all targets."""
+    """Means and covariances of the states of all targets, and what an adaptive tracker knows beside them."""
 
     mean: Array  # (env, target, n)
     covariance: Array  # (env, target, n, n)
+    memory: Any = None  # a NamedTuple of arrays with axis 0 = environment, of the tracker's own; a system carries it
+    # (env, target, n, n) of the next step as the tracker believes it, for schedulers; None: the motion model's Q
+    process_noise: Array | None = None
 
 
 class MeasurementModel(NamedTuple):
@@ -52,6 +56,18 @@ class Tracker(Protocol):
 
     def update(self, estimate: Estimate, scan: Scan) -> Estimate:
         """The estimate with the returns of one sensor."""
+
+
+@runtime_checkable
+class TrackerWithMemory(Tracker, Protocol):
+    """A tracker whose estimates have a memory, a process noise, or both.
+
+    A random number of such a tracker comes by counter (``wavegym.core.counter_rng_kernels``) from a key in the memory,
+    which ``begin`` makes of the bits of the first mean: no other number is drawn for one world alone.
+    """
+
+    def begin(self, estimate: Estimate, motion: MotionModel) -> Estimate:
+        """The first estimate, with its memory and process noise."""
 
 
 class TargetFilter(Protocol):
@@ -95,7 +111,8 @@ class ExtendedKalman:
 
     def predict(self, estimate: Estimate, motion: MotionModel) -> Estimate:
         """See ``Tracker``."""
-        return Estimate(*predict(*estimate, motion.F, motion.Q))
+        mean, covariance = predict(estimate.mean, estimate.covariance, motion.F, motion.Q)
+        return estimate._replace(mean=mean, covariance=covariance)
 
     def update(self, estimate: Estimate, scan: Scan) -> Estimate:
         """See ``Tracker``; the returns of a target one after another."""
@@ -110,7 +127,49 @@ class ExtendedKalman:
 
 
 def _copied(estimate: Estimate) -> Estimate:
-    return Estimate(np.array(estimate.mean, np.float64), np.array(estimate.covariance, np.float64))
+    mean, covariance = (np.array(array, np.float64) for array in estimate[:2])
+    return estimate._replace(mean=mean, covariance=covariance)
+
+
+def begin_track(tracker: Tracker, estimate: Estimate, motion: MotionModel) -> Estimate:
+    """The first estimate, with the memory and process noise of a ``TrackerWithMemory``.
+
+    Raises:
+        InputError: a memory that is no NamedTuple of arrays with axis 0 = environment.
+    """
+    if not isinstance(tracker, TrackerWithMemory):
+        return estimate
+    first = tracker.begin(estimate, motion)
+    for leaf in _leaves("memory", first.memory):
+        if np.shape(leaf)[:1] != (len(estimate.mean),):
+            wanted = f"axis 0 = environment: ({len(estimate.mean)}, ...)"
+            raise InputError(f"memory of {type(tracker).__name__} has shape {np.shape(leaf)}, expected {wanted}")
+    return first
+
+
+def track(tracker: Tracker, estimate: Estimate, motion: MotionModel, scan: Scan) -> Estimate:
+    """The estimate one step later, with the returns of one sensor.
+
+    Raises:
+        InputError: a tracker that loses its memory or its process noise.
+    """
+    after = tracker.update(tracker.predict(estimate, motion), scan)
+    for field in ("memory", "process_noise"):
+        if (getattr(after, field) is None) != (getattr(estimate, field) is None):
+            wanted = f"an estimate with {field} as begin() returns it (nearest: estimate._replace(...))"
+            raise InputError(f"{field} of {type(tracker).__name__} is {getattr(after, field)!r:.40}, expected {wanted}")
+    return after
+
+
+def _leaves(name: str, tree: Any) -> Iterator[Array]:
+    """The arrays of nested NamedTuples."""
+    if isinstance(tree, tuple) and hasattr(tree, "_fields"):
+        for field, branch in zip(tree._fields, tree, strict=True):
+            yield from _leaves(f"{name}.{field}", branch)
+    elif isinstance(tree, np.ndarray):
+        yield tree
+    elif tree is not None:
+        raise InputError(f"{name} is {tree!r:.40}, expected a NamedTuple of arrays, or None")
 
 
 def make_tracker(tracker: object) -> Tracker:

@@ -1,8 +1,11 @@
 """Trackers of other packages, and one of our own, as the tracker of a loop: ``gym.make(id, tracker=...)``."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from wavegym.trackers.protocol import Estimate, ExtendedKalman, OneByOne
+from wavegym.trackers import nees, predict
+from wavegym.trackers.protocol import ExtendedKalman, OneByOne
 
 
 class FilterpyEkf:
@@ -123,8 +126,50 @@ class FadingMemory(ExtendedKalman):
 
     def predict(self, estimate, motion):
         """The estimate one step later."""
-        mean, covariance = super().predict(estimate, motion)
-        return Estimate(mean, self.forgetting * covariance)
+        after = super().predict(estimate, motion)
+        return after._replace(covariance=self.forgetting * after.covariance)
+
+
+class NoiseLevel(NamedTuple):
+    """The memory of ``AdaptiveNoise``."""
+
+    level: np.ndarray  # (env, target) running mean of the normalised innovation squared over its expectation
+
+
+class AdaptiveNoise(ExtendedKalman):
+    """A tracker of our own with a memory: it takes more process noise where innovations are larger than expected.
+
+    The level of the process noise is adjusted continuously (Bar-Shalom, Li and Kirubarajan 2001, section 11.2.2).
+
+    Args:
+        share: of the newest innovation in the running mean, 0 to 1.
+    """
+
+    def __init__(self, share=0.2):
+        self.share = share
+
+    def begin(self, estimate, motion):
+        """The first estimate: the model's process noise."""
+        level = np.ones(estimate.mean.shape[:2])
+        return estimate._replace(memory=NoiseLevel(level), process_noise=level[..., None, None] * motion.Q)
+
+    def predict(self, estimate, motion):
+        """The estimate one step later."""
+        mean, covariance = predict(estimate.mean, estimate.covariance, motion.F, estimate.process_noise)
+        return estimate._replace(mean=mean, covariance=covariance)
+
+    def update(self, estimate, scan):
+        """The estimate with all returns, at most one for each target."""
+        rows, level = np.arange(len(scan.z)), estimate.memory.level.copy()
+        for i in range(scan.z.shape[1]):
+            at = rows, scan.target[:, i]
+            x, P = estimate.mean[at], estimate.covariance[at]
+            H = scan.model.jacobian(x)
+            S = H @ P @ np.swapaxes(H, -1, -2) + scan.R[:, i]
+            ratio = nees(scan.z[:, i] - scan.model.measure(x), S) / S.shape[-1]
+            level[at] += np.where(scan.present[:, i], self.share * (ratio - level[at]), 0.0)
+        noise = estimate.process_noise * (level / estimate.memory.level)[..., None, None]
+        return super().update(estimate, scan)._replace(memory=NoiseLevel(level), process_noise=noise)
 
 
 def filterpy_ekf():

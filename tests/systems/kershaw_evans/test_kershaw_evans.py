@@ -11,9 +11,15 @@ import oracles
 import pytest
 from scipy.stats import chi2
 
+from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.envs.build import build_system
+from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.evaluation import compare
+from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.testing import check_vector_env
+from wavegym.testing.capability_check import capability_defect
 
 CA = {"model": "ca", "weights": (1.0, 2.0, 0.5), "prior_variance": (1e4, 1e3, 10.0), "q": 3.0}
 # Wide sweeps tie the two errors together: 1 - rho^2 falls to 5e-9, and roundings agree to some eps / (1 - rho^2) only.
@@ -86,6 +92,24 @@ def test_the_filter_is_consistent(kwargs):
     assert low < means[-1] < high
 
 
+@pytest.mark.parametrize("name", ["random", "myopic", "lookahead:2"])
+@pytest.mark.parametrize("cls", [KershawEvans, KershawEvansPosition])
+def test_the_filter_is_consistent_under_every_policy(cls, name):
+    """The squared error of 300 worlds, 2 degrees of freedom each, at every step inside chi-square bounds of 1e-6.
+
+    The mean over the steps has at most the deviation of one step, were all steps one: 2 / sqrt(300).
+    """
+    system, worlds = cls(), 300
+    env, policy = WaveformVectorEnv(system, worlds), make_policy(name, system, None)
+    env.reset(seed=11)
+    policy.begin(system, worlds, np.random.default_rng(3))
+    nees = [env.step(policy.act(env.belief, None, None))[-1]["nees"].mean() for _ in range(system.horizon)]
+    low, high = chi2.ppf([1e-6, 1 - 1e-6], 2 * worlds) / worlds
+    assert low < min(nees)
+    assert max(nees) < high
+    assert abs(np.mean(nees) - 2.0) < 2 * 2 / np.sqrt(worlds)
+
+
 def test_metrics_are_errors_and_mahalanobis_distance():
     system = KershawEvans(**CA)
     state = system.initial(oracles.worlds(system, 5))
@@ -100,7 +124,7 @@ def test_metrics_are_errors_and_mahalanobis_distance():
 @pytest.mark.parametrize("kwargs", [{}, {"action": "box"}, CA])
 def test_imagining_at_the_true_range_gives_the_covariance_to_come(kwargs):
     """A target that flies straight, estimated without error, is where the filter predicts it."""
-    system = KershawEvans(targets="scripted", script=(), **kwargs)
+    system = KershawEvans(targets="scripted", script=(), tracker="kalman", **kwargs)
     worlds = oracles.worlds(system, 3)
     state = system.initial(worlds)
     belief = state.belief._replace(mean=state.truth.targets)
@@ -120,11 +144,11 @@ def test_all_forms_of_imagine_agree(kwargs):
     belief = system.initial(oracles.worlds(system, 3)).belief
     shared = system.candidates()[None, ::7]
     many = system.predict(belief, np.repeat(shared, 3, axis=0))
-    for one, other in zip(system.predict(belief, shared), many, strict=True):
+    for one, other in zip(system.predict(belief, shared)[:3], many[:3], strict=True):
         assert (one == other).all()
     for c in range(shared.shape[1]):
         single = system.predict(belief, np.repeat(shared[:, c], 3, axis=0))
-        for one, other in zip(single, many, strict=True):
+        for one, other in zip(single[:3], many[:3], strict=True):
             assert (one == other[:, c]).all()
     assert (system.cost(many)[:, 0] == system.cost(oracles.rows(many, (slice(None), 0)))).all()
     R = system.unit_covariance(shared) * ((many.mean[:, 0, 0] / 50e3) ** 4)[:, None, None, None]
@@ -178,7 +202,7 @@ def test_environments_may_stand_at_different_steps():
     actions = np.random.default_rng(0).integers(88, size=(2, 6))
     states = play(system, worlds, actions)
     late, early = oracles.rows(states[3].belief, [0]), oracles.rows(states[1].belief, [1])
-    mixed = type(late)(*(np.concatenate(pair) for pair in zip(late, early, strict=True)))
+    mixed = trees.tree_map(lambda *pair: np.concatenate(pair), late, early)
     state = system.transition(states[0]._replace(belief=mixed), np.array([actions[0, 4], actions[1, 2]]), worlds)
     assert (state.belief.mean[0] == states[4].belief.mean[0]).all()
     assert (state.belief.mean[1] == states[2].belief.mean[1]).all()
@@ -220,6 +244,8 @@ def test_the_recursion_is_the_loops_covariance():
         ({"prior_variance": (0.0, 1.0)}, "prior_variance.0 is"),
         ({"reference_range": 0.0}, "reference_range is 0.0"),
         ({"horizen": 50}, "did you mean 'horizon'"),
+        ({"tracker": "imn"}, "tracker is 'imn', expected one of 'kalman', 'imm'; did you mean 'imm'"),
+        ({"densities": ()}, "densities is ()"),
     ],
 )
 def test_parameters_are_checked(parameters, words):
@@ -264,6 +290,40 @@ def test_a_tracker_that_is_not_told_of_the_world_is_overconfident(truth, steps) 
     assert abs(nees["told"] - 2.0) < 0.36
     assert nees["not told"] > 2.36
     assert costs["told"] > costs["not told"]
+
+
+def test_the_tracker_adapts_where_the_targets_are_not_drawn_from_its_model() -> None:
+    """Unless the user says otherwise."""
+    trackers = {targets: KershawEvans(targets=targets)._own_tracker for targets in ("random", "scripted")}
+    assert trackers["random"] is None
+    assert [model.Q[1, 1] for model in trackers["scripted"].models] == [0.01, 1.0, 100.0]  # q dt
+    assert KershawEvans(targets="scripted", tracker="kalman")._own_tracker is None
+    assert KershawEvans(truth={"targets": "scripted"})._own_tracker is None  # what the tracker does not know
+    assert KershawEvans(tracker="imm", **CA)._own_tracker.models[2].Q[2, 2] == 100.0
+
+
+def test_the_adaptive_tracker_conforms() -> None:
+    """Two densities make it short; the myopic and the fused search predict with its own process noise."""
+    check_vector_env("wavegym/KershawEvans-v0", tracker="imm", densities=(1.0, 100.0), horizon=5)
+    assert capability_defect(KershawEvansPosition(tracker="imm", horizon=6)) is None
+
+
+@pytest.mark.parametrize("name", ["myopic", "lookahead:2"])
+def test_the_adaptive_tracker_is_better_than_a_kalman_filter_of_the_wrong_noise(name) -> None:
+    """Targets that fly straight, then turn hard; the filters assume q = .01, q = 1000, or both."""
+    script = ((25.0, 0.0), (5.0, 30.0), (5.0, -30.0), (15.0, 0.0))
+    error, consistency = {}, {}
+    for key, given in {
+        "low": {"q": 0.01, "tracker": "kalman"},
+        "high": {"q": 1000.0, "tracker": "kalman"},
+        "imm": {"densities": (0.01, 1000.0)},
+    }.items():
+        settings = {"targets": "scripted", "script": script, **given}
+        played = compare("wavegym/KershawEvansPosition-v0", [name], worlds=100, jobs=1, **settings).played[name][0]
+        error[key], consistency[key] = np.mean(np.square(played.rmse)), np.mean(played.nees)
+    assert error["imm"] < 0.8 * min(error["low"], error["high"])
+    assert consistency["low"] > 100.0
+    assert consistency["imm"] < 3.0
 
 
 def test_a_truth_equal_to_the_assumptions_changes_nothing() -> None:

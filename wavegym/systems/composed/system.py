@@ -14,7 +14,16 @@ from wavegym.core.errors import InputError, check_int, check_positive
 from wavegym.core.system import ObservationField, State, System
 from wavegym.systems.composed.parts import Objective, Sensor, Targets, Waveforms
 from wavegym.trackers.kalman import nees, predict, update_covariance
-from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan, Tracker, make_tracker
+from wavegym.trackers.protocol import (
+    Estimate,
+    ExtendedKalman,
+    MeasurementModel,
+    Scan,
+    Tracker,
+    begin_track,
+    make_tracker,
+    track,
+)
 
 PARTS = {"targets": Targets, "sensor": Sensor, "waveforms": Waveforms, "objective": Objective}
 LEAST_VARIANCE = 1e-12  # that observations tell apart from 0
@@ -39,6 +48,8 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, n)
     covariance: Array  # (env, target, n, n)
+    memory: Any = None  # of a tracker that has one; None otherwise, and in prediction
+    process_noise: Array | None = None  # (env, target, n, n) of the next step as the tracker believes it; None: Q
 
 
 class Measurements(NamedTuple):
@@ -61,7 +72,8 @@ class Loop(System):
     Description
         At every step the targets move, the sensor measures those that it detects with the chosen pulse, and the tracker
         updates its estimates. A return tells from which target it comes. Schedulers predict with the motion model of
-        the targets and an extended Kalman update, whatever the tracker. ``truth={"targets": ..., "sensor": ...}`` puts
+        the targets, or the process noise that the tracker believes in, and an extended Kalman update, whatever the
+        tracker. ``truth={"targets": ..., "sensor": ...}`` puts
         other parts into the world than the tracker assumes; they have the same draws.
 
     Rewards
@@ -113,7 +125,8 @@ class Loop(System):
     def initial(self, world: World) -> State:
         """The targets' starts and first estimates."""
         states, estimate = self.truth_model.targets.start(world.targets)
-        return State(Truth(states), Belief(np.zeros(len(states), np.int64), *estimate))
+        first = begin_track(self._tracker, estimate, self.targets.motion)
+        return State(Truth(states), Belief(np.zeros(len(states), np.int64), *first))
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The targets one step on."""
@@ -137,8 +150,8 @@ class Loop(System):
         z, detected, R = measurements
         target = np.broadcast_to(np.arange(self.targets.count), detected.shape)
         model = MeasurementModel(self.sensor.measure, self.sensor.jacobian)
-        ahead = self._tracker.predict(Estimate(belief.mean, belief.covariance), self.targets.motion)
-        return Belief(belief.step + 1, *self._tracker.update(ahead, Scan(z, detected, target, R, model)))
+        scan = Scan(z, detected, target, R, model)
+        return Belief(belief.step + 1, *track(self._tracker, Estimate(*belief[1:]), self.targets.motion, scan))
 
     @property
     def nees_dimension(self) -> int:
@@ -154,11 +167,11 @@ class Loop(System):
         """Predicted means, and covariances after an extended Kalman update with the predicted probability of detection.
 
         ``outcome``: uniform draws (env, target) or (env, candidate, target); a draw below that probability is a
-        detection.
+        detection. The process noise that the tracker believes in stays as it is.
         """
         several = actions.ndim == 2
         pulse = self.waveforms.pulse(actions if several else actions[:, None])[:, :, None]  # (env, candidate, 1, ...)
-        mean, P = predict(belief.mean, belief.covariance, self.targets.motion.F, self.targets.motion.Q)
+        mean, P = self._ahead(belief)
         x, P = mean[:, None], P[:, None]
         detected = self.sensor.detection(x, pulse)
         if outcome is not None:
@@ -169,7 +182,15 @@ class Loop(System):
         step, x, after = (
             np.broadcast_to(leaf, shape + leaf.shape[2:]).copy() for leaf in (belief.step[:, None] + 1, x, after)
         )
-        return Belief(step, x, after) if several else Belief(step[:, 0], x[:, 0], after[:, 0])
+        Q = belief.process_noise
+        if not several:
+            return Belief(step[:, 0], x[:, 0], after[:, 0], process_noise=Q)
+        return Belief(step, x, after, process_noise=None if Q is None else Q[:, None].repeat(shape[1], axis=1))
+
+    def _ahead(self, belief: Belief) -> tuple[Array, Array]:
+        """Means and covariances one step later, before any measurement."""
+        motion, Q = self.targets.motion, belief.process_noise
+        return predict(belief.mean, belief.covariance, motion.F, motion.Q if Q is None else Q)
 
     def cost(self, belief: Belief) -> Array:
         """The objective's."""
@@ -193,7 +214,7 @@ class Loop(System):
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
-        mean, P = predict(belief.mean, belief.covariance, self.targets.motion.F, self.targets.motion.Q)
+        mean, P = self._ahead(belief)
         deviations = 0.5 * np.log10(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), LEAST_VARIANCE))
         own = np.concatenate([deviations, self.sensor.measure(mean)], axis=-1).reshape(len(mean), -1)
         return np.concatenate([1.0 - belief.step[:, None] / self.horizon, own], axis=1)
@@ -202,7 +223,7 @@ class Loop(System):
         """For each target ``nees`` (expected: the number of states) and, where the state names them, ``position_error``
         (m) and ``position_variance`` (m^2): of x and y, or of r.
         """
-        (states,), (_, mean, covariance) = state
+        (states,), (_, mean, covariance, *_) = state
         names, error = self.targets.motion.names, mean - states
         found = {"nees": nees(error, covariance)}
         place = [names.index(name) for name in ("r", "x", "y") if name in names]

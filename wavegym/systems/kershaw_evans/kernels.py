@@ -1,7 +1,8 @@
 """The Kershaw-Evans loop in compiled form: one pass over the batch for each function of the system.
 
 Shapes: e environments, c candidates, H steps, n states (r, rdot[, rddot]), m = 2 measurements (r, rdot); C is the
-measurement covariance at unit SNR, R = C / eta. F, Q and M (the measurement matrix [I 0]) come as (1, n, n), (1, 2, n).
+measurement covariance at unit SNR, R = C / eta. M (1, 2, n) is the measurement matrix [I 0]. F and Q come as (1, n, n);
+what predicts takes them as (e, n, n), too, for a tracker whose process noise differs from environment to environment.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -89,8 +90,9 @@ def predict(mean, P, C, F, Q, M, r0, nearest, nn, mm):
     T, L, D, V = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2))
     ahead, predicted = np.empty((count, n)), np.empty((count, n, n))
     for e in range(count):
-        predict_mean_one(e, mean, F, 0, ahead, nn)
-        predict_covariance_one(e, P, F, Q, 0, T, predicted, nn)
+        f = e if F.shape[0] > 1 else 0
+        predict_mean_one(e, mean, F, f, ahead, nn)
+        predict_covariance_one(e, P, F, Q, f, T, predicted, nn)
         scale = inverse_snr(ahead[e, 0], r0, nearest)
         C_own, out_own = C[e if C.shape[0] > 1 else 0], out[e]
         for c in range(candidates):
@@ -130,11 +132,11 @@ def measure(mean, P, truth, out):
 
 
 @kernel
-def predicted_scales(e, mean, levels, F, r0, nearest, scale, nn):
+def predicted_scales(e, mean, levels, F, f, r0, nearest, scale, nn):
     """scale[l] = 1 / eta at the mean predicted l + 1 steps ahead of mean[e]."""
     now, ahead = mean[e : e + 1].copy(), np.empty((1, len(nn)))
     for level in range(levels):
-        predict_mean_one(0, now, F, 0, ahead, nn)
+        predict_mean_one(0, now, F, f, ahead, nn)
         now, ahead = ahead, now
         scale[level] = inverse_snr(now[0, 0], r0, nearest)
 
@@ -153,13 +155,14 @@ def lookahead(mean, P, C, step, horizon, depth, weights, F, Q, M, r0, nearest, n
     spent, scale, tried = np.zeros(depth + 1), np.empty(depth), np.empty(depth, np.int64)
     for e in range(count):
         levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action nobody will use
-        predicted_scales(e, mean, levels, F, r0, nearest, scale, nn)
+        f = e if F.shape[0] > 1 else 0
+        predicted_scales(e, mean, levels, F, f, r0, nearest, scale, nn)
         updated[0] = P[e]
         level = 0
         tried[0] = -1
         while level >= 0:
             if tried[level] < 0:
-                predict_covariance_one(level, updated, F, Q, 0, T, predicted, nn)
+                predict_covariance_one(level, updated, F, Q, f, T, predicted, nn)
             tried[level] += 1
             if tried[level] == C.shape[0]:
                 level -= 1

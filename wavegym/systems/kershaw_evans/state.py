@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
@@ -36,6 +36,8 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, n)
     covariance: Array  # (env, n, n)
+    memory: Any = None  # of a tracker that has one; None otherwise, and in prediction
+    process_noise: Array | None = None  # (env, n, n) of the next step as the tracker believes it; None: the model's Q
 
 
 def covariance_fields(names: tuple[str, ...]) -> tuple[ObservationField, ...]:

@@ -23,7 +23,7 @@ from wavegym.core.capabilities import (
     LinearCost,
 )
 from wavegym.core.costs import trace_cost
-from wavegym.core.errors import InputError, check_ordered, check_positive
+from wavegym.core.errors import InputError, check_choice, check_ordered, check_positive
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Interval, NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.core.recursion import Recursion
@@ -37,6 +37,7 @@ from wavegym.systems.precision import check_precision
 from wavegym.targets import (
     MotionModel,
     Segment,
+    Windows,
     constant_acceleration,
     constant_velocity,
     range_paths,
@@ -44,11 +45,13 @@ from wavegym.targets import (
     windows,
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
-from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, make_tracker
+from wavegym.trackers.imm_tracker import ImmKalman
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, make_tracker, track
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
 MEASURED = 2  # range and range-rate
+TRACKERS = "kalman", "imm"
 
 
 @system_parameters
@@ -107,9 +110,13 @@ class KershawEvans(
     )
     tracker: Any = parameter(
         None,
-        "a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one; by default the "
-        "compiled Kalman filter",
+        "``kalman``; ``imm``, interacting multiple models of Kalman filters, one for each of ``densities``; a Tracker "
+        "of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one. By default ``kalman`` with "
+        "targets='random', whose motion is the filter's, and ``imm`` with targets='scripted' or 'recorded'",
         unit="",
+    )
+    densities: tuple[NonNegative, ...] = parameter(
+        (0.01, 1.0, 100.0), "process noise densities with tracker='imm' (ca: m^2/s^5)", unit="m^2/s^3", min_length=1
     )
     start_range: Interval = parameter((20e3, 40e3), "bounds of the first range", unit="m", truth=True)
     start_speed: Interval = parameter((-200.0, 200.0), "bounds of the first range-rate", unit="m/s", truth=True)
@@ -171,11 +178,22 @@ class KershawEvans(
     @cached_property
     def motion(self) -> MotionModel:
         """The target's motion model, of the filter; ``truth_model.motion`` is the world's."""
-        return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, self.q)
+        return self._motion_with(self.q)
+
+    def _motion_with(self, q: float) -> MotionModel:
+        return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, q)
 
     @cached_property
     def _own_tracker(self) -> Tracker | None:
-        return None if self.tracker is None else make_tracker(self.tracker)
+        """The tracker; None for the compiled Kalman filter."""
+        tracker = self.tracker
+        if tracker is None:
+            tracker = "kalman" if self.targets == "random" else "imm"
+        if isinstance(tracker, str) and ":" not in tracker:
+            if check_choice("tracker", tracker, TRACKERS) == "kalman":
+                return None
+            return ImmKalman(tuple(self._motion_with(q) for q in self.densities))
+        return make_tracker(tracker)
 
     @cached_property
     def action_set(self) -> GaussianActions:
@@ -223,6 +241,11 @@ class KershawEvans(
         segments = tuple(Segment(seconds, acceleration=(a,)) for seconds, a in self.script)
         return ScriptedRange(low, high - low, segments, self.dt * np.arange(self.horizon + 1))
 
+    @property
+    def windows(self) -> Windows | None:
+        """The windows of ``tracks`` that are played; None without a recording."""
+        return self._paths.catalogue if isinstance(self._paths, RecordedRange) else None
+
     def _recorded(self) -> RecordedRange:
         """Windows of ``tracks`` as seen from ``radar``: geographic for degrees, in metres for metres."""
         if self.tracks is None:
@@ -253,10 +276,13 @@ class KershawEvans(
         """Kernel arguments: range law, and n as a tuple."""
         return *self._snr_law, (0,) * len(self.weights)
 
-    @cached_property
-    def _radar(self) -> tuple[Any, ...]:
-        """Kernel arguments: model, range law, and the two sizes as tuples."""
-        return (*self._model, *self._law, (0,) * MEASURED)
+    def _radar(self, belief: Belief) -> tuple[Any, ...]:
+        """Kernel arguments: the model that the tracker believes in, range law, and the two sizes as tuples."""
+        F, Q, M = self._model
+        if belief.process_noise is not None:
+            Q = np.ascontiguousarray(belief.process_noise)
+            F = F.repeat(len(Q), axis=0)
+        return F, Q, M, *self._law, (0,) * MEASURED
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
@@ -269,8 +295,10 @@ class KershawEvans(
         path = self.truth_model._paths(world.uniform[:, 0], world.normal[:, 1:, :n].copy())
         true_spread = np.linalg.cholesky(self.truth_model.first_covariance(world))
         mean = path[:, 0] + (true_spread * world.normal[:, :1, :n]).sum(axis=2)
-        step = np.zeros(len(path), dtype=np.int64)
-        return State(Truth(path[:, 0].copy(), path), Belief(step, mean, self.first_covariance(world)))
+        belief = Belief(np.zeros(len(path), dtype=np.int64), mean, self.first_covariance(world))
+        if self._own_tracker:
+            belief = _believed(belief.step, begin_track(self._own_tracker, _estimate(belief), self.motion))
+        return State(Truth(path[:, 0].copy(), path), belief)
 
     def first_covariance(self, world: World) -> Array:
         """P0 of each world, (env, n, n)."""
@@ -280,15 +308,16 @@ class KershawEvans(
         return variance[:, :, None] * np.eye(len(self.weights))
 
     def fused_transition(self, state: State, action: Array, world: World) -> State:
-        """One pulse: predict, measure at the true range, update; by its parts where ``tracker`` is given."""
+        """One pulse: predict, measure at the true range, update; by its parts without the compiled Kalman filter."""
         if self._own_tracker:
             return self.composed_transition(state, action, world)
-        (_, path), (step, mean, covariance) = state
+        (_, path), (step, mean, covariance, *_) = state
         C = self.unit_covariance(action)
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         kernels.transition(
-            mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar, x, P, truth
-        )
+            mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar(state.belief), x, P,
+            truth
+        )  # fmt: skip
         return State(Truth(truth, path), Belief(step + 1, x, P))
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
@@ -303,7 +332,7 @@ class KershawEvans(
         return Measurements(z, C * (1.0 / eta)[:, None, None])
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
-        """One step of the Kalman filter, or of ``tracker``."""
+        """One step of the tracker."""
         if self._own_tracker:
             return self._tracked(self._own_tracker, belief, measurements)
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
@@ -314,32 +343,28 @@ class KershawEvans(
     def _tracked(self, tracker: Tracker, belief: Belief, measurements: Measurements) -> Belief:
         """``track`` by the given tracker."""
         count = len(belief.step)
-        predicted = tracker.predict(Estimate(belief.mean[:, None], belief.covariance[:, None]), self.motion)
         z, R = (array[:, None] for array in measurements)
         is_detected, target = np.ones((count, 1), np.bool_), np.zeros((count, 1), np.int64)
-        after = tracker.update(predicted, Scan(z, is_detected, target, R, self._line_of_sight))
-        return Belief(belief.step + 1, after.mean[:, 0], after.covariance[:, 0])
-
-    @cached_property
-    def _line_of_sight(self) -> MeasurementModel:
-        """Range and range-rate are the first two elements of the state."""
-        H = np.eye(MEASURED, len(self.weights))
-        return MeasurementModel(
-            lambda x: np.array(x[..., :MEASURED]), lambda x: np.broadcast_to(H, (*x.shape[:-1], *H.shape))
-        )
+        scan = Scan(z, is_detected, target, R, LINE_OF_SIGHT)
+        return _believed(belief.step + 1, track(tracker, _estimate(belief), self.motion, scan))
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
-        """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range."""
+        """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range.
+
+        The process noise that the tracker believes in stays as it is.
+        """
         several = actions.ndim == (2 if self.action == "library" else 3)
         C = self.unit_covariance(actions if several else actions[:, None])
-        x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar)
-        step = np.broadcast_to(belief.step[:, None] + 1, x.shape[:2])
-        return Belief(step, x, P) if several else Belief(step[:, 0], x[:, 0], P[:, 0])
+        x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar(belief))
+        step, Q = np.broadcast_to(belief.step[:, None] + 1, x.shape[:2]), belief.process_noise
+        if not several:
+            return Belief(step[:, 0], x[:, 0], P[:, 0], process_noise=Q)
+        return Belief(step, x, P, process_noise=None if Q is None else Q[:, None].repeat(x.shape[1], axis=1))
 
     def predicted(self, belief: Belief) -> tuple[Array, Array]:
         """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
-        F, Q, _ = self._model
-        mean, P = predict(belief.mean, belief.covariance, F[0], Q[0])
+        F, Q, *_ = self._radar(belief)
+        mean, P = predict(belief.mean, belief.covariance, F, Q)
         return P, range_law_snr(abs(mean[:, 0]), self.reference_range, self.nearest_range)
 
     def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
@@ -351,7 +376,7 @@ class KershawEvans(
         """Fused search over all sequences of ``depth`` candidates: first candidate (env,) and total cost (env,)."""
         C = self.unit_covariance(self.candidates())
         return kernels.lookahead(
-            belief.mean, belief.covariance, C, belief.step, self.horizon, depth, self._weights, *self._radar
+            belief.mean, belief.covariance, C, belief.step, self.horizon, depth, self._weights, *self._radar(belief)
         )
 
     def deterministic_recursion(self, world: World) -> Recursion:
@@ -399,6 +424,30 @@ class KershawEvans(
         kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
         variance = state.belief.covariance[:, 0, 0].copy()
         return {"position_error": out[0], "position_variance": variance, "velocity_error": out[1], "nees": out[2]}
+
+
+def _measured(states: Array) -> Array:
+    """Range and range-rate are the first two elements of a state."""
+    return np.array(states[..., :MEASURED])
+
+
+def _jacobian(states: Array) -> Array:
+    return np.broadcast_to(np.eye(MEASURED, states.shape[-1]), (*states.shape[:-1], MEASURED, states.shape[-1]))
+
+
+LINE_OF_SIGHT = MeasurementModel(_measured, _jacobian)
+
+
+def _estimate(belief: Belief) -> Estimate:
+    """The belief as a tracker takes it, with an axis for the target."""
+    Q = belief.process_noise
+    return Estimate(belief.mean[:, None], belief.covariance[:, None], belief.memory, None if Q is None else Q[:, None])
+
+
+def _believed(step: Array, estimate: Estimate) -> Belief:
+    """The belief of one target."""
+    mean, covariance, memory, Q = estimate
+    return Belief(step, mean[:, 0], covariance[:, 0], memory, None if Q is None else Q[:, 0])
 
 
 @system_parameters
