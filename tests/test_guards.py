@@ -148,6 +148,16 @@ GOOD: dict[str, dict[str, Argument]] = {
         "measurements": finite(np.array([[15033.0, 8.0], [16000.0, 9.0]])), "R": covariance(np.stack([P2, P2])),
         "transmitter": finite(TX), "receivers": finite(np.stack([RX, PLANAR[:2]])),
     },
+    "mixture_update": {
+        "mixture": given_as(trackers.single_gaussian(np.tile(PLANAR, (2, 1)), np.tile(P4, (2, 1, 1)), 3)),
+        "measurements": finite(np.stack([Z])[None]), "pd": Argument("open probability", np.full((1, 2), 0.9)),
+        "noise": definite(np.stack([[P2, P2]])), "sensors": finite(TX[None]), "clutter_density": positive(1e-4),
+        "negligible": non_negative(0.1),
+    },
+    "single_gaussian": {
+        "mean": finite(np.tile(PLANAR, (2, 1))), "covariance": definite(np.tile(P4, (2, 1, 1))),
+        "components": Argument("count", 3),
+    },
     "rbpf_update": {
         "key": Argument("key", 3), "mean": finite(np.tile(PLANAR, (5, 2, 1))),
         "covariance": definite(np.tile(P4, (5, 2, 1, 1))), "measurements": finite(np.stack([Z])[None]),
@@ -257,8 +267,8 @@ ALIASES = {  # how messages call an argument
 ROOMS = (trackers, sensors, targets, waveforms)
 NO_NUMBERS = {
     # results, which functions of this package make
-    "Association", "Gospa", "LmipdaUpdate", "Particles", "RbpfUpdate", "Tracks", "Echoes", "Peaks", "View",
-    "Kinematics", "Piece", "Windows", "ChirpLaw",
+    "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
+    "Echoes", "Peaks", "View", "Kinematics", "Piece", "Windows", "ChirpLaw",
     # made of objects that are checked themselves, of text or of files, which have tests of their own
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
     "plot_ambiguity", "SPEED_OF_LIGHT",

@@ -13,14 +13,17 @@ import pytest
 
 from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
+from wavegym.envs.rewards import REWARDS
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import compare
+from wavegym.schedulers.registry import SCHEDULERS
 from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.testing import check_vector_env
 from wavegym.testing.capability_check import capability_defect
 from wavegym.trackers.protocol import ExtendedKalman
 from wavegym.waveforms import TrapezoidChirp
+from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "own_parts"
 ID, WORLDS = "wavegym/KershawEvansPosition-v0", 10
@@ -28,9 +31,16 @@ ID, WORLDS = "wavegym/KershawEvansPosition-v0", 10
 
 @pytest.fixture(scope="module", autouse=True)
 def _on_the_path():
+    """The package is imported, and what it registers is forgotten afterwards."""
+    known = [(registry, dict(registry.added)) for registry in (SCHEDULERS, REWARDS, CHIRP_LAWS)]
     sys.path.insert(0, str(EXAMPLE))
     yield
     sys.path.remove(str(EXAMPLE))
+    for name in [name for name in sys.modules if name.split(".")[0] == EXAMPLE.name]:
+        del sys.modules[name]
+    for registry, added in known:
+        registry.added.clear()
+        registry.added.update(added)
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_systems import Burner
 
+from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.actions import action_reader
@@ -165,8 +166,7 @@ def test_what_is_handed_out_is_the_callers_own():
     for actions in (np.array([3, 4]), np.array([50, 20])):
         *_, info = env.step(actions)
         info["waveform"][:] = 0
-        for leaf in env.belief:
-            leaf[...] = 7
+        trees.tree_map(lambda leaf: leaf.fill(7), env.belief)
         actions[:] = 0
     for actions in (np.array([3, 4]), np.array([50, 20])):
         twin.step(actions)

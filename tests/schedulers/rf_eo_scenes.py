@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import oracles
 
+from wavegym.core import trees
 from wavegym.schedulers import Myopic
 from wavegym.systems.rf_eo.far import RfEoFar
 from wavegym.systems.rf_eo.system import RfEo
@@ -36,4 +37,4 @@ def beliefs(system, worlds=4, steps=11):
     for _ in range(steps):
         state = system.transition(state, policy.act(state.belief, None, None), tapes)
         met.append(state.belief)
-    return type(met[0])(*(np.concatenate(arrays) for arrays in zip(*met, strict=True)))
+    return trees.tree_map(lambda *arrays: np.concatenate(arrays), *met)

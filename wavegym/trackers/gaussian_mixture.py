@@ -33,6 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.array_checks import check_finite
 from wavegym.core.arrays import FloatArray
 from wavegym.core.covariance_checks import check_positive_definite
 from wavegym.core.errors import InputError, check_int, check_non_negative
@@ -75,17 +76,15 @@ def single_gaussian(mean: ArrayLike, covariance: ArrayLike, components: int) -> 
         components: places for components of each target, >= 1.
 
     Raises:
-        InputError: no place, or shapes that do not fit.
+        InputError: no place, shapes that do not fit, means that are not finite, or covariances that are not positive
+            definite.
     """
-    x, P, most = (
-        np.asarray(mean, np.float64),
-        np.asarray(covariance, np.float64),
-        check_int("components", components, 1),
-    )
+    x, P, most = np.asarray(mean), np.asarray(covariance), check_int("components", components, 1)
     if x.ndim < 2 or P.shape != (*x.shape, x.shape[-1]):
         raise InputError(
             f"mean and covariance have the shapes {x.shape} and {P.shape}, expected (..., target, n), (..., n)"
         )
+    x, P = check_finite("mean", x), check_positive_definite("covariance", P)
     lead = (*x.shape[:-1], most)
     mixture = GaussianMixture(np.zeros(lead), np.zeros(lead + x.shape[-1:]), np.zeros(lead + P.shape[-2:]))
     mixture.weight[..., 0], mixture.mean[..., 0, :], mixture.covariance[..., 0, :, :] = 1.0, x, P
