@@ -31,7 +31,7 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
-from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
+from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange, recorded_range
 from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
 from wavegym.systems.precision import check_precision
 from wavegym.targets import (
@@ -40,9 +40,6 @@ from wavegym.targets import (
     Windows,
     constant_acceleration,
     constant_velocity,
-    range_paths,
-    read_tracks,
-    windows,
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
@@ -230,7 +227,11 @@ class KershawEvans(
     def _paths(self) -> PathSource:
         """The source of true paths that ``targets`` names."""
         if self.targets == "recorded":
-            return self._recorded()
+            if self.tracks is None:
+                raise InputError("targets='recorded' needs a recording, expected tracks='FILE.csv'")
+            limits = (self.nearest_range, self.farthest_range)
+            lengths = (self.dt, self.horizon, self.smoothing)
+            return recorded_range(self.tracks, self.radar, *lengths, limits, acceleration=self.model == "ca")
         for name in ("tracks", "radar"):
             if getattr(self, name) is not None:
                 given = f"{name} is {getattr(self, name)!s} with targets={self.targets!r}"
@@ -245,20 +246,6 @@ class KershawEvans(
     def windows(self) -> Windows | None:
         """The windows of ``tracks`` that are played; None without a recording."""
         return self._paths.catalogue if isinstance(self._paths, RecordedRange) else None
-
-    def _recorded(self) -> RecordedRange:
-        """Windows of ``tracks`` as seen from ``radar``: geographic for degrees, in metres for metres."""
-        if self.tracks is None:
-            raise InputError("targets='recorded' needs a recording, expected tracks='FILE.csv'")
-        tracks = read_tracks(self.tracks)
-        place: tuple[float, ...] = (0.0, 0.0, 0.0)
-        if self.radar is not None and tracks[0].origin is not None:
-            tracks = read_tracks(self.tracks, origin=self.radar)
-        elif self.radar is not None:
-            place = (*self.radar, 0.0)[:3]
-        positions = windows(tracks, self.dt, self.horizon, smoothing=self.smoothing)
-        limits = (self.nearest_range, self.farthest_range)
-        return RecordedRange(range_paths(positions, place, acceleration=self.model == "ca", limits=limits))
 
     @cached_property
     def _model(self) -> tuple[Array, Array, Array]:
