@@ -9,6 +9,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.system import State
 from wavegym.rendering.drawings import CROSS
+from wavegym.trackers import GaussianMixture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,8 +54,14 @@ def to_scale(axes: Axes, points: Array) -> Array:
     return middle
 
 
-def draw_particles(axes: Axes, now: State, target: int, origin: Array, scale: float = 1.0) -> None:
-    """Draw each particle's mean as a faint point, if the tracker has particles."""
-    if now.belief.particles is not None:
-        points = scale * (now.belief.particles.mean[0, :, target, PLANE] - origin)
-        axes.plot(*points.T, color=colour(target), **PARTICLE)
+def draw_hypotheses(axes: Axes, now: State, target: int, origin: Array, scale: float = 1.0) -> None:
+    """Draw the mean of each particle or component as a faint point, if the tracker has hypotheses."""
+    hypotheses = now.belief.hypotheses
+    if hypotheses is None:
+        return
+    if isinstance(hypotheses, GaussianMixture):
+        means = hypotheses.mean[0, target, hypotheses.weight[0, target] > 0.0]
+    else:
+        means = hypotheses.mean[0, :, target]
+    points = scale * (means[:, PLANE] - origin)
+    axes.plot(*points.T, color=colour(target), **PARTICLE)

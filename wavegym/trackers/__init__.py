@@ -9,6 +9,7 @@
 (3, 2, 2)
 """
 
+from wavegym.trackers.gaussian_mixture import GaussianMixture, MixtureUpdate, mixture_update, single_gaussian
 from wavegym.trackers.gospa import Gospa, gospa
 from wavegym.trackers.imm import imm_combine, imm_mix, imm_reweigh, imm_ukf_scan, ukf_update, variable_structure
 from wavegym.trackers.information_reduction import fitted_information_reduction, information_reduction
@@ -32,8 +33,10 @@ from wavegym.trackers.urban.tracker import Tracks, UrbanTracker
 
 __all__ = [
     "Association",
+    "GaussianMixture",
     "Gospa",
     "LmipdaUpdate",
+    "MixtureUpdate",
     "Particles",
     "RbpfUpdate",
     "Tracks",
@@ -51,12 +54,14 @@ __all__ = [
     "joint_association",
     "jpda_update",
     "lmipda",
+    "mixture_update",
     "multilaterate",
     "nees",
     "predict",
     "predict_covariance",
     "rbpf_update",
     "scalar_updates",
+    "single_gaussian",
     "systematic_resample",
     "ukf_update",
     "update",

@@ -16,19 +16,18 @@ smoother*, Journal of Computational and Graphical Statistics 5 (1996), for the s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_finite, check_key
+from wavegym.core.array_checks import check_key
 from wavegym.core.arrays import FloatArray
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.covariance_checks import check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import rbpf_kernels as kernels
-from wavegym.trackers.checks import check_association_terms
-from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
+from wavegym.trackers.checks import check_array, check_association_terms, check_scans, raise_without_evidence
 
 STATES = 4  # [x y xdot ydot]
 SIZES = (0,) * STATES
@@ -96,7 +95,7 @@ def rbpf_update(
     there = np.ones(X.shape[1], bool) if present is None else np.array(present, bool)
     if there.shape != X.shape[1:2]:
         raise InputError(f"present has the shape {there.shape}, expected {X.shape[1:2]}")
-    scans, Pd, N, place = _check_scans(measurements, pd, noise, sensors, X.shape[1])
+    scans, Pd, N, place = check_scans(measurements, pd, noise, sensors, X.shape[1])
     own = check_key(key)
     check_association_terms(Pd[:, there], clutter_density, gate_probability)
     for name, matrix in (("covariance", V[:, there]), ("noise", N[:, there])):
@@ -111,7 +110,7 @@ def rbpf_update(
             everywhere, float(clutter_density), SIZES,
         )  # fmt: skip
         if not np.isfinite(log_weight).all():
-            _raise_without_evidence(i, int(there.sum()), clutter_density)
+            raise_without_evidence(i, int(there.sum()), clutter_density)
     return _summary(np.uint64(stream(own, len(scans))), log_weight, X, V)
 
 
@@ -162,38 +161,7 @@ def _summary(key: np.uint64, log_weight: FloatArray, X: FloatArray, V: FloatArra
 
 def _check_particles(mean: ArrayLike, covariance: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return copies X (particle, target, 4) and V (particle, target, 4, 4); otherwise raise an InputError."""
-    X = _check_array("mean", mean, (None, None, STATES))
+    X = check_array("mean", mean, (None, None, STATES))
     if not len(X):
         raise InputError(f"mean has the shape {X.shape}, expected at least one particle")
-    return X, _check_array("covariance", covariance, (*X.shape, STATES))
-
-
-def _check_scans(
-    measurements: Sequence[ArrayLike], pd: ArrayLike, noise: ArrayLike, sensors: ArrayLike, targets: int
-) -> tuple[list[FloatArray], FloatArray, FloatArray, FloatArray]:
-    """Return the scans, Pd, noise covariances and sensor positions as arrays; a scan may be an empty list."""
-    rows = (np.empty((0, 2)) if np.size(z) == 0 else z for z in measurements)
-    scans = [_check_array(f"measurements[{i}]", z, (None, 2)) for i, z in enumerate(rows)]
-    Pd, N = _check_array("pd", pd, (len(scans), targets)), _check_array("noise", noise, (len(scans), targets, 2, 2))
-    return scans, Pd, N, _check_array("sensors", sensors, (len(scans), 2))
-
-
-def _check_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
-    """Return a C-contiguous copy of ``value`` if it is finite and has that shape (None: any size); otherwise raise."""
-    array = np.array(value, np.float64, order="C")
-    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
-        wanted = ", ".join("any" if n is None else str(n) for n in shape)
-        raise InputError(f"{name} has the shape {array.shape}, expected ({wanted})")
-    check_finite(name, array)
-    return array
-
-
-def _raise_without_evidence(sensor: int, targets: int, clutter_density: float) -> NoReturn:
-    """Raise an InputError for a sensor whose log evidence is not finite."""
-    if targets > CLUSTER_LIMIT:
-        raise InputError(
-            f"{targets} targets, expected at most {CLUSTER_LIMIT} that share measurements of sensor {sensor}"
-        )
-    raise InputError(
-        f"clutter_density is {clutter_density!r}, expected more: the evidence of sensor {sensor} overflows"
-    )
+    return X, check_array("covariance", covariance, (*X.shape, STATES))

@@ -74,7 +74,7 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
                     S[row, a, b] += noise[t, a, b]
             factor_one(row, S, L)
             seen = pd[t] * received(centre[row, 0], centre[row, 1], present, gates)
-            weigh_row(row, z, count, centre, L, pd[t], seen, density, W)
+            weigh_row(row, z, count, centre, L, pd[t], seen, density, FARTHEST, W)
         log_weight[j] += draw_association(stream(key, j), W, T, count, beta, owner)
         for row in range(T):
             if owner[row] > 0:
@@ -93,15 +93,18 @@ def received(z0, z1, present, gates):
 
 
 @inlined
-def weigh_row(row, z, count, centre, L, pd, seen, density, W):
-    """Association weights of one target: W[row, 0] = 1 - seen, W[row, m] = Pd N(z_m; centre, L L') / density."""
+def weigh_row(row, z, count, centre, L, pd, seen, density, farthest, W):
+    """Association weights of one target: W[row, 0] = 1 - seen, W[row, m] = Pd N(z_m; centre, L L') / density.
+
+    0 for a return at a squared distance of ``farthest`` or more.
+    """
     first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
     peak, z0, z1 = pd * first * second / (2.0 * np.pi * density), centre[row, 0], centre[row, 1]
     W[row, 0] = 1.0 - seen
     for m in range(count):
         w0, w1 = whiten(z[m, 0] - z0, z[m, 1] - z1, first, below, second)
         squared = w0 * w0 + w1 * w1
-        W[row, m + 1] = peak * np.exp(-0.5 * squared) if squared < FARTHEST else 0.0
+        W[row, m + 1] = peak * np.exp(-0.5 * squared) if squared < farthest else 0.0
 
 
 @kernel
@@ -198,25 +201,33 @@ def normalise(log_weight, weight):
 @kernel
 def mixture(weight, X, V, present, mean, covariance, nn):
     """Fill mean (t, n) and covariance (t, n, n) of the present targets' Gaussian mixtures."""
+    n, slots = len(nn), len(present)
+    x, P = X.reshape(-1, n), V.reshape(-1, n, n)
+    for t in range(slots):
+        if present[t]:
+            moments_one(t, weight, len(weight), x, P, t, slots, mean, covariance, nn)
+
+
+@kernel
+def moments_one(t, weight, count, x, P, first, stride, mean, covariance, nn):
+    """Fill mean[t] and covariance[t] of a Gaussian mixture; component j < count is x, P [first + j stride]."""
     n = len(nn)
-    for t in range(len(present)):
-        if not present[t]:
-            continue
+    for a in range(n):
+        mean[t, a] = 0.0
+        for b in range(n):
+            covariance[t, a, b] = 0.0
+    for j in range(count):
         for a in range(n):
-            mean[t, a] = 0.0
-            for b in range(n):
-                covariance[t, a, b] = 0.0
-        for j in range(len(X)):
-            for a in range(n):
-                mean[t, a] += weight[j] * X[j, t, a]
-        for j in range(len(X)):
-            for a in range(n):
-                d = X[j, t, a] - mean[t, a]
-                for b in range(a + 1):
-                    covariance[t, a, b] += weight[j] * (V[j, t, a, b] + d * (X[j, t, b] - mean[t, b]))
+            mean[t, a] += weight[j] * x[first + j * stride, a]
+    for j in range(count):
+        e = first + j * stride
         for a in range(n):
-            for b in range(a):
-                covariance[t, b, a] = covariance[t, a, b]
+            d = x[e, a] - mean[t, a]
+            for b in range(a + 1):
+                covariance[t, a, b] += weight[j] * (P[e, a, b] + d * (x[e, b] - mean[t, b]))
+    for a in range(n):
+        for b in range(a):
+            covariance[t, b, a] = covariance[t, a, b]
 
 
 @kernel

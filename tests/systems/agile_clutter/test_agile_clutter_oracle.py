@@ -125,7 +125,7 @@ def test_prediction_knows_clutter_by_its_density_whatever_the_gate(gate):
 
 
 @pytest.mark.parametrize("action", ["library", "joint", "box"])
-@pytest.mark.parametrize("tracker", ["jpda", "particle"])
+@pytest.mark.parametrize("tracker", ["jpda", "particle", "mixture"])
 def test_candidates_are_a_loop_over_them_bit_for_bit(action, tracker):
     system = AgileClutter(action=action, tracker=tracker, particles=20)
     rng = np.random.default_rng(3)

@@ -164,7 +164,7 @@ def test_particles_are_points_of_the_map_and_of_the_errors():
     scene, moment = drawn(PARTICLES, 4)
     now = moment.states[-1]
     for t in (0, 1):
-        expected = now.belief.particles.mean[0, :, t, :2]
+        expected = now.belief.hypotheses.mean[0, :, t, :2]
         cloud = next(line for line in of_target(scene._map.lines, t) if len(line.get_xdata()) == 30)
         np.testing.assert_allclose(1e3 * cloud.get_xydata(), expected)
         cloud = next(line for line in of_target(scene._errors.lines, t) if len(line.get_xdata()) == 30)

@@ -128,7 +128,7 @@ def test_does_what_gymnasiums_vector_environment_does():
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"tracker": "particle"}, "tracker is 'particle'.*'jpda'"),
+        ({"tracker": "kalman"}, "tracker is 'kalman'.*'jpda'"),
         ({"action": "library"}, "action is 'library'.*'joint'"),
         ({"births": (0, 1, 0)}, r"births is \(0, 1, 0\), expected 0"),
         ({"lifetime": 59}, "horizon is 60 steps.*nearest: 59"),

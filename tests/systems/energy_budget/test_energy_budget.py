@@ -205,7 +205,7 @@ def test_myopic_spends_all_it_can():
         (EnergyBudget, {"laws": ("lfm", "pfm:3")}, "laws is"),
         (EnergyBudget, {"births": (3,)}, "births is"),
         (EnergyBudget, {"spread": (1.0, -1.0, 0.0, 0.0)}, "spread.1 is -1.0, expected a finite number >= 0"),
-        (EnergyBudget, {"tracker": "particle"}, "tracker is 'particle'"),
+        (EnergyBudget, {"tracker": "kalman"}, "tracker is 'kalman'"),
         (EnergyBudget, {"action": "box"}, "action is 'box'"),
         (EnergyBudget, {"windows": ((1, 2),)}, "'windows' is unknown"),
         (EnergyBudgetKnown, {"windows": ((70, 72),)}, "last step of hidden window"),

@@ -64,7 +64,7 @@ def test_a_given_outcome_is_predicted_as_the_world_updates_it(kind, sensor):
         given = system.predict(state.belief, np.full(count, action), outcome)
         silent = system.predict(state.belief, np.full(count, 0), outcome)
         assert oracles.covariance_distance(given.covariance, ahead.belief.covariance) < 1e-12
-        for name in set(given._fields) - {"mean", "covariance", "particles"}:
+        for name in set(given._fields) - {"mean", "covariance", "hypotheses"}:
             np.testing.assert_array_equal(getattr(given, name), getattr(ahead.belief, name))
         missed = system.predict(state.belief, np.full(count, action), np.ones_like(outcome))
         lost = system.transition(state, np.full(count, action), blind(kind, tape))

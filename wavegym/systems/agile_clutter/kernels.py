@@ -7,6 +7,10 @@ tracker assumes them; ``world`` is the same tuple with the true values, of which
 ``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
 ``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
 visible target); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
+``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
+each target.
+``particles`` = (X (e, particle, t, n), V (e, particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n),
+V (e, t, c, n, n)). A tracker without particles or mixtures hands over arrays of no particle or no component.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -21,6 +25,7 @@ from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.gate_kernels import in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.kernels import inverse_snr
+from wavegym.trackers import gaussian_mixture_kernels as gaussian_mixture
 from wavegym.trackers.jpda_kernels import factor_one, update_targets
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rbpf_kernels import copy_one, mixture, normalise, predict_particles, resample, update_particles
@@ -103,14 +108,14 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 
 @kernel
-def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gate, work, z, outside, scan):
+def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan):
     """Fill z with the targets' returns that lie in a gate; returns their number.
 
-    outside[e, t] counts returns outside their own target's gate, scan[e, 0] detections. eta, Pd and the
+    outside[e, t] counts returns outside their own target's gates, scan[e, 0] detections. eta, Pd and the
     error's covariance are the world's, at the true range.
     """
     sensors, log_pf = world[0], world[3]
-    centre, L = work[0], work[2]
+    opened, centre, L, gate = gates
     C, strength, chance = pulse
     own_row = row(e, C)
     c0 = np.sqrt(C[own_row, i, 0, 0])
@@ -132,10 +137,10 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gate, work,
         z0 = r + spread * c0 * error[e, k - 1, i, t, 0]
         z1 = v + spread * (c1 * error[e, k - 1, i, t, 0] + c2 * error[e, k - 1, i, t, 1])
         own, some = False, False
-        for s in range(len(lit)):
-            if lit[s] and in_gate(s, z0, z1, centre, L, gate):
+        for g in range(len(opened)):
+            if opened[g] and in_gate(g, z0, z1, centre, L, gate):
                 some = True
-                own = own or s == t
+                own = own or g * len(lit) // len(opened) == t
         outside[e, t] += not own
         if some:
             z[count, 0], z[count, 1] = z0, z1
@@ -144,40 +149,63 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gate, work,
 
 
 @kernel
-def transition(step, mean, covariance, X, V, path, first, uniform, error, key, pulse, targets, world, F, Q, radar,
-            mean_out, covariance_out, X_out, V_out, truth, outside, scan, nn):  # fmt: skip
+def sense(e, i, k, key, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan):
+    """Fill z with sensor i's returns and the clutter in its gates; returns z, or a larger copy, and their number.
+
+    The number is -1, and scan[e, 1] NaN, where a gate has too much clutter or no finite size.
+    """
+    opened, centre, L, gate = gates
+    z = room(z, len(lit))
+    returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan)
+    if not most_load(opened, centre, L, gate, world[4]) <= MOST_CLUTTER:  # NaN, too
+        scan[e, 1] = np.nan
+        return z, -1
+    z, count = add_clutter(key, centre, L, opened, gate, world[4], z, returns)
+    scan[e, 1] += count - returns
+    return z, count
+
+
+@kernel
+def transition(step, mean, covariance, particles, mixtures, path, first, uniform, error, key, pulse, targets, world, F,
+            Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, nn):  # fmt: skip
     """One step of every environment, sensor after sensor; tapes read at [e, step]. F and Q are the tracker's.
 
-    X (e, particle, t, n), V (e, particle, t, n, n): with particles, they are the tracker, and mean and covariance are
-    their moments; without, the tracker is JPDA. outside (e, t) is counted up; scan (e, 4): detections, clutter points
-    (NaN for too many), effective sample size, distinct ancestors.
+    With particles or mixtures, they are the tracker, and mean and covariance are their moments; else the tracker is
+    JPDA. outside (e, t) is counted up; scan (e, 4): detections, clutter points (NaN for too many), effective sample
+    size, distinct ancestors.
     """
-    (birth, lifetime), sensors = targets, radar[0]
-    count_t, particles, n = len(birth), X.shape[1], len(nn)
+    (birth, lifetime), sensors, (X, V), (X_out, V_out) = targets, radar[0], particles, particles_out
+    count_t, count_p, count_c, n = len(birth), X.shape[1], mixtures[0].shape[2], len(nn)
     present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     work, z = workspace(count_t, nn), np.empty((64, 2))
+    bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
-    Y, U = np.empty((particles, count_t, n)), np.empty((particles, count_t, n, n))
-    weight = np.empty(particles)
+    Y, U, weight = np.empty((count_p, count_t, n)), np.empty((count_p, count_t, n, n)), np.empty(count_p)
     for e in range(len(step)):
         k = step[e] + 1
         own = stream(key[e], k)
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
         predict_particles(X[e], V[e], present, F, Q, Y, U, nn)
-        log_weight = np.zeros(particles)
+        mixture_of, log_weight = of_environment(e, mixtures_out), np.zeros(count_p)
+        gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
-            z = room(z, count_t)
-            returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, world, radar[5], work, z, outside, scan)
-            if not most_load(lit, work[0], work[2], radar[5], world[4]) <= MOST_CLUTTER:  # NaN, too
-                scan[e, 1] = np.nan
+            gates = lit, work[0], work[2], radar[5]
+            if count_c:
+                gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
+                gates = opened, bank[0], bank[1], radar[5]
+            z, count = sense(
+                e, i, k, stream(own, i), lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan
+            )
+            if count < 0:
                 break
-            z, count = add_clutter(stream(own, i), work[0], work[2], lit, radar[5], world[4], z, returns)
-            scan[e, 1] += count - returns
-            track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
-        if particles:
+            if count_c:
+                track_mixtures(present, lit, x, P, mixture_of, z, count, radar, work, bank, nn)
+            else:
+                track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
+        if count_p:
             scan[e, 2] = normalise(log_weight, weight)
             scan[e, 3] = resample(stream(own, 2 * len(sensors)), weight, Y, U, X_out[e], V_out[e], nn)
         for t in range(count_t):
@@ -186,16 +214,24 @@ def transition(step, mean, covariance, X, V, path, first, uniform, error, key, p
             for a in range(n):
                 truth[e, t, a] = path[e, t, age, a]
             if k == birth[t]:
-                hand_over(e, t, first, mean_out, X_out, nn)
+                hand_over(e, t, first, mean_out, X_out, mixtures_out, nn)
+
+
+@inlined
+def of_environment(e, arrays):
+    """The entries of environment e of a mixture's three arrays."""
+    return arrays[0][e], arrays[1][e], arrays[2][e]
 
 
 @kernel
-def hand_over(e, t, first, mean, X, nn):
-    """Set the mean of the belief and of every particle to the first estimate of target t, first[e, t]."""
+def hand_over(e, t, first, mean, X, mixtures, nn):
+    """Set the means of the belief, of every particle and of every component to target t's first estimate."""
     for a in range(len(nn)):
         mean[e, t, a] = first[e, t, a]
         for j in range(X.shape[1]):
             X[e, j, t, a] = first[e, t, a]
+        for c in range(mixtures[1].shape[2]):
+            mixtures[1][e, t, c, a] = first[e, t, a]
 
 
 @kernel
@@ -212,3 +248,13 @@ def track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar,
         mixture(weight, Y, U, present, x, P, nn)
     else:
         update_targets(lit, x, P, z, count, pd, centre, L, S, G, gate, gate_probability, density, nn)
+
+
+@kernel
+def track_mixtures(present, lit, x, P, mixtures, z, count, radar, work, bank, nn):
+    """Update the mixtures of one environment, and their moments x (t, n), P (t, n, n), with a scan z[: count]."""
+    density, gate, gate_probability = max(radar[4], LEAST_DENSITY), radar[5], radar[6]
+    gaussian_mixture.update_mixtures(
+        lit, mixtures, z, count, work[5], bank, gate, gate_probability, density, gaussian_mixture.NEGLIGIBLE, nn
+    )
+    gaussian_mixture.moments(mixtures, present, x, P, nn)

@@ -9,7 +9,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.system import State
 from wavegym.rendering.drawings import KILO, ellipse
-from wavegym.rendering.maps import PLANE, draw_particles, draw_track, to_scale
+from wavegym.rendering.maps import PLANE, draw_hypotheses, draw_track, to_scale
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import SMALL
 from wavegym.systems.agile_clutter.system import AgileClutter
@@ -33,7 +33,7 @@ def draw_map(axes: Axes, system: AgileClutter, moment: Moment) -> None:
         since = moment.states[system.births[t] :]
         truth = KILO * np.array([state.truth.targets[0, t, PLANE] for state in since])
         mean = KILO * np.array([state.belief.mean[0, t, PLANE] for state in since])
-        draw_particles(axes, now, t, np.zeros(2), KILO)
+        draw_hypotheses(axes, now, t, np.zeros(2), KILO)
         draw_track(axes, t, truth, mean, _outline(now, t))
 
 

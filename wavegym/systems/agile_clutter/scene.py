@@ -10,7 +10,7 @@ from wavegym.core.action_sets import by_sensor
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, draw_pulse, ellipse, fill
-from wavegym.rendering.maps import PLANE, colour, cross, draw_particles
+from wavegym.rendering.maps import PLANE, colour, cross, draw_hypotheses
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, legend, wipe
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
@@ -99,7 +99,7 @@ class TargetScene:
             truth = now.truth.targets[0, t, PLANE]
             error = now.belief.mean[0, t, PLANE] - truth
             outline = error[:, None] + ellipse(now.belief.covariance[0, t, PLANE, PLANE])
-            draw_particles(axes, now, t, truth)
+            draw_hypotheses(axes, now, t, truth)
             axes.plot(*outline, color=colour(t), linewidth=1.2)
             axes.plot(*error[:, None], "o", color=colour(t), markersize=3)
             reach = np.maximum(reach, 1.15 * np.abs(outline).max(axis=1))
@@ -152,6 +152,9 @@ def scan_caption(system: AgileClutter, moment: Moment) -> str:
     text = f"{who}: {detections:.0f} of {possible} returns detected, {clutter:.0f} clutter points in gates"
     if system.tracker == "particle":
         text += f"  ·  {system.particles} particles: {effective:.0f} effective, {ancestors:.0f} ancestors"
+    if system.tracker == "mixture":
+        used = (moment.states[-1].belief.hypotheses.weight[0] > 0.0).sum(axis=1)
+        text += f"  ·  components: {', '.join(map(str, used))}"
     return text
 
 

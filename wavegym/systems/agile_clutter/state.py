@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,11 +12,12 @@ from wavegym.core.arrays import Array
 from wavegym.core.parameters import NonNegative, Positive
 from wavegym.core.system import ObservationField
 from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
-from wavegym.trackers import Particles
+from wavegym.trackers import GaussianMixture, Particles
 
 PlanarState = tuple[float, float, float, float]  # [x y xdot ydot]
 PositiveState = tuple[Positive, Positive, Positive, Positive]
 NonNegativeState = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
+TrackerName = Literal["jpda", "particle", "mixture"]
 NN = (0, 0, 0, 0)  # size of [x y xdot ydot], as the kernels take it
 
 
@@ -46,7 +47,7 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    particles: Particles | None  # (env, particle, target, ...) each; None with tracker="jpda" and in prediction
+    hypotheses: Particles | GaussianMixture | None  # None with tracker="jpda" and in prediction
 
 
 class Pulse(NamedTuple):
@@ -74,6 +75,19 @@ class PredictedTargets(NamedTuple):
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4) after the pulses of the sensors scheduled so far
     present: Array  # (env, target) bool
+
+
+def kernel_hypotheses(
+    hypotheses: Particles | GaussianMixture | None, count: int, targets: int
+) -> tuple[Particles, GaussianMixture]:
+    """Particles and mixtures as the kernels take them: of no particle or component where the tracker has none."""
+    n = len(NN)
+    particles = Particles(np.empty((count, 0, targets, n)), np.empty((count, 0, targets, n, n)))
+    none = (count, targets, 0)
+    mixtures = GaussianMixture(np.empty(none), np.empty((*none, n)), np.empty((*none, n, n)))
+    if isinstance(hypotheses, Particles):
+        return hypotheses, mixtures
+    return particles, mixtures if hypotheses is None else hypotheses
 
 
 def drawn_around(centre: ArrayLike, spread: ArrayLike, place: Array) -> Array:

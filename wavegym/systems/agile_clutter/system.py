@@ -31,14 +31,16 @@ from wavegym.systems.agile_clutter.state import (
     PositiveState,
     PredictedTargets,
     Pulse,
+    TrackerName,
     Truth,
     World,
     greatest_gate_volume,
+    kernel_hypotheses,
     target_fields,
 )
 from wavegym.systems.precision import check_precision
 from wavegym.targets import MotionModel, constant_turn, random_path
-from wavegym.trackers import Particles, predict_covariance
+from wavegym.trackers import GaussianMixture, Particles, predict_covariance, single_gaussian
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 
@@ -59,13 +61,16 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
         at the predicted one. Sensor by sensor, an unscented filter with joint probabilistic data association updates
         all targets. ``tracker="particle"``: a Rao-Blackwellised particle filter samples joint associations from their
-        exact posterior; it keeps several modes of the posterior, which JPDA merges into one. Long, wide chirps measure
+        exact posterior; it keeps several modes of the posterior, which JPDA merges into one. ``tracker="mixture"``: a
+        Gaussian mixture for each target, in which every component branches by its associations; the mixture is merged
+        down to ``components`` without a change of its covariance. Long, wide chirps measure
         best; phase functions differ in the correlation of range and range-rate errors.
 
     Rewards
         -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities. P
         is the tracker's own covariance, which stays small for many a lost track: JPDA loses one in fifteen (``lost``,
-        ``nees``), particles one in a hundred. ``reward="error"`` measures the true error.
+        ``nees``), particles one in a hundred, the mixture one in two thousand. ``reward="error"`` measures the true
+        error.
 
     Starting state
         True targets start at ``starts``; the first estimate is drawn around the start with covariance P0 =
@@ -132,10 +137,13 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         "law), log duration and signed sweep",
         unit="",
     )
-    tracker: Literal["jpda", "particle"] = parameter(
-        "jpda", "joint probabilistic data association, or a Rao-Blackwellised particle filter", unit=""
+    tracker: TrackerName = parameter(
+        "jpda",
+        "joint probabilistic data association, a Rao-Blackwellised particle filter, or Gaussian mixtures",
+        unit="",
     )
     particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
+    components: int = parameter(16, "most components of a target with tracker='mixture'", ge=1, le=10_000)
 
     nees_dimension = 4  # position and velocity
 
@@ -265,11 +273,16 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         first = path[:, :, 0] + np.sqrt(model.prior_variance) * world.start
         mean = np.where(self._targets[0][:, None] == 0, first, self.starts)
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
-        particles = None
-        if self.tracker == "particle":
-            particles = Particles(*(np.repeat(a[:, None], self.particles, axis=1) for a in (mean, covariance)))
         truth = Truth(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
-        return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, particles))
+        return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, self._hypotheses(mean, covariance)))
+
+    def _hypotheses(self, mean: Array, covariance: Array) -> Particles | GaussianMixture | None:
+        """The tracker's hypotheses at the first step: all are one."""
+        if self.tracker == "mixture":
+            return single_gaussian(mean, covariance, self.components)
+        if self.tracker == "particle":
+            return Particles(*(np.repeat(a[:, None], self.particles, axis=1) for a in (mean, covariance)))
+        return None
 
     def first_states(self, world: World) -> Array:
         """The true states at birth, (target, 4) or (env, target, 4)."""
@@ -281,22 +294,22 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
 
     def _transmit(self, state: State, pulse: Pulse, world: World) -> State:
         """``transition`` with any pulse: for systems that add a resource."""
-        truth, (step, mean, covariance, particles) = state.truth, state.belief[:4]
+        truth, (step, mean, covariance, hypotheses) = state.truth, state.belief[:4]
         x, P, true_states = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         outside, scan = truth.outside.copy(), np.zeros(truth.scan.shape)
-        X, V = particles or (np.empty((len(step), 0, *shape[1:])) for shape in (mean.shape, covariance.shape))
-        X_out, V_out = np.empty(X.shape), np.empty(V.shape)
+        given = kernel_hypotheses(hypotheses, len(step), len(self.starts))
+        fresh = [trees.tree_map(np.empty_like, each) for each in given]
         kernels.transition(
-            step, mean, covariance, X, V, truth.path, truth.first, world.detection, world.error, world.key,
-            pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, X_out,
-            V_out, true_states, outside, scan, NN
+            step, mean, covariance, *given, truth.path, truth.first, world.detection, world.error, world.key,
+            pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, *fresh,
+            true_states, outside, scan, NN
         )  # fmt: skip
         if np.isnan(scan).any():
             where = f"environment {np.argmax(np.isnan(scan).any(axis=1))} at step {step[np.isnan(scan).any(axis=1)][0]}"
             wanted = f"at most {kernels.MOST_CLUTTER:g} (smaller clutter_density, dt or q)"
             raise InputError(f"clutter in a gate of {where} has no bound or one too large, expected {wanted}")
-        fresh = Belief(step + 1, x, P, None if particles is None else Particles(X_out, V_out))
-        return State(Truth(true_states, truth.path, truth.first, outside, scan), fresh)
+        after = Belief(step + 1, x, P, next((h for h in fresh if type(h) is type(hypotheses)), None))
+        return State(Truth(true_states, truth.path, truth.first, outside, scan), after)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief after one pulse of every sensor: predicted means, covariances of eqs. (13) and (14).
@@ -310,7 +323,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         if outcome is not None:
             full = shape + self._full_illumination[1].shape[2:]
             outcome = np.broadcast_to(outcome if several else outcome[:, None], full).reshape(-1, *full[2:])
-        many = trees.repeated(belief._replace(particles=None), shape[1]) if several else belief
+        many = trees.repeated(belief._replace(hypotheses=None), shape[1]) if several else belief
         after = self._predict_pulse(many, pulse.rows(shape), outcome)
         return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after) if several else after
 
@@ -394,7 +407,8 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         """Of each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
         (m^2, weighted with Lambda) and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen
         outside its gates. Of the step: ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"``
-        also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the particles.
+        also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the particles; with
+        ``tracker="mixture"`` of each target the ``components`` in use.
         """
         truth, belief = state
         present = np.empty(truth.outside.shape, np.bool_)
@@ -412,4 +426,6 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         }
         if self.tracker == "particle":
             figures["ess"], figures["ancestors"] = (truth.scan[:, i] / self.particles for i in (2, 3))
+        if self.tracker == "mixture":
+            figures["components"] = np.where(present, (belief.hypotheses.weight > 0.0).sum(axis=2), 0)
         return figures

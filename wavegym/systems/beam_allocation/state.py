@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
+from wavegym.trackers import GaussianMixture, Particles
 
 SOON = 10  # steps of visibility that are observed
 
@@ -28,7 +29,7 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    particles: None  # as in AgileClutter's belief
+    hypotheses: Particles | GaussianMixture | None  # as in AgileClutter's belief
     visible: Array  # (env, H, target) bool: whether a target is visible from step k to k + 1
 
 

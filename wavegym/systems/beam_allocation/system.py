@@ -19,6 +19,7 @@ from wavegym.systems.agile_clutter.state import (
     PlanarState,
     PositiveState,
     Pulse,
+    TrackerName,
     corners,
     drawn_around,
     target_fields,
@@ -89,8 +90,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     )
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
-    tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
-    particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
+    tracker: TrackerName = changed_default(AgileClutter, "tracker", "jpda")
     spread: NonNegativeState = parameter(
         (1e3, 1e3, 100.0, 100.0),
         "greatest distance of a first [x y xdot ydot] from its centre",
@@ -130,8 +130,8 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     def initial(self, world: Any) -> State:
         """The true paths, the first estimates drawn around their starts, and the windows of visibility."""
         truth, base = super().initial(world)
-        step, mean, covariance = base[:3]
-        return State(truth, Belief(step, mean, covariance, None, visibility(self, world.window, len(self.starts))))
+        visible = visibility(self, world.window, len(self.starts))
+        return State(truth, Belief(base.step, base.mean, base.covariance, base.hypotheses, visible))
 
     def farthest_starts(self) -> Array:
         """The corners of the boxes in which targets start, (state, 4)."""
@@ -150,8 +150,8 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: predict, transmit, detect, associate, update, sensor after sensor."""
         after = super().transition(state, action, world)
-        step, mean, covariance = after.belief[:3]
-        return State(after.truth, Belief(step, mean, covariance, None, state.belief.visible))
+        step, mean, covariance, hypotheses = after.belief
+        return State(after.truth, Belief(step, mean, covariance, hypotheses, state.belief.visible))
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""

@@ -14,6 +14,7 @@ from wavegym.core.system import ObservationField
 from wavegym.systems.energy_budget.state import World
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.systems.visibility_windows import alternating_windows, given_windows, window_draws
+from wavegym.trackers import GaussianMixture, Particles
 
 FAR = 40  # steps: the observation shows a later change of the occlusion at this distance
 CHANGES = 3  # changes of the occlusion that are observed
@@ -25,7 +26,7 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    particles: None
+    hypotheses: Particles | GaussianMixture | None  # as in AgileClutter's belief
     energy: Array  # (env,) energy left; the longest pulse of one sensor costs 1
     visible: Array  # (env, H) bool: whether slot k, from step k to k + 1, is clear
 
@@ -87,7 +88,7 @@ class EnergyBudgetKnown(EnergyBudget):
         return alternating_windows(world.occlusion, self.horizon, self.shown, self.hidden)
 
     def _belief(self, base: Any, energy: Array, occlusion: Array) -> Any:
-        return Belief(base.step, base.mean, base.covariance, None, energy, occlusion)
+        return Belief(base.step, base.mean, base.covariance, base.hypotheses, energy, occlusion)
 
     def _draw_slot(self, belief: Any, world: World) -> tuple[Array, Array]:
         return belief.visible[np.arange(len(belief.step)), belief.step], belief.visible.copy()

@@ -20,6 +20,7 @@ from wavegym.systems.agile_clutter.state import (
     PlanarState,
     PositiveState,
     Pulse,
+    TrackerName,
     corners,
     drawn_around,
 )
@@ -108,8 +109,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
-    tracker: Literal["jpda"] = parameter("jpda", "joint probabilistic data association", unit="")
-    particles: int = parameter(1000, "not used", ge=2, le=1_000_000)
+    tracker: TrackerName = changed_default(AgileClutter, "tracker", "jpda")
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -181,7 +181,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
 
     def _belief(self, base: Any, energy: Array, occlusion: Array) -> Any:
         """AgileClutter's belief with the energy left and the field of the occlusion."""
-        return Belief(base.step, base.mean, base.covariance, None, energy, occlusion)
+        return Belief(base.step, base.mean, base.covariance, base.hypotheses, energy, occlusion)
 
     def transition(self, state: State, action: Array, world: Any) -> State:
         """One step: pay, transmit, detect unless the slot is occluded, update."""
@@ -253,7 +253,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         rows = np.broadcast_to(actions, shape).reshape(-1)
         if outcome is not None:
             outcome = np.broadcast_to(outcome, shape + self.outcome_shape).reshape(-1, *self.outcome_shape)
-        after = self._predict_one(trees.repeated(belief, shape[1]), rows, outcome)
+        after = self._predict_one(trees.repeated(belief._replace(hypotheses=None), shape[1]), rows, outcome)
         return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after)
 
     def _predict_one(self, belief: Any, actions: Array, outcome: Array | None) -> Any:
