@@ -127,14 +127,21 @@ def row(case: Case, count: int) -> dict[str, Any]:
     return found | {"lost_percent": f"{100.0 * f.lost.sum() / f.tracks.sum():.3g}", "us_per_step": f"{us:.3g}"}
 
 
+def plain(number: str) -> str:
+    """A number of the file without an exponent."""
+    return f"{float(number):.0f}" if float(number) >= 1000.0 else number
+
+
 def table(rows: list[dict[str, Any]]) -> Iterator[str]:
     """The lines of the page's table in Markdown."""
     yield f"| environment | policy | worlds | tracker | {' | '.join(SHOWN.values())} | lost % | us a step |"
     yield "|" + " --- |" * 10
     for r in rows:
         cells = [r["environment"], r["policy"], r["worlds"], f"{r['tracker']} {r['size']}".removesuffix(" 0")]
-        cells += [f"{r[name]} [{r[f'{name}_low']}, {r[f'{name}_high']}]" for name in SHOWN]
-        yield f"| {' | '.join(map(str, [*cells, r['lost_percent'], r['us_per_step']]))} |"
+        for name in SHOWN:
+            value, low, high = (plain(r[name + end]) for end in ("", "_low", "_high"))
+            cells.append(f"{value} [{low}, {high}]")
+        yield f"| {' | '.join(map(str, [*cells, r['lost_percent'], plain(r['us_per_step'])]))} |"
 
 
 def main() -> None:
