@@ -18,7 +18,6 @@ from wavegym.core.loading import load_object
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers.kalman import predict, update
 
-
 UNKNOWN = -1  # ``Scan.target`` of a return of unknown origin
 
 
@@ -40,8 +39,8 @@ class Scan(NamedTuple):
     """What one sensor reports in one step, and what a tracker may assume of it.
 
     Where origins are unknown, some returns are clutter, a target is detected with the probability ``detection``, and
-    the tracker associates returns with targets. Its gates are its own business. ``detection`` is 0 for a target that the
-    sensor does not illuminate: its estimate stays as predicted.
+    the tracker associates returns with targets. Its gates are its own business. ``detection`` is 0 for a target that
+    the sensor does not illuminate: its estimate stays as predicted.
     """
 
     z: Array  # (env, return, m)

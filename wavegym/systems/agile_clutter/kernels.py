@@ -8,10 +8,10 @@ tracker assumes them; ``world`` is the same tuple with the true values, of which
 ``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
 visible target); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
 ``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
-each target. ``own`` are the gates of the targets' means and covariances, predicted before any sensor of the step has
-measured, whatever the tracker: in them ``outside`` and the clutter points of ``scan`` are counted. ``windows`` are WINDOW
-times as large as the gates predicted at that time; ``measure`` reports the returns inside them, ``track`` drops those
-outside the tracker's gates.
+each target. A sensor's windows are WINDOW times as large as the gates that are predicted before any sensor of the step
+has measured; ``measure`` reports the returns inside them, ``track`` drops those outside the tracker's gates. ``fresh``
+(t,) bool: no sensor of the step has illuminated the target yet, so that its gates are those predicted before the step.
+Only they count returns outside and clutter points: ``measure`` does not know the later gates.
 ``particles`` = (X (e, particle, t, n), V (e, particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n),
 V (e, t, c, n, n)). A tracker without particles or mixtures hands over arrays of no particle or no component.
 """
@@ -114,10 +114,10 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 
 @kernel
-def receive(e, i, k, lit, truth, uniform, error, pulse, world, gates, own, z, outside, scan):
-    """Fill z with the targets' returns that lie in a gate; returns their number.
+def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
+    """Fill z with the targets' returns that lie within ``reach`` times a gate; returns their number.
 
-    outside[e, t] counts returns outside their own target's gate of ``own``, scan[e, 0] detections. eta, Pd and the
+    outside[e, t] counts a fresh target's returns outside its own gates, scan[e, 0] detections. eta, Pd and the
     error's covariance are the world's, at the true range.
     """
     sensors, log_pf = world[0], world[3]
@@ -141,56 +141,53 @@ def receive(e, i, k, lit, truth, uniform, error, pulse, world, gates, own, z, ou
         spread = np.sqrt(weakness)
         z0 = r + spread * c0 * error[e, k - 1, i, t, 0]
         z1 = v + spread * (c1 * error[e, k - 1, i, t, 0] + c2 * error[e, k - 1, i, t, 1])
-        outside[e, t] += not in_gate(t, z0, z1, own[1], own[2], own[3])
-        if in_any_gate(z0, z1, gates):
+        own, some = False, False
+        for g in range(len(opened)):
+            if opened[g] and in_gate(g, z0, z1, centre, L, reach * gate):
+                some = True
+                own = own or (g * len(lit) // len(opened) == t and in_gate(g, z0, z1, centre, L, gate))
+        outside[e, t] += fresh[t] and not own
+        if some:
             z[count, 0], z[count, 1] = z0, z1
             count += 1
     return count
 
 
-@inlined
-def in_any_gate(z0, z1, gates):
-    """Whether (z0, z1) lies in one of the gates."""
+@kernel
+def in_fresh_gate(z0, z1, gates, fresh):
+    """Whether (z0, z1) lies in a gate of a fresh target."""
     opened, centre, L, gate = gates
-    return in_earlier_gate(len(opened), z0, z1, centre, L, opened, gate)
+    for g in range(len(opened)):
+        if opened[g] and fresh[g * len(fresh) // len(opened)] and in_gate(g, z0, z1, centre, L, gate):
+            return True
+    return False
 
 
 @kernel
-def sense(e, i, k, key, lit, truth, uniform, error, pulse, world, gates, own, is_own, z, outside, scan):
-    """Fill z with sensor i's returns and the clutter in its gates; returns z, or a larger copy, and their number.
+def sense(e, i, k, key, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
+    """Fill z with sensor i's returns, and the clutter, within ``reach`` times its gates; returns z, or a larger copy,
+    and their number.
 
-    is_own: the gates are ``own``. The number is -1, and scan[e, 1] NaN, where a gate has too much clutter or no finite
-    size.
+    The number is -1, and scan[e, 1] NaN, where a gate has too much clutter or no finite size.
     """
     opened, centre, L, gate = gates
     z = room(z, len(lit))
-    returns = receive(e, i, k, lit, truth, uniform, error, pulse, world, gates, own, z, outside, scan)
+    returns = receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan)
     if not most_load(opened, centre, L, gate, world[4]) <= MOST_CLUTTER:  # NaN, too
         scan[e, 1] = np.nan
         return z, -1
-    z, count = add_clutter(key, centre, L, opened, gate, world[4], z, returns)
-    if is_own:
-        scan[e, 1] += count - returns
-    else:
-        z, counted = add_clutter(key, own[1], own[2], own[0], own[3], world[4], z, count)  # beyond those returned
-        scan[e, 1] += counted - count
+    z, count = add_clutter(key, centre, L, opened, reach * gate, world[4], z, returns)
+    if fresh.any():
+        for m in range(returns, count):
+            scan[e, 1] += in_fresh_gate(z[m, 0], z[m, 1], gates, fresh)
     return z, count
 
 
 @inlined
-def overlap(one, other):
-    """Whether both are True for some target."""
-    both = False
-    for t in range(len(one)):
-        both = both or (one[t] and other[t])
-    return both
-
-
-@inlined
-def mark(those, marked):
-    """Set ``marked`` to True for ``those`` targets."""
-    for t in range(len(those)):
-        marked[t] = marked[t] or those[t]
+def illuminated(lit, fresh):
+    """Lit targets are no longer fresh."""
+    for t in range(len(lit)):
+        fresh[t] = fresh[t] and not lit[t]
 
 
 @kernel
@@ -220,11 +217,10 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
     """
     (birth, lifetime), sensors, (X, V), (X_out, V_out) = targets, radar[0], particles, particles_out
     count_t, count_p, count_c, n = len(birth), X.shape[1], mixtures[0].shape[2], len(nn)
-    present, lit, updated = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
-    work, ahead, z = workspace(count_t, nn), workspace(count_t, nn), np.empty((64, 2))
+    present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    work, z = workspace(count_t, nn), np.empty((64, 2))
     bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
-    before_x, before_P = np.empty((count_t, n)), np.empty((count_t, n, n))
     Y, U, weight = np.empty((count_p, count_t, n)), np.empty((count_p, count_t, n, n)), np.empty(count_p)
     for e in range(len(step)):
         k = step[e] + 1
@@ -232,24 +228,20 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
         true_states(e, k, path, birth, lifetime, truth)
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
-        before_x[:], before_P[:], updated[:] = x, P, False
+        fresh[:] = True
         predict_particles(X[e], V[e], present, F, Q, Y, U, nn)
         mixture_of, log_weight = of_environment(e, mixtures_out), np.zeros(count_p)
         gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
             gates = predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn)
-            is_own, own = count_c == 0, (lit, work[0], work[2], radar[5])
-            if overlap(lit, updated):
-                predict_scan(e, i, before_x, before_P, lit, pulse, radar, ahead, nn)
-                is_own, own = False, (lit, ahead[0], ahead[2], radar[5])
             z, count = sense(
-                e, i, k, stream(stream_of_step, i), lit, truth, uniform, error, pulse, world, gates, own, is_own, z,
+                e, i, k, stream(stream_of_step, i), lit, fresh, truth, uniform, error, pulse, world, gates, 1.0, z,
                 outside, scan
             )  # fmt: skip
             if count < 0:
                 break
-            mark(present if count_c + count_p else lit, updated)  # moments of all targets, or JPDA's
+            illuminated(lit, fresh)
             if count_c:
                 track_mixtures(present, lit, x, P, mixture_of, z, count, radar, work, bank, nn)
             else:
@@ -285,26 +277,27 @@ def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse,
     """
     (birth, lifetime), sensors = targets, radar[0]
     count_t, count_c, n, filled = len(birth), mixtures[0].shape[2], len(nn), 0
-    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     work, z, found = workspace(count_t, nn), np.empty((64, 2)), np.empty((64, 2))
     bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
     mixture_of = gaussian_mixture.empty_mixtures(count_t, count_c, nn)
     for e in range(len(step)):
         k = step[e] + 1
+        fresh[:] = True
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
         gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
             gates = predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn)
-            windows, own = (gates[0], gates[1], gates[2], WINDOW * gates[3]), (lit, work[0], work[2], radar[5])
             z, count[e, i] = sense(
-                e, i, k, stream(stream(key[e], k), i), lit, truth, uniform, error, pulse, world, windows, own, False, z,
-                outside, scan
+                e, i, k, stream(stream(key[e], k), i), lit, fresh, truth, uniform, error, pulse, world, gates, WINDOW,
+                z, outside, scan
             )  # fmt: skip
             if count[e, i] < 0:
                 break
+            illuminated(lit, fresh)
             found = room(found, filled + count[e, i])
             for m in np.argsort(z[: count[e, i], 0]):
                 found[filled, 0], found[filled, 1] = z[m, 0], z[m, 1]
@@ -315,7 +308,7 @@ def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse,
 @kernel
 def track_returns(step, mean, covariance, mixtures, z, count, first, pulse, targets, F, Q, radar, mean_out,
             covariance_out, mixtures_out, nn):  # fmt: skip
-    """One step of JPDA, or of the mixtures if there are any, with z (e, i, return, 2), of which [: count[e, i]] count."""
+    """One step of JPDA, or of the mixtures if there are any, with the returns z[e, i, : count[e, i]] (e, i, m, 2)."""
     (birth, lifetime), sensors, (X, V) = targets, radar[0], no_particles(len(step), len(targets[0]), nn)
     count_t, count_c, n = len(birth), mixtures[0].shape[2], len(nn)
     present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
@@ -352,9 +345,10 @@ def no_particles(count, count_t, nn):
 @kernel
 def keep_in_gates(z, count, gates, inside):
     """Copy those of z[: count] that lie in a gate to ``inside``, in their order; returns their number."""
+    opened, centre, L, gate = gates
     kept = 0
     for m in range(count):
-        if in_any_gate(z[m, 0], z[m, 1], gates):
+        if in_earlier_gate(len(opened), z[m, 0], z[m, 1], centre, L, opened, gate):
             inside[kept, 0], inside[kept, 1] = z[m, 0], z[m, 1]
             kept += 1
     return kept

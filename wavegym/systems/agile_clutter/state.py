@@ -37,8 +37,8 @@ class Truth(NamedTuple):
     targets: Array  # (env, target, 4)
     path: Array  # (env, target, lifetime + 1, 4) true states from each target's birth on
     first: Array  # (env, target, 4) estimates that the tracker receives at birth
-    outside: Array  # (env, target) int: returns so far outside their target's gate, as predicted before the step
-    scan: Array  # (env, 4) of the last step: detections, clutter points in those gates, effective sample size, ancestors
+    outside: Array  # (env, target) int: returns so far outside their target's gates, at the first sensor that looks
+    scan: Array  # (env, 4) of the last step: detections, clutter points in those gates, ess, distinct ancestors
 
 
 class Belief(NamedTuple):
@@ -56,7 +56,7 @@ class Measurements(NamedTuple):
     z: Array  # (env, sensor, return, 2) range and range-rate, by increasing range
     present: Array  # (env, sensor, return) bool: False beyond a sensor's number of returns
     first: Array  # (env, target, 4) the estimate that the tracker receives in this step, at a target's birth; else 0
-    outside: Array  # (env, target) int: returns outside their own target's gate, as predicted before the step
+    outside: Array  # (env, target) int: 1 if the first sensor that looks has its return outside the target's gates
     scan: Array  # (env, 2) detections, clutter points in those gates
 
 

@@ -46,7 +46,7 @@ from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, Scan, Tracker, make_tracker
 
-LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule)
+LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
 
 
@@ -407,7 +407,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
     def _scan(
         self, i: int, now: Estimate, step: Array, pulse: tuple[Array, ...], measurements: Any
     ) -> tuple[Array, Scan]:
-        """Which targets sensor i may detect, (env, target) bool, and its scan for a tracker with the estimate ``now``."""
+        """Which targets sensor i may detect, (env, target) bool, and its scan, for a tracker that believes ``now``."""
         lit, pd = np.empty(now.mean.shape[:2], np.bool_), np.empty(now.mean.shape[:2])
         noise = np.empty((*pd.shape, 2, 2))
         kernels.assume(i, step, *now, pulse, self._targets, self._radar, lit, noise, pd, NN)
@@ -520,8 +520,8 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
     def state_info(self, state: State) -> dict[str, Array]:
         """Of each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
         (m^2, weighted with Lambda) and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen
-        outside its gates, as predicted before the step. Of the step: ``detections``, and ``clutter`` points inside
-        those gates; with ``tracker="particle"``
+        outside its gates at the first sensor of a step that illuminates it. Of the step: ``detections``, and
+        ``clutter`` points inside the gates of targets that no earlier sensor has illuminated; with ``tracker="particle"``
         also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the particles; with
         ``tracker="mixture"`` of each target the ``components`` in use.
         """
