@@ -521,9 +521,9 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         """Of each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
         (m^2, weighted with Lambda) and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen
         outside its gates at the first sensor of a step that illuminates it. Of the step: ``detections``, and
-        ``clutter`` points inside the gates of targets that no earlier sensor has illuminated; with ``tracker="particle"``
-        also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the particles; with
-        ``tracker="mixture"`` of each target the ``components`` in use.
+        ``clutter`` points inside the gates of targets that no earlier sensor has illuminated; with
+        ``tracker="particle"`` also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of
+        the particles; with ``tracker="mixture"`` of each target the ``components`` in use.
         """
         truth, belief = state
         present = np.empty(truth.outside.shape, np.bool_)
