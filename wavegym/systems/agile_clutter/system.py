@@ -229,7 +229,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         if self.tracker in TRACKERS:
             return None
         if ":" not in self.tracker:
-            listed = f"one of {', '.join(TRACKERS)}, a Tracker or 'package.module:name'"
+            listed = f"one of {', '.join(map(repr, TRACKERS))}, a Tracker or 'package.module:name'"
             raise InputError(f"tracker is {self.tracker!r}, expected {listed}{nearest(self.tracker, TRACKERS)}")
         return make_tracker(self.tracker)
 
