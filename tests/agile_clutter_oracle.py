@@ -168,7 +168,9 @@ def step(system, world, e, belief, path, C):
         key = np.uint64(stream(np.uint64(stream(world.key[e], k)), i))
         false, count = add_clutter(key, z, L, here, system.gate, system.clutter_density, np.empty((64, 2)), 0)
         jpda(system, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, here)
-        outside, detections, clutter = outside + missed, detections + seen, clutter + count
+        detections += seen
+        if i == 0:  # it illuminates all targets: only its gates are predicted before the step
+            outside, clutter = outside + missed, clutter + count
     for t, birth in enumerate(system.births):
         if k == birth:
             x[t] = system.starts[t] + np.sqrt(system.prior_variance) * world.start[e, t]

@@ -58,7 +58,8 @@ def capability_defect(system: System, seed: int = 0) -> str | None:
                 if defect:
                     return f"{kind.__name__} at step {int(state.belief.step[0])}: {defect}"
         if offers(system, FusedTransition):
-            defect = _fused(system, state, world, candidates)
+            with suppress(NotImplementedError):  # a tracker that has the compiled step alone
+                defect = _fused(system, state, world, candidates)
             if defect:
                 return f"FusedTransition at step {int(state.belief.step[0])}: {defect}"
         if offers(system, DeterministicRecursion):

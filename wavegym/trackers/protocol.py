@@ -19,6 +19,8 @@ from wavegym.core.loading import load_object
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers.kalman import predict, update
 
+UNKNOWN = -1  # ``Scan.target`` of a return of unknown origin
+
 
 class Estimate(NamedTuple):
     """Means and covariances of the states of all targets, and what an adaptive tracker knows beside them."""
@@ -38,13 +40,21 @@ class MeasurementModel(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What one sensor reports in one step, and what a tracker may assume of it."""
+    """What one sensor reports in one step, and what a tracker may assume of it.
+
+    Where origins are unknown, some returns are clutter, a target is detected with the probability ``detection``, and
+    the tracker associates returns with targets. Its gates are its own business. ``detection`` is 0 for a target that
+    the sensor does not illuminate: its estimate stays as predicted.
+    """
 
     z: Array  # (env, return, m)
     present: Array  # (env, return) bool: False where a target was not detected
-    target: Array  # (env, return) int: the target that a return comes from
+    target: Array  # (env, return) int: the target that a return comes from; UNKNOWN (-1) where nobody knows
     R: Array  # (env, return, m, m) covariance of the error as the tracker assumes it
     model: MeasurementModel
+    detection: Array | None = None  # (env, target) probability of detection at the predicted range; None: origins known
+    noise: Array | None = None  # (env, target, m, m) covariance of the error at the predicted range, likewise
+    clutter_density: float = 0.0  # expected false returns per unit volume of the measurements
 
 
 @runtime_checkable
@@ -97,6 +107,7 @@ class OneByOne:
 
     def update(self, estimate: Estimate, scan: Scan) -> Estimate:
         """See ``Tracker``; the returns of a target one after another."""
+        _check_origins(scan)
         after = _copied(estimate)
         for e, i in np.argwhere(scan.present).tolist():
             at = e, scan.target[e, i]
@@ -116,6 +127,7 @@ class ExtendedKalman:
 
     def update(self, estimate: Estimate, scan: Scan) -> Estimate:
         """See ``Tracker``; the returns of a target one after another."""
+        _check_origins(scan)
         after, rows = _copied(estimate), np.arange(len(scan.z))
         for i in range(scan.z.shape[1]):
             target, present = scan.target[:, i], scan.present[:, i]
@@ -124,6 +136,13 @@ class ExtendedKalman:
             after.mean[rows, target] = np.where(present[:, None], mean, x)
             after.covariance[rows, target] = np.where(present[:, None, None], covariance, P)
         return after
+
+
+def _check_origins(scan: Scan) -> None:
+    """InputError for returns of unknown origin."""
+    if (scan.target == UNKNOWN).any():
+        wanted = "known origins, or a tracker that associates returns with targets (as jpda_update does)"
+        raise InputError(f"target of a return is {UNKNOWN}, its origin is unknown, expected {wanted}")
 
 
 def _copied(estimate: Estimate) -> Estimate:

@@ -153,7 +153,7 @@ def test_one_law_in_a_box_needs_no_parameter():
 def test_the_caption_counts_what_was_received():
     moment = moment_of(played(SYSTEM, 4))
     detections, clutter = moment.states[-1].truth.scan[0, :2]
-    expected = f"2 sensors: {detections:.0f} of 4 returns detected, {clutter:.0f} clutter points in gates"
+    expected = f"2 sensors: {detections:.0f} of 4 returns detected, {clutter:.0f} clutter points in first gates"
     assert scan_caption(SYSTEM, moment) == expected
     assert "of 2 returns" in scan_caption(SYSTEM, moment_of(played(SYSTEM, 1)))
     assert scan_caption(SYSTEM, moment_of(played(SYSTEM, 0))) == ""

@@ -8,7 +8,10 @@ tracker assumes them; ``world`` is the same tuple with the true values, of which
 ``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
 visible target); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
 ``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
-each target.
+each target. A sensor's windows are WINDOW times as large as the gates that are predicted before any sensor of the step
+has measured; ``measure`` reports the returns inside them, ``track`` drops those outside the tracker's gates. ``fresh``
+(t,) bool: no sensor of the step has illuminated the target yet, so that its gates are those predicted before the step.
+Only they count returns outside and clutter points: ``measure`` does not know the later gates.
 ``particles`` = (X (e, particle, t, n), V (e, particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n),
 V (e, t, c, n, n)). A tracker without particles or mixtures hands over arrays of no particle or no component.
 """
@@ -20,7 +23,7 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.clutter_kernels import add_clutter, most_load, room
+from wavegym.sensors.clutter_kernels import add_clutter, in_earlier_gate, most_load, room
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.gate_kernels import in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
@@ -33,6 +36,9 @@ from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 MOST_CLUTTER = 1e6
 """Expected points in one gate; a step that exceeds this limit stops, and its clutter count is NaN."""
+WINDOW = 3.0
+"""Radius of a window over that of a gate. Scans of I sensors, each in its gate, lie within sqrt(I) times the gates that
+are predicted before; the rest is for the spread of competing returns, which widens the gates of the later sensors."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
@@ -108,10 +114,10 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 
 @kernel
-def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan):
-    """Fill z with the targets' returns that lie in a gate; returns their number.
+def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
+    """Fill z with the targets' returns that lie within ``reach`` times a gate; returns their number.
 
-    outside[e, t] counts returns outside their own target's gates, scan[e, 0] detections. eta, Pd and the
+    outside[e, t] counts a fresh target's returns outside its own gates, scan[e, 0] detections. eta, Pd and the
     error's covariance are the world's, at the true range.
     """
     sensors, log_pf = world[0], world[3]
@@ -125,9 +131,8 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, o
     for t in range(len(lit)):
         if not lit[t]:
             continue
-        age = k - birth[t]
         r, v = range_and_rate(
-            path[e, t, age, 0], path[e, t, age, 1], path[e, t, age, 2], path[e, t, age, 3], sensors[i, 0], sensors[i, 1]
+            truth[e, t, 0], truth[e, t, 1], truth[e, t, 2], truth[e, t, 3], sensors[i, 0], sensors[i, 1]
         )
         weakness = weakness_one(e, i, r, strength, world)
         if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf):
@@ -138,10 +143,10 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, o
         z1 = v + spread * (c1 * error[e, k - 1, i, t, 0] + c2 * error[e, k - 1, i, t, 1])
         own, some = False, False
         for g in range(len(opened)):
-            if opened[g] and in_gate(g, z0, z1, centre, L, gate):
+            if opened[g] and in_gate(g, z0, z1, centre, L, reach * gate):
                 some = True
-                own = own or g * len(lit) // len(opened) == t
-        outside[e, t] += not own
+                own = own or (g * len(lit) // len(opened) == t and in_gate(g, z0, z1, centre, L, gate))
+        outside[e, t] += fresh[t] and not own
         if some:
             z[count, 0], z[count, 1] = z0, z1
             count += 1
@@ -149,20 +154,55 @@ def receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, o
 
 
 @kernel
-def sense(e, i, k, key, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan):
-    """Fill z with sensor i's returns and the clutter in its gates; returns z, or a larger copy, and their number.
+def in_fresh_gate(z0, z1, gates, fresh):
+    """Whether (z0, z1) lies in a gate of a fresh target."""
+    opened, centre, L, gate = gates
+    for g in range(len(opened)):
+        if opened[g] and fresh[g * len(fresh) // len(opened)] and in_gate(g, z0, z1, centre, L, gate):
+            return True
+    return False
+
+
+@kernel
+def sense(e, i, k, key, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
+    """Fill z with sensor i's returns, and the clutter, within ``reach`` times its gates; returns z, or a larger copy,
+    and their number.
 
     The number is -1, and scan[e, 1] NaN, where a gate has too much clutter or no finite size.
     """
     opened, centre, L, gate = gates
     z = room(z, len(lit))
-    returns = receive(e, i, k, lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan)
+    returns = receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan)
     if not most_load(opened, centre, L, gate, world[4]) <= MOST_CLUTTER:  # NaN, too
         scan[e, 1] = np.nan
         return z, -1
-    z, count = add_clutter(key, centre, L, opened, gate, world[4], z, returns)
-    scan[e, 1] += count - returns
+    z, count = add_clutter(key, centre, L, opened, reach * gate, world[4], z, returns)
+    for m in range(returns, count):
+        scan[e, 1] += in_fresh_gate(z[m, 0], z[m, 1], gates, fresh)
     return z, count
+
+
+@inlined
+def illuminated(lit, fresh):
+    """Lit targets are no longer fresh."""
+    for t in range(len(lit)):
+        fresh[t] = fresh[t] and not lit[t]
+
+
+@inlined
+def true_states(e, k, path, birth, lifetime, truth):
+    """truth[e] (t, n): the true states at step k; before birth the first ones, after the lifetime the last ones."""
+    for t in range(len(birth)):
+        age = min(max(k - birth[t], 0), lifetime)
+        for a in range(path.shape[3]):
+            truth[e, t, a] = path[e, t, age, a]
+
+
+@kernel
+def move(step, path, targets, truth):
+    """truth (e, t, n): the true states one step later."""
+    for e in range(len(step)):
+        true_states(e, step[e] + 1, path, targets[0], targets[1], truth)
 
 
 @kernel
@@ -176,45 +216,165 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
     """
     (birth, lifetime), sensors, (X, V), (X_out, V_out) = targets, radar[0], particles, particles_out
     count_t, count_p, count_c, n = len(birth), X.shape[1], mixtures[0].shape[2], len(nn)
-    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     work, z = workspace(count_t, nn), np.empty((64, 2))
     bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
     Y, U, weight = np.empty((count_p, count_t, n)), np.empty((count_p, count_t, n, n)), np.empty(count_p)
     for e in range(len(step)):
         k = step[e] + 1
-        own = stream(key[e], k)
+        stream_of_step = stream(key[e], k)
+        true_states(e, k, path, birth, lifetime, truth)
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
+        fresh[:] = True
         predict_particles(X[e], V[e], present, F, Q, Y, U, nn)
         mixture_of, log_weight = of_environment(e, mixtures_out), np.zeros(count_p)
         gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
+            # as predict_gates, whose call would cost a tenth of the step
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             gates = lit, work[0], work[2], radar[5]
             if count_c:
                 gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
                 gates = opened, bank[0], bank[1], radar[5]
             z, count = sense(
-                e, i, k, stream(own, i), lit, path, birth, uniform, error, pulse, world, gates, z, outside, scan
-            )
+                e, i, k, stream(stream_of_step, i), lit, fresh, truth, uniform, error, pulse, world, gates, 1.0, z,
+                outside, scan
+            )  # fmt: skip
             if count < 0:
                 break
+            illuminated(lit, fresh)
             if count_c:
                 track_mixtures(present, lit, x, P, mixture_of, z, count, radar, work, bank, nn)
             else:
-                track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
+                track(i, stream_of_step, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
         if count_p:
             scan[e, 2] = normalise(log_weight, weight)
-            scan[e, 3] = resample(stream(own, 2 * len(sensors)), weight, Y, U, X_out[e], V_out[e], nn)
+            scan[e, 3] = resample(stream(stream_of_step, 2 * len(sensors)), weight, Y, U, X_out[e], V_out[e], nn)
         for t in range(count_t):
             copy_one(t, x, P, mean_out[e], covariance_out[e], nn)
-            age = min(max(k - birth[t], 0), lifetime)
-            for a in range(n):
-                truth[e, t, a] = path[e, t, age, a]
             if k == birth[t]:
                 hand_over(e, t, first, mean_out, X_out, mixtures_out, nn)
+
+
+@inlined
+def predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn):
+    """The gates of the belief x, P, or of its mixture if there is one; fills ``work``, and ``bank`` and ``opened``."""
+    predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
+    gates = lit, work[0], work[2], radar[5]
+    if len(opened):
+        sensors = radar[0]
+        gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
+        gates = opened, bank[0], bank[1], radar[5]
+    return gates
+
+
+@kernel
+def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse, targets, world, F, Q, radar, count,
+            outside, scan, nn):  # fmt: skip
+    """Returns of all sensors in their windows, (return, 2), environment by environment and sensor by sensor.
+
+    Of each sensor by increasing range: their order does not tell which are targets'. count (e, i) is their number;
+    outside (e, t) and scan (e, 2) are counted up as in ``transition``.
+    """
+    (birth, lifetime), sensors = targets, radar[0]
+    count_t, count_c, n, filled = len(birth), mixtures[0].shape[2], len(nn), 0
+    present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    work, z, found = workspace(count_t, nn), np.empty((64, 2)), np.empty((64, 2))
+    bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
+    x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
+    mixture_of = gaussian_mixture.empty_mixtures(count_t, count_c, nn)
+    for e in range(len(step)):
+        k = step[e] + 1
+        fresh[:] = True
+        is_present(k, birth, lifetime, present)
+        predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
+        gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
+        for i in range(len(sensors)):
+            is_lit(e, i, present, pulse[2], lit)
+            gates = predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn)
+            z, count[e, i] = sense(
+                e, i, k, stream(stream(key[e], k), i), lit, fresh, truth, uniform, error, pulse, world, gates, WINDOW,
+                z, outside, scan
+            )  # fmt: skip
+            if count[e, i] < 0:
+                break
+            illuminated(lit, fresh)
+            found = room(found, filled + count[e, i])
+            for m in np.argsort(z[: count[e, i], 0]):
+                found[filled, 0], found[filled, 1] = z[m, 0], z[m, 1]
+                filled += 1
+    return found[:filled]
+
+
+@kernel
+def track_returns(step, mean, covariance, mixtures, z, count, first, pulse, targets, F, Q, radar, mean_out,
+            covariance_out, mixtures_out, nn):  # fmt: skip
+    """One step of JPDA, or of the mixtures if there are any, with the returns z[e, i, : count[e, i]] (e, i, m, 2)."""
+    (birth, lifetime), sensors, (X, V) = targets, radar[0], no_particles(len(step), len(targets[0]), nn)
+    count_t, count_c, n = len(birth), mixtures[0].shape[2], len(nn)
+    present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    work, inside = workspace(count_t, nn), np.empty((z.shape[2], 2))
+    bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
+    x, P, none = np.empty((count_t, n)), np.empty((count_t, n, n)), np.empty(0)
+    for e in range(len(step)):
+        k = step[e] + 1
+        is_present(k, birth, lifetime, present)
+        predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
+        mixture_of = of_environment(e, mixtures_out)
+        gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
+        for i in range(len(sensors)):
+            is_lit(e, i, present, pulse[2], lit)
+            gates = predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn)
+            kept = keep_in_gates(z[e, i], count[e, i], gates, inside)
+            if count_c:
+                track_mixtures(present, lit, x, P, mixture_of, inside, kept, radar, work, bank, nn)
+            else:
+                track(i, np.uint64(0), present, lit, x, P, X[e], V[e], none, none, inside, kept, radar, work, nn)
+        for t in range(count_t):
+            copy_one(t, x, P, mean_out[e], covariance_out[e], nn)
+            if k == birth[t]:
+                hand_over(e, t, first, mean_out, X, mixtures_out, nn)
+
+
+@inlined
+def no_particles(count, count_t, nn):
+    """Particles of a tracker that has none."""
+    n = len(nn)
+    return np.empty((count, 0, count_t, n)), np.empty((count, 0, count_t, n, n))
+
+
+@kernel
+def keep_in_gates(z, count, gates, inside):
+    """Copy those of z[: count] that lie in a gate to ``inside``, in their order; returns their number."""
+    opened, centre, L, gate = gates
+    kept = 0
+    for m in range(count):
+        if in_earlier_gate(len(opened), z[m, 0], z[m, 1], centre, L, opened, gate):
+            inside[kept, 0], inside[kept, 1] = z[m, 0], z[m, 1]
+            kept += 1
+    return kept
+
+
+@kernel
+def assume(i, step, mean, covariance, pulse, targets, radar, lit_out, noise, pd, nn):
+    """What the tracker assumes of sensor i's measurement, with the estimate that it has so far.
+
+    lit_out (e, t) bool: whether the target may be detected; then noise (e, t, 2, 2), the covariance of its error, and
+    pd (e, t), both at the predicted range; else 0.
+    """
+    present, work = np.empty(lit_out.shape[1], np.bool_), workspace(lit_out.shape[1], nn)
+    for e in range(len(step)):
+        is_present(step[e] + 1, targets[0], targets[1], present)
+        is_lit(e, i, present, pulse[2], lit_out[e])
+        predict_scan(e, i, mean[e], covariance[e], lit_out[e], pulse, radar, work, nn)
+        for t in range(len(present)):
+            pd[e, t] = work[5][t] if lit_out[e, t] else 0.0
+            for a in range(2):
+                for b in range(2):
+                    noise[e, t, a, b] = work[4][t, a, b] if lit_out[e, t] else 0.0
 
 
 @inlined

@@ -149,7 +149,7 @@ def scan_caption(system: AgileClutter, moment: Moment) -> str:
     lit = illumination(system, before, moment.actions[-1])[2]
     possible = int((system.predicted_targets(before).present[0] & lit).sum())
     who = f"{sensors} sensors" if sensors > 1 else "1 sensor"
-    text = f"{who}: {detections:.0f} of {possible} returns detected, {clutter:.0f} clutter points in gates"
+    text = f"{who}: {detections:.0f} of {possible} returns detected, {clutter:.0f} clutter points in first gates"
     if system.tracker == "particle":
         text += f"  ·  {system.particles} particles: {effective:.0f} effective, {ancestors:.0f} ancestors"
     if system.tracker == "mixture":

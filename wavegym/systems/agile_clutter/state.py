@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from wavegym.trackers import GaussianMixture, Particles
 PlanarState = tuple[float, float, float, float]  # [x y xdot ydot]
 PositiveState = tuple[Positive, Positive, Positive, Positive]
 NonNegativeState = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
-TrackerName = Literal["jpda", "particle", "mixture"]
+TRACKERS = ("jpda", "particle", "mixture")
 NN = (0, 0, 0, 0)  # size of [x y xdot ydot], as the kernels take it
 
 
@@ -37,8 +37,8 @@ class Truth(NamedTuple):
     targets: Array  # (env, target, 4)
     path: Array  # (env, target, lifetime + 1, 4) true states from each target's birth on
     first: Array  # (env, target, 4) estimates that the tracker receives at birth
-    outside: Array  # (env, target) int: returns outside their own target's gate so far
-    scan: Array  # (env, 4) of the last step: detections, clutter points, effective sample size, distinct ancestors
+    outside: Array  # (env, target) int: returns so far outside their target's gates, at the first sensor that looks
+    scan: Array  # (env, 4) of the last step: detections, clutter points in those gates, ess, distinct ancestors
 
 
 class Belief(NamedTuple):
@@ -48,6 +48,16 @@ class Belief(NamedTuple):
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
     hypotheses: Particles | GaussianMixture | None  # None with tracker="jpda" and in prediction
+
+
+class Measurements(NamedTuple):
+    """What the sensors report of one step. ``note`` reads the last two; they tell of the truth, so trackers may not."""
+
+    z: Array  # (env, sensor, return, 2) range and range-rate, by increasing range
+    present: Array  # (env, sensor, return) bool: False beyond a sensor's number of returns
+    first: Array  # (env, target, 4) the estimate that the tracker receives in this step, at a target's birth; else 0
+    outside: Array  # (env, target) int: 1 if the first sensor that looks has its return outside the target's gates
+    scan: Array  # (env, 2) detections, clutter points in those gates
 
 
 class Pulse(NamedTuple):

@@ -14,8 +14,8 @@ from pydantic import NonNegativeInt
 from wavegym.core import trees
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import BestAction, LinearCost, SensorBySensor
-from wavegym.core.errors import InputError, check_positive, check_within
+from wavegym.core.capabilities import BestAction, FusedTransition, LinearCost, SensorBySensor
+from wavegym.core.errors import InputError, check_positive, check_within, nearest
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -25,13 +25,14 @@ from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
 from wavegym.systems.agile_clutter.state import (
     NN,
+    TRACKERS,
     Belief,
+    Measurements,
     NonNegativeState,
     PlanarState,
     PositiveState,
     PredictedTargets,
     Pulse,
-    TrackerName,
     Truth,
     World,
     greatest_gate_volume,
@@ -43,13 +44,14 @@ from wavegym.targets import MotionModel, constant_turn, random_path
 from wavegym.trackers import GaussianMixture, Particles, predict_covariance, single_gaussian
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
+from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, Scan, Tracker, make_tracker
 
-LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule)
+LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
 
 
 @system_parameters
-class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
+class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySensor):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -137,9 +139,10 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         "law), log duration and signed sweep",
         unit="",
     )
-    tracker: TrackerName = parameter(
+    tracker: Any = parameter(
         "jpda",
-        "joint probabilistic data association, a Rao-Blackwellised particle filter, or Gaussian mixtures",
+        '"jpda" (joint probabilistic data association), "particle" (a Rao-Blackwellised particle filter), "mixture" '
+        "(Gaussian mixtures), a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one",
         unit="",
     )
     particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
@@ -150,6 +153,7 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
+        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
         self._check_targets()
         self._check_clutter()
@@ -216,6 +220,18 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
 
     def _motion_over(self, seconds: float) -> MotionModel:
         return constant_turn(seconds, self.q, self.turn_rate, order="derivative")
+
+    @cached_property
+    def _own_tracker(self) -> Tracker | None:
+        """The given tracker; None for one of TRACKERS."""
+        if not isinstance(self.tracker, str):
+            return make_tracker(self.tracker)
+        if self.tracker in TRACKERS:
+            return None
+        if ":" not in self.tracker:
+            listed = f"one of {', '.join(map(repr, TRACKERS))}, a Tracker or 'package.module:name'"
+            raise InputError(f"tracker is {self.tracker!r}, expected {listed}{nearest(self.tracker, TRACKERS)}")
+        return make_tracker(self.tracker)
 
     @cached_property
     def action_set(self) -> ChirpActions:
@@ -288,12 +304,16 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         """The true states at birth, (target, 4) or (env, target, 4)."""
         return np.array(self.starts)
 
-    def transition(self, state: State, action: Array, world: World) -> State:
-        """One step: predict, transmit, detect, associate, update, sensor after sensor."""
+    def fused_transition(self, state: State, action: Array, world: Any) -> State:
+        """One step: predict, transmit, detect, associate, update, sensor after sensor; by its parts where ``tracker``
+        is given.
+        """
+        if self._own_tracker:
+            return self.composed_transition(state, action, world)
         return self._transmit(state, self.pulse(state.belief, action[:, None]), world)
 
     def _transmit(self, state: State, pulse: Pulse, world: World) -> State:
-        """``transition`` with any pulse: for systems that add a resource."""
+        """``fused_transition`` with any pulse: for systems that add a resource."""
         truth, (step, mean, covariance, hypotheses) = state.truth, state.belief[:4]
         x, P, true_states = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         outside, scan = truth.outside.copy(), np.zeros(truth.scan.shape)
@@ -304,12 +324,106 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
             pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, *fresh,
             true_states, outside, scan, NN
         )  # fmt: skip
-        if np.isnan(scan).any():
-            where = f"environment {np.argmax(np.isnan(scan).any(axis=1))} at step {step[np.isnan(scan).any(axis=1)][0]}"
+        self._check_clutter_of_step(step, scan)
+        after = next((h for h in fresh if type(h) is type(hypotheses)), None)
+        belief = state.belief._replace(step=step + 1, mean=x, covariance=P, hypotheses=after)
+        return State(truth._replace(targets=true_states, outside=outside, scan=scan), belief)
+
+    def _check_clutter_of_step(self, step: Array, scan: Array) -> None:
+        """InputError where ``scan`` (env, ...) has a NaN: a gate with too much clutter."""
+        bad = np.isnan(scan).any(axis=1)
+        if bad.any():
+            where = f"environment {np.argmax(bad)} at step {step[bad][0]}"
             wanted = f"at most {kernels.MOST_CLUTTER:g} (smaller clutter_density, dt or q)"
             raise InputError(f"clutter in a gate of {where} has no bound or one too large, expected {wanted}")
-        after = Belief(step + 1, x, P, next((h for h in fresh if type(h) is type(hypotheses)), None))
-        return State(Truth(true_states, truth.path, truth.first, outside, scan), after)
+
+    def move(self, truth: Any, step: Array, world: Any) -> Any:
+        """The targets one step along their paths."""
+        targets = np.empty(truth.targets.shape)
+        kernels.move(step, truth.path, self._targets, targets)
+        return truth._replace(targets=targets)
+
+    def measure(self, truth: Any, belief: Any, action: Array, world: Any) -> Any:
+        """All returns near the targets: those of targets and clutter in windows, WINDOW times as large as the gates.
+
+        The gates are those that the tracker predicts before any sensor of the step has measured.
+        """
+        return self._receive(truth, belief, self.pulse(belief, action[:, None]), world)
+
+    def _receive(self, truth: Any, belief: Any, pulse: Pulse, world: Any) -> Measurements:
+        """``measure`` with any pulse."""
+        step, targets = belief.step, len(self.starts)
+        count = np.zeros((len(step), len(self.sensors)), np.int64)
+        outside, scan = np.zeros((len(step), targets), np.int64), np.zeros((len(step), 2))
+        found = kernels.measure(
+            *belief[:3], kernel_hypotheses(belief.hypotheses, len(step), targets)[1], truth.targets, world.detection,
+            world.error, world.key, pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model,
+            self._radar, count, outside, scan, NN
+        )  # fmt: skip
+        self._check_clutter_of_step(step, scan)
+        present = np.arange(count.max()) < count[..., None]
+        z = np.zeros((*present.shape, 2))
+        z[present] = found
+        first = np.where((step[:, None] + 1 == self._targets[0])[..., None], truth.first, 0.0)
+        return Measurements(z, present, first, outside, scan)
+
+    def track(self, belief: Any, action: Array, measurements: Any) -> Any:
+        """One step of the tracker.
+
+        Raises:
+            NotImplementedError: ``tracker="particle"``, whose draws depend on the order of the returns.
+        """
+        return self._follow(belief, self.pulse(belief, action[:, None]), measurements)
+
+    def _follow(self, belief: Any, pulse: Pulse, measurements: Any) -> Any:
+        """``track`` with any pulse."""
+        if self.tracker == "particle":
+            raise NotImplementedError("tracker='particle' works in transition() alone, expected another tracker")
+        if self._own_tracker:
+            return self._tracked(self._own_tracker, belief, pulse.rows((len(belief.step), 1)), measurements)
+        step, mean, covariance, hypotheses = belief[:4]
+        x, P = np.empty(mean.shape), np.empty(covariance.shape)
+        given = kernel_hypotheses(hypotheses, len(step), len(self.starts))[1]
+        fresh = trees.tree_map(np.empty_like, given)
+        kernels.track_returns(
+            step, mean, covariance, given, measurements.z, measurements.present.sum(axis=2), measurements.first,
+            pulse.rows((len(step), 1)), self._targets, *self._model, self._radar, x, P, fresh, NN
+        )  # fmt: skip
+        after = None if hypotheses is None else fresh
+        return belief._replace(step=step + 1, mean=x, covariance=P, hypotheses=after)
+
+    def _tracked(self, tracker: Tracker, belief: Any, pulse: tuple[Array, ...], measurements: Any) -> Any:
+        """``track`` by the given tracker: one update for each sensor; targets that it cannot detect keep theirs."""
+        step, (births, lifetime) = belief.step, self._targets
+        is_here = (births < step[:, None] + 1) & (step[:, None] + 1 <= births + lifetime)
+        before = Estimate(belief.mean, belief.covariance)
+        now = _chosen(is_here, tracker.predict(before, self.motion), before)
+        for i in range(len(self.sensors)):
+            is_lit, scan = self._scan(i, now, step, pulse, measurements)
+            now = _chosen(is_lit, tracker.update(now, scan), now)
+        mean = np.where((births == step[:, None] + 1)[..., None], measurements.first, now.mean)
+        return belief._replace(step=step + 1, mean=mean, covariance=now.covariance)
+
+    def _scan(
+        self, i: int, now: Estimate, step: Array, pulse: tuple[Array, ...], measurements: Any
+    ) -> tuple[Array, Scan]:
+        """Which targets sensor i may detect, (env, target) bool, and its scan, for a tracker that believes ``now``."""
+        lit, pd = np.empty(now.mean.shape[:2], np.bool_), np.empty(now.mean.shape[:2])
+        noise = np.empty((*pd.shape, 2, 2))
+        kernels.assume(i, step, *now, pulse, self._targets, self._radar, lit, noise, pd, NN)
+        z, present = measurements.z[:, i], measurements.present[:, i]
+        eta = pulse[1][:, i, None] * range_law_snr(np.abs(z[..., 0]), self.reference_range, self.nearest_range)
+        R = pulse[0][:, i, None] / eta[..., None, None]
+        place = self._radar[0][i]
+        model = MeasurementModel(lambda x: range_and_rate(x, place), lambda x: range_and_rate_jacobian(x, place))
+        origin = np.full(present.shape, UNKNOWN)
+        return lit, Scan(z, present, origin, R, model, pd, noise, max(self.clutter_density, kernels.LEAST_DENSITY))
+
+    def note(self, truth: Any, measurements: Any) -> Any:
+        """The truth with the counts of detections, clutter points and returns outside their gates."""
+        scan = np.zeros(truth.scan.shape)
+        scan[:, :2] = measurements.scan
+        return truth._replace(outside=truth.outside + measurements.outside, scan=scan)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief after one pulse of every sensor: predicted means, covariances of eqs. (13) and (14).
@@ -406,9 +520,10 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
     def state_info(self, state: State) -> dict[str, Array]:
         """Of each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
         (m^2, weighted with Lambda) and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen
-        outside its gates. Of the step: ``detections`` and ``clutter`` points inside gates; with ``tracker="particle"``
-        also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the particles; with
-        ``tracker="mixture"`` of each target the ``components`` in use.
+        outside its gates at the first sensor of a step that illuminates it. Of the step: ``detections``, and
+        ``clutter`` points inside the gates of targets that no earlier sensor has illuminated; with
+        ``tracker="particle"`` also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of
+        the particles; with ``tracker="mixture"`` of each target the ``components`` in use.
         """
         truth, belief = state
         present = np.empty(truth.outside.shape, np.bool_)
@@ -429,3 +544,11 @@ class AgileClutter(System, BestAction, LinearCost, SensorBySensor):
         if self.tracker == "mixture":
             figures["components"] = np.where(present, (belief.hypotheses.weight > 0.0).sum(axis=2), 0)
         return figures
+
+
+def _chosen(chosen: Array, one: Estimate, other: Estimate) -> Estimate:
+    """The estimates ``one`` of the targets that are ``chosen`` (env, target), the others' of ``other``."""
+    return Estimate(
+        np.where(chosen[..., None], one.mean, other.mean),
+        np.where(chosen[..., None, None], one.covariance, other.covariance),
+    )

@@ -19,7 +19,6 @@ from wavegym.systems.agile_clutter.state import (
     PlanarState,
     PositiveState,
     Pulse,
-    TrackerName,
     corners,
     drawn_around,
     target_fields,
@@ -90,7 +89,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     )
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
-    tracker: TrackerName = changed_default(AgileClutter, "tracker", "jpda")
+    tracker: Any = changed_default(AgileClutter, "tracker", "jpda")
     spread: NonNegativeState = parameter(
         (1e3, 1e3, 100.0, 100.0),
         "greatest distance of a first [x y xdot ydot] from its centre",
@@ -146,12 +145,6 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         seen = coming(belief.visible, belief.step, 1)[:, :, None]
         illuminated = self.action_set.illuminated.take(actions, 0)
         return Pulse(self.action_set.unit_covariance(actions), self._full_illumination[0], illuminated * seen)
-
-    def transition(self, state: State, action: Array, world: Any) -> State:
-        """One step: predict, transmit, detect, associate, update, sensor after sensor."""
-        after = super().transition(state, action, world)
-        step, mean, covariance, hypotheses = after.belief
-        return State(after.truth, Belief(step, mean, covariance, hypotheses, state.belief.visible))
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""

@@ -90,8 +90,13 @@ class EnergyBudgetKnown(EnergyBudget):
     def _belief(self, base: Any, energy: Array, occlusion: Array) -> Any:
         return Belief(base.step, base.mean, base.covariance, base.hypotheses, energy, occlusion)
 
-    def _draw_slot(self, belief: Any, world: World) -> tuple[Array, Array]:
-        return belief.visible[np.arange(len(belief.step)), belief.step], belief.visible.copy()
+    def _is_clear(self, belief: Any, world: World) -> Array:
+        clear: Array = belief.visible[np.arange(len(belief.step)), belief.step]
+        return clear
+
+    def _occlusion_after(self, belief: Any, is_clear: Array) -> Array:
+        visible: Array = belief.visible.copy()
+        return visible
 
     def _clear_probability(self, belief: Any) -> Array:
         slot = np.minimum(belief.step, self.horizon - 1)

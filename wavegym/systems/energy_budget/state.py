@@ -36,6 +36,19 @@ class Truth(NamedTuple):
     replaced: Array  # (env,) bool: the account could not pay the action
 
 
+class Measurements(NamedTuple):
+    """AgileClutter's measurements, and the step's energy, occlusion and replacement."""
+
+    z: Array  # (env, sensor, return, 2)
+    present: Array  # (env, sensor, return) bool
+    first: Array  # (env, target, 4)
+    outside: Array  # (env, target) int
+    scan: Array  # (env, 2)
+    spent: Array  # (env,) energy
+    occluded: Array  # (env,) bool
+    replaced: Array  # (env,) bool: the account could not pay the action
+
+
 class Belief(NamedTuple):
     """The belief, the account and the last occlusion."""
 

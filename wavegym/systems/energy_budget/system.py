@@ -20,14 +20,13 @@ from wavegym.systems.agile_clutter.state import (
     PlanarState,
     PositiveState,
     Pulse,
-    TrackerName,
     corners,
     drawn_around,
 )
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget.actions import PulseActions
-from wavegym.systems.energy_budget.state import Belief, Truth, World, account_fields, spells
+from wavegym.systems.energy_budget.state import Belief, Measurements, Truth, World, account_fields, spells
 from wavegym.trackers.information_reduction import reduction_table
 
 ROUND = 1.0 + 1e-12  # a budget short of whole quanta by rounding only is not short
@@ -109,7 +108,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
-    tracker: TrackerName = changed_default(AgileClutter, "tracker", "jpda")
+    tracker: Any = changed_default(AgileClutter, "tracker", "jpda")
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -183,20 +182,50 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         """AgileClutter's belief with the energy left and the field of the occlusion."""
         return Belief(base.step, base.mean, base.covariance, base.hypotheses, energy, occlusion)
 
-    def transition(self, state: State, action: Array, world: Any) -> State:
+    def fused_transition(self, state: State, action: Array, world: Any) -> State:
         """One step: pay, transmit, detect unless the slot is occluded, update."""
-        used, left = self.action_set.account.pay(state.belief.energy, action)
-        is_clear, occlusion = self._draw_slot(state.belief, world)
-        pulse = self._pulses(used[:, None], is_clear[:, None].astype(np.float64))
-        truth, base = self._transmit(state, pulse, world)
+        if self._own_tracker:
+            return self.composed_transition(state, action, world)
+        used, left, is_clear = self._slot(state.belief, action, world)
+        truth, belief = self._transmit(state, self._in_slot(used, is_clear), world)
         own = {"spent": self.spending[used], "occluded": ~is_clear, "replaced": used != action}
-        return State(Truth(**truth._asdict(), **own), self._belief(base, left, occlusion))
+        return State(truth._replace(**own), self._belief(belief, left, self._occlusion_after(state.belief, is_clear)))
 
-    def _draw_slot(self, belief: Any, world: World) -> tuple[Array, Array]:
-        """Whether the next slot is clear, (env,) bool, and the belief's field of the occlusion after it."""
-        draw = world.occlusion[np.arange(len(belief.step)), belief.step]
-        is_clear = draw < self.truth_model._clear_probability(belief)
-        return is_clear, (~is_clear).astype(np.float64)
+    def measure(self, truth: Truth, belief: Any, action: Array, world: Any) -> Measurements:
+        """AgileClutter's, of the pulses that the account pays; none in an occluded slot."""
+        used, _, is_clear = self._slot(belief, action, world)
+        base = self._receive(truth, belief, self._in_slot(used, is_clear), world)
+        return Measurements(*base, self.spending[used], ~is_clear, used != action)
+
+    def track(self, belief: Any, action: Array, measurements: Measurements) -> Any:
+        """One step of the tracker, which knows whether the slot was occluded, and of the account."""
+        used, left = self.action_set.account.pay(belief.energy, action)
+        is_clear = ~measurements.occluded
+        after = self._follow(belief, self._in_slot(used, is_clear), measurements)
+        return self._belief(after, left, self._occlusion_after(belief, is_clear))
+
+    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+        """AgileClutter's, with the energy spent, the occlusion and the replacement."""
+        own = {name: getattr(measurements, name) for name in ("spent", "occluded", "replaced")}
+        noted: Truth = super().note(truth, measurements)._replace(**own)
+        return noted
+
+    def _slot(self, belief: Any, action: Array, world: Any) -> tuple[Array, Array, Array]:
+        """The action that the account pays and the energy left, (env,), and whether the slot is clear, (env,) bool."""
+        return *self.action_set.account.pay(belief.energy, action), self._is_clear(belief, world)
+
+    def _in_slot(self, used: Array, is_clear: Array) -> Pulse:
+        """The pulses of actions (env,) in slots that are clear or not."""
+        return self._pulses(used[:, None], is_clear[:, None].astype(np.float64))
+
+    def _is_clear(self, belief: Any, world: World) -> Array:
+        """Whether the next slot is clear, (env,) bool."""
+        drawn: Array = world.occlusion[np.arange(len(belief.step)), belief.step]
+        return drawn < self.truth_model._clear_probability(belief)
+
+    def _occlusion_after(self, belief: Any, is_clear: Array) -> Array:
+        """The belief's field of the occlusion after a slot that was clear or not."""
+        return (~is_clear).astype(np.float64)
 
     def _clear_probability(self, belief: Any) -> Array:
         """Probability that the next slot is clear, (env,)."""

@@ -1,0 +1,168 @@
+"""The seams of agile clutter and the systems that derive from it: the compiled step is that of its parts."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import oracles
+import pytest
+
+from wavegym.core import trees
+from wavegym.core.errors import InputError
+from wavegym.envs.build import build_system
+from wavegym.sensors import gate_probability
+from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.beam_allocation import BeamAllocation
+from wavegym.systems.energy_budget import EnergyBudget
+from wavegym.systems.energy_budget.known import EnergyBudgetKnown
+from wavegym.testing.capability_check import capability_defect
+from wavegym.trackers import jpda_update, predict
+from wavegym.trackers.protocol import Estimate, ExtendedKalman
+
+KINDS = (AgileClutter, BeamAllocation, EnergyBudget, EnergyBudgetKnown)
+WORLDS = 6
+
+
+class Associating:
+    """A tracker of one's own: the project's public JPDA with an unscented transform in plain NumPy."""
+
+    gate = 4.0
+
+    def predict(self, estimate, motion):
+        return Estimate(*predict(*estimate, motion.F, motion.Q))
+
+    def update(self, estimate, scan):
+        mean, covariance = estimate.mean.copy(), estimate.covariance.copy()
+        for e in range(len(mean)):
+            lit = np.flatnonzero(scan.detection[e] > 0.0)
+            if not lit.size:
+                continue
+            x, P = estimate.mean[e, lit], estimate.covariance[e, lit]
+            centre, S, G = self.unscented(x, P, scan.model.measure)
+            mean[e, lit], covariance[e, lit] = jpda_update(
+                x, P, scan.z[e, scan.present[e]], centre, S + scan.noise[e, lit], G, scan.detection[e, lit],
+                scan.clutter_density, self.gate, float(gate_probability(self.gate)),
+            )  # fmt: skip
+        return Estimate(mean, covariance)
+
+    @staticmethod
+    def unscented(x, P, measure):
+        """Mean, covariance and cross-covariance of the measurement: Julier and Uhlmann (1997) with kappa = 0."""
+        n = x.shape[-1]
+        columns = np.sqrt(n) * np.swapaxes(np.linalg.cholesky(P), -1, -2)  # (target, column, n)
+        offset = np.concatenate([columns, -columns], axis=1)
+        z = measure(x[:, None] + offset)
+        centre = z.mean(axis=1)
+        d = z - centre[:, None]
+        return centre, np.einsum("tka,tkb->tab", d, d) / (2 * n), np.einsum("tka,tkb->tab", offset, d) / (2 * n)
+
+
+def actions(system, count, seed=0):
+    """Drawn actions of an episode."""
+    rng, constants = np.random.default_rng(seed), system.candidates()
+    return [constants[rng.integers(len(constants), size=count)] for _ in range(system.horizon)]
+
+
+def leaves(state):
+    """All arrays of a state."""
+    found = []
+    trees.tree_map(found.append, state)
+    return found
+
+
+def same(got, want):
+    """Equal but for the rounding of sums that the order of the returns decides."""
+    for one, other in zip(leaves(got), leaves(want), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("tracker", ["jpda", "mixture"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_compiled_step_is_that_of_its_parts(kind, tracker):
+    """Over whole episodes, on the same worlds: so no gate of a later sensor leaves the windows of ``measure``."""
+    system = kind(tracker=tracker, components=4, truth={"q": 1.5 * kind().q, "clutter_density": 2e-5})
+    worlds = oracles.worlds(system, WORLDS)
+    fused = system.initial(worlds)
+    clutter = 0.0
+    for action in actions(system, WORLDS):
+        composed = system.composed_transition(fused, action, worlds)
+        fused = system.transition(fused, action, worlds)
+        same(composed, fused)
+        clutter += fused.truth.scan[:, 1].sum()
+    assert clutter > 0.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_tracker_of_ones_own_plays_as_the_compiled_one(kind):
+    """The public ``jpda_update`` with a plain unscented transform: the same association, so the same costs."""
+    compiled, own = kind(clutter_density=2e-5), kind(clutter_density=2e-5, tracker=Associating())
+    worlds = oracles.worlds(compiled, WORLDS)
+    want, got = compiled.initial(worlds), own.initial(worlds)
+    for action in actions(compiled, WORLDS):
+        want, got = compiled.transition(want, action, worlds), own.transition(got, action, worlds)
+        np.testing.assert_allclose(own.cost(got.belief), compiled.cost(want.belief), rtol=1e-6)
+    assert want.belief.hypotheses is got.belief.hypotheses is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("tracker", ["jpda", "particle", Associating()])
+def test_the_capabilities_are_checked_with_every_tracker(kind, tracker):
+    last = 13 if kind is AgileClutter else kind().lifetime
+    system = kind(tracker=tracker, particles=10, horizon=last, truth={"clutter_density": 2e-5})
+    assert capability_defect(system) is None
+
+
+def test_the_order_of_returns_does_not_tell_their_origin():
+    system = AgileClutter(clutter_density=1e-3)
+    worlds = oracles.worlds(system, WORLDS)
+    state, action = system.initial(worlds), actions(system, WORLDS)[0]
+    truth = system.move(state.truth, state.belief.step, worlds)
+    measured = system.measure(truth, state.belief, action, worlds)
+    assert measured.scan[:, 1].sum() > 0
+    assert (np.diff(measured.z[..., 0], axis=2)[measured.present[..., 1:]] >= 0.0).all()
+    assert not measured.z[~measured.present].any()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_measurements_are_in_the_info(kind):
+    env = gym.make_vec(f"wavegym/{kind.__name__}-v0", num_envs=2, measurements=True)
+    env.reset(seed=0)
+    info = env.step(env.action_space.sample())[-1]
+    z, present = info["measured_z"], info["measured_present"]
+    assert z.shape == (*present.shape, 2)
+    assert present.shape[:2] == (2, len(kind().sensors))
+
+
+def test_an_estimate_is_handed_over_at_birth_and_not_before():
+    system = AgileClutter()
+    worlds = oracles.worlds(system, 2)
+    state = system.initial(worlds)
+    for k, action in enumerate(actions(system, 2)[:9], 1):
+        measured = system.measure(system.move(state.truth, state.belief.step, worlds), state.belief, action, worlds)
+        expected = state.truth.first[:, 1] if k == system.births[1] else np.zeros((2, 4))
+        np.testing.assert_array_equal(measured.first[:, 1], expected)
+        state = system.transition(state, action, worlds)
+
+
+def test_a_tracker_that_needs_origins_is_refused():
+    system = AgileClutter(tracker=ExtendedKalman())
+    worlds = oracles.worlds(system, 2)
+    with pytest.raises(InputError, match="origin is unknown"):
+        system.transition(system.initial(worlds), actions(system, 2)[0], worlds)
+
+
+@pytest.mark.parametrize(
+    ("tracker", "words"),
+    [("jdpa", "did you mean 'jpda'"), (3, "expected an object with predict"), ("no.such:Thing", "cannot be loaded")],
+)
+def test_an_invalid_tracker_is_refused(tracker, words):
+    with pytest.raises(InputError, match=words) as caught:
+        build_system(AgileClutter, {"tracker": tracker})
+    assert "\n" not in str(caught.value)
+
+
+def test_particles_have_the_compiled_step_alone():
+    system = AgileClutter(tracker="particle", particles=20)
+    worlds = oracles.worlds(system, 2)
+    with pytest.raises(NotImplementedError, match="particle"):
+        system.composed_transition(system.initial(worlds), actions(system, 2)[0], worlds)
