@@ -140,7 +140,7 @@ KALMAN = "BestSequence ClosedForm DeterministicRecursion FusedTransition Innovat
 OFFERED = {
     "KershawEvans": KALMAN,
     "KershawEvansPosition": KALMAN,
-    "AgileClutter": "BestAction LinearCost SensorBySensor",
+    "AgileClutter": "BestAction FusedTransition LinearCost SensorBySensor",
     "RfEo": "BestAction FusedTransition LinearCost Margin MostInformation SequencePlan",
     "RfEoFar": "BestAction FusedTransition LinearCost Margin MostInformation SequencePlan",
     "Urban": "",
@@ -148,9 +148,9 @@ OFFERED = {
     "CameraSlew": "Delay FusedTransition Gain LinearCost",
     "SectorSetup": "Delay FusedTransition Gain LinearCost",
     "SectorSetupCity": "Delay FusedTransition Gain LinearCost",
-    "BeamAllocation": "Delay Gain GainByTarget LinearCost",
-    "EnergyBudget": "Delay Gain LinearCost Spending",
-    "EnergyBudgetKnown": "Delay Gain LinearCost Spending",
+    "BeamAllocation": "Delay FusedTransition Gain GainByTarget LinearCost",
+    "EnergyBudget": "Delay FusedTransition Gain LinearCost Spending",
+    "EnergyBudgetKnown": "Delay FusedTransition Gain LinearCost Spending",
 }
 
 

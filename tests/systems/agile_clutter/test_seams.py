@@ -29,7 +29,7 @@ class Associating:
     gate = 4.0
 
     def predict(self, estimate, motion):
-        return Estimate(*predict(*estimate, motion.F, motion.Q))
+        return Estimate(*predict(*estimate[:2], motion.F, motion.Q))
 
     def update(self, estimate, scan):
         mean, covariance = estimate.mean.copy(), estimate.covariance.copy()

@@ -410,7 +410,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         """Which targets sensor i may detect, (env, target) bool, and its scan, for a tracker that believes ``now``."""
         lit, pd = np.empty(now.mean.shape[:2], np.bool_), np.empty(now.mean.shape[:2])
         noise = np.empty((*pd.shape, 2, 2))
-        kernels.assume(i, step, *now, pulse, self._targets, self._radar, lit, noise, pd, NN)
+        kernels.assume(i, step, now.mean, now.covariance, pulse, self._targets, self._radar, lit, noise, pd, NN)
         z, present = measurements.z[:, i], measurements.present[:, i]
         eta = pulse[1][:, i, None] * range_law_snr(np.abs(z[..., 0]), self.reference_range, self.nearest_range)
         R = pulse[0][:, i, None] / eta[..., None, None]
