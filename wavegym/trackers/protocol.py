@@ -7,14 +7,14 @@ covariance, such as the models of an IMM, the hypotheses of an MHT or particles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.loading import load_object
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers.kalman import predict, update
@@ -189,6 +189,22 @@ def _leaves(name: str, tree: Any) -> Iterator[Array]:
         yield tree
     elif tree is not None:
         raise InputError(f"{name} is {tree!r:.40}, expected a NamedTuple of arrays, or None")
+
+
+def own_tracker(tracker: object, names: Iterable[str]) -> Tracker | None:
+    """The tracker that a user puts into a system; None for the name of one of the system's own.
+
+    Args:
+        tracker: the parameter ``tracker`` of the system.
+        names: of the system's own trackers.
+
+    Raises:
+        InputError: no such name (nearest named), or as ``make_tracker``.
+    """
+    if not isinstance(tracker, str) or ":" in tracker:
+        return make_tracker(tracker)
+    check_choice("tracker", tracker, names)
+    return None
 
 
 def make_tracker(tracker: object) -> Tracker:

@@ -15,7 +15,7 @@ from wavegym.core import trees
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import BestAction, FusedTransition, LinearCost, SensorBySensor
-from wavegym.core.errors import InputError, check_positive, check_within, nearest
+from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -44,7 +44,7 @@ from wavegym.targets import MotionModel, constant_turn, random_path
 from wavegym.trackers import GaussianMixture, Particles, predict_covariance, single_gaussian
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, Scan, Tracker, make_tracker
+from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, Scan, Tracker, own_tracker
 
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
@@ -224,14 +224,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
     @cached_property
     def _own_tracker(self) -> Tracker | None:
         """The given tracker; None for one of TRACKERS."""
-        if not isinstance(self.tracker, str):
-            return make_tracker(self.tracker)
-        if self.tracker in TRACKERS:
-            return None
-        if ":" not in self.tracker:
-            listed = f"one of {', '.join(map(repr, TRACKERS))}, a Tracker or 'package.module:name'"
-            raise InputError(f"tracker is {self.tracker!r}, expected {listed}{nearest(self.tracker, TRACKERS)}")
-        return make_tracker(self.tracker)
+        return own_tracker(self.tracker, TRACKERS)
 
     @cached_property
     def action_set(self) -> ChirpActions:

@@ -23,7 +23,7 @@ from wavegym.core.capabilities import (
     LinearCost,
 )
 from wavegym.core.costs import trace_cost
-from wavegym.core.errors import InputError, check_choice, check_ordered, check_positive
+from wavegym.core.errors import InputError, check_ordered, check_positive
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Interval, NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.core.recursion import Recursion
@@ -43,7 +43,7 @@ from wavegym.targets import (
 )
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
-from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, make_tracker, track
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -186,11 +186,9 @@ class KershawEvans(
         tracker = self.tracker
         if tracker is None:
             tracker = "kalman" if self.targets == "random" else "imm"
-        if isinstance(tracker, str) and ":" not in tracker:
-            if check_choice("tracker", tracker, TRACKERS) == "kalman":
-                return None
+        if tracker == "imm":
             return ImmKalman(tuple(self._motion_with(q) for q in self.densities))
-        return make_tracker(tracker)
+        return own_tracker(tracker, TRACKERS)
 
     @cached_property
     def action_set(self) -> GaussianActions:
