@@ -23,6 +23,7 @@ from wavegym.sensors import gate_probability, range_and_rate, range_and_rate_jac
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
+from wavegym.systems.agile_clutter.given_tracker import GivenTracker
 from wavegym.systems.agile_clutter.state import (
     NN,
     TRACKERS,
@@ -44,7 +45,7 @@ from wavegym.targets import MotionModel, constant_turn, random_path
 from wavegym.trackers import GaussianMixture, Particles, predict_covariance, single_gaussian
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, Scan, Tracker, own_tracker
+from wavegym.trackers.protocol import Tracker, own_tracker
 
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
@@ -373,7 +374,8 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         if self.tracker == "particle":
             raise NotImplementedError("tracker='particle' works in transition() alone, expected another tracker")
         if self._own_tracker:
-            return self._tracked(self._own_tracker, belief, pulse.rows((len(belief.step), 1)), measurements)
+            own = GivenTracker(self._own_tracker, self.motion, self._targets, self._radar)
+            return own.follow(belief, pulse.rows((len(belief.step), 1)), measurements)
         step, mean, covariance, hypotheses = belief[:4]
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         given = kernel_hypotheses(hypotheses, len(step), len(self.starts))[1]
@@ -384,33 +386,6 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         )  # fmt: skip
         after = None if hypotheses is None else fresh
         return belief._replace(step=step + 1, mean=x, covariance=P, hypotheses=after)
-
-    def _tracked(self, tracker: Tracker, belief: Any, pulse: tuple[Array, ...], measurements: Any) -> Any:
-        """``track`` by the given tracker: one update for each sensor; targets that it cannot detect keep theirs."""
-        step, (births, lifetime) = belief.step, self._targets
-        is_here = (births < step[:, None] + 1) & (step[:, None] + 1 <= births + lifetime)
-        before = Estimate(belief.mean, belief.covariance)
-        now = _chosen(is_here, tracker.predict(before, self.motion), before)
-        for i in range(len(self.sensors)):
-            is_lit, scan = self._scan(i, now, step, pulse, measurements)
-            now = _chosen(is_lit, tracker.update(now, scan), now)
-        mean = np.where((births == step[:, None] + 1)[..., None], measurements.first, now.mean)
-        return belief._replace(step=step + 1, mean=mean, covariance=now.covariance)
-
-    def _scan(
-        self, i: int, now: Estimate, step: Array, pulse: tuple[Array, ...], measurements: Any
-    ) -> tuple[Array, Scan]:
-        """Which targets sensor i may detect, (env, target) bool, and its scan, for a tracker that believes ``now``."""
-        lit, pd = np.empty(now.mean.shape[:2], np.bool_), np.empty(now.mean.shape[:2])
-        noise = np.empty((*pd.shape, 2, 2))
-        kernels.assume(i, step, now.mean, now.covariance, pulse, self._targets, self._radar, lit, noise, pd, NN)
-        z, present = measurements.z[:, i], measurements.present[:, i]
-        eta = pulse[1][:, i, None] * range_law_snr(np.abs(z[..., 0]), self.reference_range, self.nearest_range)
-        R = pulse[0][:, i, None] / eta[..., None, None]
-        place = self._radar[0][i]
-        model = MeasurementModel(lambda x: range_and_rate(x, place), lambda x: range_and_rate_jacobian(x, place))
-        origin = np.full(present.shape, UNKNOWN)
-        return lit, Scan(z, present, origin, R, model, pd, noise, max(self.clutter_density, kernels.LEAST_DENSITY))
 
     def note(self, truth: Any, measurements: Any) -> Any:
         """The truth with the counts of detections, clutter points and returns outside their gates."""
@@ -537,11 +512,3 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         if self.tracker == "mixture":
             figures["components"] = np.where(present, (belief.hypotheses.weight > 0.0).sum(axis=2), 0)
         return figures
-
-
-def _chosen(chosen: Array, one: Estimate, other: Estimate) -> Estimate:
-    """The estimates ``one`` of the targets that are ``chosen`` (env, target), the others' of ``other``."""
-    return Estimate(
-        np.where(chosen[..., None], one.mean, other.mean),
-        np.where(chosen[..., None, None], one.covariance, other.covariance),
-    )
