@@ -15,6 +15,7 @@ from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
 BOX, LIBRARY = AgileClutter(action="box"), AgileClutter()
+WIDE = AgileClutter(action="box", tracker="jpda")  # beliefs so wide that settings differ
 STEPS = (0, 3, 7, 12, 24)
 SENSOR = ((3e3, -16e3),)
 
@@ -22,12 +23,12 @@ SENSOR = ((3e3, -16e3),)
 @pytest.fixture(scope="module")
 def beliefs():
     """Beliefs of six episodes under random choices, at ``STEPS``."""
-    worlds, rng = oracles.worlds(BOX, 6), np.random.default_rng(1)
-    state, met = BOX.initial(worlds), {}
+    worlds, rng = oracles.worlds(WIDE, 6), np.random.default_rng(1)
+    state, met = WIDE.initial(worlds), {}
     for k in range(max(STEPS) + 1):
         met[k] = state.belief
-        action = rng.uniform(-1, 1, (6, *BOX.candidates().shape[1:]))
-        state = BOX.transition(state, action, worlds)
+        action = rng.uniform(-1, 1, (6, *WIDE.candidates().shape[1:]))
+        state = WIDE.transition(state, action, worlds)
     return [met[k] for k in STEPS]
 
 

@@ -61,9 +61,9 @@ def apart(got, want):
         ({"laws": ("lfm",), "durations": (100e-6,), "sweeps": (15e6,), "horizon": 4}, 1e-6),
     ],
 )
-def test_transition_is_the_plain_loop(settings, tolerance):
+def test_transition_with_jpda_is_the_plain_loop(settings, tolerance):
     """The plain loop runs on its own results, so errors may add up over the episode."""
-    system = AgileClutter(**settings)
+    system = AgileClutter(tracker="jpda", **settings)
     worlds, rng = oracles.worlds(system, 2, seed=5), np.random.default_rng(6)
     state = system.initial(worlds)
     mean, covariance = state.belief.mean.copy(), state.belief.covariance.copy()

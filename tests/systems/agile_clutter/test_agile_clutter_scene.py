@@ -72,7 +72,7 @@ def test_the_map_is_to_scale_and_holds_truth_ellipse_and_directions_to_the_senso
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert axes.bbox.width / (right - left) == pytest.approx(axes.bbox.height / (top - bottom))
     for t in (0, 1):
-        trail, means, outline, cross = of_target(axes.lines, t)
+        _, trail, means, outline, cross = of_target(axes.lines, t)
         np.testing.assert_allclose(np.array(cross.get_data())[:, 0], now.truth.targets[0, t, :2] / 1e3)
         points = 1e3 * np.array(outline.get_data()) - now.belief.mean[0, t, :2, None]
         P = now.belief.covariance[0, t, :2, :2]
@@ -153,7 +153,9 @@ def test_one_law_in_a_box_needs_no_parameter():
 def test_the_caption_counts_what_was_received():
     moment = moment_of(played(SYSTEM, 4))
     detections, clutter = moment.states[-1].truth.scan[0, :2]
-    expected = f"2 sensors: {detections:.0f} of 4 returns detected, {clutter:.0f} clutter points in first gates"
+    one, two = SYSTEM.state_info(moment.states[-1])["components"][0]
+    received = f"2 sensors: {detections:.0f} of 4 returns detected, {clutter:.0f} clutter points in first gates"
+    expected = f"{received}  ·  components: {one}, {two}"
     assert scan_caption(SYSTEM, moment) == expected
     assert "of 2 returns" in scan_caption(SYSTEM, moment_of(played(SYSTEM, 1)))
     assert scan_caption(SYSTEM, moment_of(played(SYSTEM, 0))) == ""

@@ -74,7 +74,8 @@ def test_tracker_and_schedulers_keep_their_assumptions(kind, change):
     worlds = oracles.worlds(system, 5)
     blind = worlds._replace(detection=np.ones_like(worlds.detection))
     for one, two in zip(play(system, blind), play(changed, blind), strict=True):
-        np.testing.assert_array_equal(one.belief.covariance, two.belief.covariance)
+        # Weights of the components differ with the gates' content, so their moments do in rounding.
+        assert oracles.covariance_distance(one.belief.covariance, two.belief.covariance) < 1e-12
         moved = np.abs(one.truth.path - two.truth.path)[:, :, 1:].max(axis=3) > 0.0
         assert moved.all() if {*truth} & {"q", "turn_rate"} else not moved.any()
     state, actions = play(system, worlds)[9], system.constants()[:5]
@@ -89,7 +90,7 @@ def test_tracker_and_schedulers_keep_their_assumptions(kind, change):
 def test_a_tracker_that_is_not_told_of_the_world_is_overconfident(kind, change):
     """300 values of mean 4 and variance 8, at worst wholly correlated over steps and targets: 4 standard errors, 0.65.
 
-    Without clutter, because JPDA is overconfident in clutter even where it is told.
+    Without clutter, where a handful of steps does not set the mean (docs/consistency_in_clutter.md).
     """
     truth = mismatch(kind, change)
     assert abs(nees(kind(clutter_density=0.0, **truth)) - 4.0) < 0.65

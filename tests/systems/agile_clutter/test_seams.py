@@ -95,7 +95,7 @@ def test_a_compiled_step_is_that_of_its_parts(kind, tracker):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tracker_of_ones_own_plays_as_the_compiled_one(kind):
     """The public ``jpda_update`` with a plain unscented transform: the same association, so the same costs."""
-    compiled, own = kind(clutter_density=2e-5), kind(clutter_density=2e-5, tracker=Associating())
+    compiled, own = kind(clutter_density=2e-5, tracker="jpda"), kind(clutter_density=2e-5, tracker=Associating())
     worlds = oracles.worlds(compiled, WORLDS)
     want, got = compiled.initial(worlds), own.initial(worlds)
     for action in actions(compiled, WORLDS):

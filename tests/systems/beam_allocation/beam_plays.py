@@ -8,6 +8,7 @@ import numpy as np
 from wavegym.systems.beam_allocation.system import BeamAllocation
 
 SYSTEM = BeamAllocation()
+JPDA = BeamAllocation(tracker="jpda")  # whose step is the oracle's
 TARGET = np.repeat(np.arange(3), 2)  # target of each of a sensor's six choices
 CHIRPS = np.array([plain.unit_covariance("pfm", 3.0, *chirp) for chirp in ((50e-6, 40e6), (2e-3, 1e6))])
 

@@ -6,7 +6,7 @@ import agile_clutter_oracle as plain
 import numpy as np
 import oracles
 import pytest
-from beam_plays import CHIRPS, SYSTEM, TARGET, choices, coasted, played
+from beam_plays import CHIRPS, JPDA, SYSTEM, TARGET, choices, coasted, played
 
 from wavegym.core import trees
 from wavegym.core.capabilities import BestAction, offers
@@ -25,29 +25,29 @@ def lit_by(belief, e, i, action):
 
 def test_transition_and_predict_are_the_plain_loop():
     """AgileClutter's equations in plain NumPy, of the illuminated targets."""
-    worlds, rng = oracles.worlds(SYSTEM, 4, seed=5), np.random.default_rng(6)
+    worlds, rng = oracles.worlds(JPDA, 4, seed=5), np.random.default_rng(6)
     for steps in (0, 7, 30):
-        state = played(SYSTEM, worlds, steps)
+        state = played(JPDA, worlds, steps)
         belief, actions = state.belief, rng.integers(36, size=4)
-        after, predicted = SYSTEM.transition(state, actions, worlds), SYSTEM.predict(belief, actions)
+        after, predicted = JPDA.transition(state, actions, worlds), JPDA.predict(belief, actions)
         for e in range(4):
             k = steps + 1
-            x, P = plain.predicted(SYSTEM, k, belief.mean[e], belief.covariance[e])
+            x, P = plain.predicted(JPDA, k, belief.mean[e], belief.covariance[e])
             np.testing.assert_allclose(predicted.mean[e], x, rtol=1e-12)
             guess, true_states = P.copy(), state.truth.path[e, :, k]
-            for i, site in enumerate(np.array(SYSTEM.sensors)):
+            for i, site in enumerate(np.array(JPDA.sensors)):
                 lit, C = lit_by(belief, e, i, actions[e])
-                _, S, G, pd = plain.expected_scan(SYSTEM, site, C, predicted.mean[e], guess, lit)
+                _, S, G, pd = plain.expected_scan(JPDA, site, C, predicted.mean[e], guess, lit)
                 for t in np.flatnonzero(lit):
-                    clutter = SYSTEM.clutter_density * 16 * np.pi * np.sqrt(np.linalg.det(S[t]))
+                    clutter = JPDA.clutter_density * 16 * np.pi * np.sqrt(np.linalg.det(S[t]))
                     guess[t] -= plain.information_reduction(pd[t], clutter) * G[t] @ np.linalg.solve(S[t], G[t].T)
-                z, S, G, pd = plain.expected_scan(SYSTEM, site, C, x, P, lit)
-                scan, _, _ = plain.received(SYSTEM, worlds, e, k, i, site, C, true_states, z, S, lit)
+                z, S, G, pd = plain.expected_scan(JPDA, site, C, x, P, lit)
+                scan, _, _ = plain.received(JPDA, worlds, e, k, i, site, C, true_states, z, S, lit)
                 key = np.uint64(plain.stream(np.uint64(plain.stream(worlds.key[e], k)), i))
                 L, room = np.linalg.cholesky(S), np.empty((64, 2))
-                false, count = plain.add_clutter(key, z, L, lit, SYSTEM.gate, SYSTEM.clutter_density, room, 0)
+                false, count = plain.add_clutter(key, z, L, lit, JPDA.gate, JPDA.clutter_density, room, 0)
                 if lit.any():
-                    plain.jpda(SYSTEM, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, lit)
+                    plain.jpda(JPDA, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, lit)
             assert oracles.covariance_distance(after.belief.covariance[e], P) < 1e-9
             assert oracles.covariance_distance(predicted.covariance[e], guess) < 1e-9
             sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
@@ -83,13 +83,16 @@ def test_a_given_outcome_is_predicted_as_the_world_updates_it():
 
 @pytest.mark.parametrize("action", [0 * 6 + 3, 1 * 6 + 0, 4 * 6 + 5])
 def test_expected_prediction_is_the_mean_of_the_world(action):
-    """Mean cost over 20 000 truths drawn from one belief; within 1 % of the reduction, and five standard errors."""
+    """Mean cost over 20 000 truths drawn from one belief; within 1 % of the reduction, and five standard errors.
+
+    With JPDA, because prediction begins with one Gaussian for each target.
+    """
     count = 20_000
-    one = played(SYSTEM, oracles.worlds(SYSTEM, 1, 4), 4)
+    one = played(JPDA, oracles.worlds(JPDA, 1, 4), 4)
     belief = trees.tree_map(lambda leaf: np.repeat(leaf, count, axis=0), one.belief)
     belief = belief._replace(visible=np.ones_like(belief.visible))
-    rng, (F, Q) = np.random.default_rng(action), plain.transition(SYSTEM)
-    tape = oracles.worlds(SYSTEM, 1, 4)
+    rng, (F, Q) = np.random.default_rng(action), plain.transition(JPDA)
+    tape = oracles.worlds(JPDA, 1, 4)
     worlds = type(tape)(*(np.repeat(leaf, count, axis=0) for leaf in tape))
     worlds = worlds._replace(
         detection=rng.random(worlds.detection.shape),
@@ -100,12 +103,10 @@ def test_expected_prediction_is_the_mean_of_the_world(action):
     drawn = belief.mean + np.einsum("tab,etb->eta", np.linalg.cholesky(one.belief.covariance[0]), normal(rng, count))
     path[:, :, 5] = drawn @ F.T + normal(rng, count) @ np.linalg.cholesky(Q).T
     truth = trees.tree_map(lambda leaf: np.repeat(leaf, count, axis=0), one.truth)._replace(path=path)
-    costs = SYSTEM.cost(
-        SYSTEM.transition(one._replace(truth=truth, belief=belief), np.full(count, action), worlds).belief
-    )
+    costs = JPDA.cost(JPDA.transition(one._replace(truth=truth, belief=belief), np.full(count, action), worlds).belief)
     few = trees.tree_map(lambda leaf: leaf[:1], belief)
-    predicted = SYSTEM.cost(SYSTEM.predict(few, np.array([action])))[0]
-    nothing = SYSTEM.cost(SYSTEM.predict(few, np.array([action]), np.ones((1, 2, 3))))[0]
+    predicted = JPDA.cost(JPDA.predict(few, np.array([action])))[0]
+    nothing = JPDA.cost(JPDA.predict(few, np.array([action]), np.ones((1, 2, 3))))[0]
     assert nothing - predicted > 50 * costs.std() / np.sqrt(count)
     assert abs(costs.mean() - predicted) < 0.01 * (nothing - predicted) + 5 * costs.std() / np.sqrt(count)
 

@@ -17,7 +17,7 @@ from wavegym.trackers import GaussianMixture, Particles
 PlanarState = tuple[float, float, float, float]  # [x y xdot ydot]
 PositiveState = tuple[Positive, Positive, Positive, Positive]
 NonNegativeState = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
-TRACKERS = ("jpda", "particle", "mixture")
+TRACKERS = ("mixture", "jpda", "particle")
 NN = (0, 0, 0, 0)  # size of [x y xdot ydot], as the kernels take it
 
 

@@ -62,18 +62,19 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         probability Pd = Pf^(1 / (1 + eta)). Clutter is a Poisson field over range and range-rate, new at every step and
         sensor and the same for all pulses and trackers; the tracker takes the returns inside its validation gates, so a
         pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
-        at the predicted one. Sensor by sensor, an unscented filter with joint probabilistic data association updates
-        all targets. ``tracker="particle"``: a Rao-Blackwellised particle filter samples joint associations from their
-        exact posterior; it keeps several modes of the posterior, which JPDA merges into one. ``tracker="mixture"``: a
-        Gaussian mixture for each target, in which every component branches by its associations; the mixture is merged
-        down to ``components`` without a change of its covariance. Long, wide chirps measure
-        best; phase functions differ in the correlation of range and range-rate errors.
+        at the predicted one. Sensor by sensor, unscented filters with exact joint association update all targets. The
+        belief about a target is a Gaussian mixture: every component branches by its associations, and the branches are
+        merged down to ``components`` without a change of the covariance. ``tracker="jpda"`` (joint probabilistic data
+        association) merges all branches into one Gaussian at once and believes too much. ``tracker="particle"``: a
+        Rao-Blackwellised particle filter samples joint associations from their exact posterior. Long, wide chirps
+        measure best; phase functions differ in the correlation of range and range-rate errors.
 
     Rewards
         -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities. P
-        is the tracker's own covariance, which stays small for many a lost track: JPDA loses one in fifteen (``lost``,
-        ``nees``), particles one in a hundred, the mixture one in two thousand. ``reward="error"`` measures the true
-        error.
+        is the covariance of the mixture, the spread of its components included: a track in doubt costs more. Every
+        target exists from its birth to the end of its lifetime, so the cost needs no probability of existence.
+        ``tracker="jpda"`` has a P that stays small for many a lost track (``lost``, ``nees``). ``reward="error"``
+        measures the true error.
 
     Starting state
         True targets start at ``starts``; the first estimate is drawn around the start with covariance P0 =
@@ -141,9 +142,9 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         unit="",
     )
     tracker: Any = parameter(
-        "jpda",
-        '"jpda" (joint probabilistic data association), "particle" (a Rao-Blackwellised particle filter), "mixture" '
-        "(Gaussian mixtures), a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one",
+        "mixture",
+        '"mixture" (Gaussian mixtures), "jpda" (joint probabilistic data association), "particle" (a Rao-Blackwellised '
+        "particle filter), a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one",
         unit="",
     )
     particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)

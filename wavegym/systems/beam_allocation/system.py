@@ -48,7 +48,8 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
 
     Rewards
         -trace(Lambda P) summed over the targets, hidden ones included, Lambda = diag(weights): m^2, with 1 s^2 on the
-        velocities.
+        velocities. P is the covariance of the mixture, as in wavegym/AgileClutter-v0: a lost track costs more. Every
+        target exists throughout, so the cost needs no probability of existence.
 
     Starting state
         True targets start uniformly within ``spread`` of ``starts``; the first estimates are drawn around the truth
@@ -89,7 +90,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     )
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
-    tracker: Any = changed_default(AgileClutter, "tracker", "jpda")
+    tracker: Any = changed_default(AgileClutter, "tracker", "mixture")
     spread: NonNegativeState = parameter(
         (1e3, 1e3, 100.0, 100.0),
         "greatest distance of a first [x y xdot ydot] from its centre",

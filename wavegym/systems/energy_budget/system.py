@@ -50,7 +50,8 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         and lose the energy of their pulses.
 
     Rewards
-        As wavegym/AgileClutter-v0: -trace(Lambda P).
+        -trace(Lambda P), P the covariance of the mixture, as in wavegym/AgileClutter-v0: a lost track costs more. Every
+        target exists throughout, so the cost needs no probability of existence.
 
     Starting state
         Each target starts uniformly within ``spread`` of ``starts``, the first estimate is drawn around the start with
@@ -108,7 +109,7 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
-    tracker: Any = changed_default(AgileClutter, "tracker", "jpda")
+    tracker: Any = changed_default(AgileClutter, "tracker", "mixture")
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
