@@ -2,8 +2,9 @@
 
 ``results/distribution_shifts.toml`` lists the changed parameters. Agents and tuned constants stay those of the
 original parameters. Each shift is played twice: the tracker, and therefore prediction, knows the new parameters; and,
-where the truth may differ in all of them, the tracker does not. Results go to results/distribution_shift, their tables
-to docs/learned.md. ``--tables`` renews the tables without playing.
+where the truth may differ in all of them, the tracker does not. There the best planner plays too, on the first
+``PLANNED`` of the worlds. Results go to results/distribution_shift, their tables to docs/learned.md. ``--tables``
+renews the tables without playing.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameters import parameter_infos
+from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.account import Account
@@ -34,11 +36,12 @@ from wavegym.evaluation.table import both, decimal, flagged, interval, number, o
 from wavegym.evaluation.worlds import word
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
-from wavegym.schedulers.tuned_constants import SIMPLE
+from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
 
 FILE, FOLDER = ROOT / "results" / "distribution_shifts.toml", ROOT / "results" / "distribution_shift"
 START, END = "<!-- made by `python -m agents.distribution_shift`: -->", "<!-- shifts to here -->"
 WORLDS = 200
+PLANNED = 32  # worlds of the planner, which takes most of the time
 KNOWN, UNKNOWN = "known", "unknown"  # to the tracker
 
 
@@ -61,8 +64,12 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
         if folder.is_dir():
             own = environment_of(folder)
             policies[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
+    planner = make_policy(PLANNER, original, None)
     return {
-        shift: {half: _figures(env_id, policies, changes, jobs) for half, changes in halves(original, given).items()}
+        shift: {
+            half: _figures(env_id, policies, planner if half == UNKNOWN else None, changes, jobs)
+            for half, changes in halves(original, given).items()
+        }
         for shift, given in shifts.items()
     }
 
@@ -75,8 +82,10 @@ def halves(system: System, parameters: dict[str, Any]) -> dict[str, dict[str, An
     return found
 
 
-def _figures(env_id: str, policies: dict[str, Any], changes: dict[str, Any], jobs: int) -> dict[str, Any]:
-    """Each policy, with its own actions, and the one-step scheduler in the changed environment."""
+def _figures(
+    env_id: str, policies: dict[str, Any], planner: Policy | None, changes: dict[str, Any], jobs: int
+) -> dict[str, Any]:
+    """Each policy, with its own actions, the one-step scheduler and perhaps a planner in the changed environment."""
     accounts: dict[str, Account] = {}
     for name, (own, policy) in policies.items():
         comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, **own, **changes)
@@ -84,6 +93,10 @@ def _figures(env_id: str, policies: dict[str, Any], changes: dict[str, Any], job
             accounts.setdefault(each, comparison.account(each))
     dimension, simple = comparison.task.system.nees_dimension, accounts[SIMPLE]
     rows = {name: _against_simple(account, simple, dimension) for name, account in accounts.items()}
+    if planner:
+        few = min(PLANNED, WORLDS)
+        account = compare(env_id, {PLANNER: planner}, worlds=few, jobs=jobs, **changes).account(PLANNER)
+        rows[PLANNER] = _against_simple(account, Account(*(values[:, :few] for values in simple)), dimension)
     return {"policies": rows, "reversals": reversals(accounts, SEED)}
 
 
@@ -108,15 +121,18 @@ def tables(results: dict[str, dict[str, Any]]) -> str:
 
 def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
     """Every policy against the best simple heuristic; beside the errors by truth also NEES and tracks lost."""
-    head = ["environment", "shift", "myopic", "PPO", "95 %", "DQN", "95 %"]
+    compared = (*((PLANNER,) if half == UNKNOWN else ()), *LEARNERS)
+    head = ["environment", "shift", "myopic"]
+    for name in compared:
+        head += [name.upper() if name in LEARNERS else "best planner", "95 %"]
     if by == "truth":
         head += ["NEES: best simple", "95 %", "lost: best simple", "PPO", "DQN"]
     rows = []
     for env, shift, found in _played(results, half):
         policies = found["policies"]
         cells = [env, shift, signed(policies[BASELINE][by]["percent"])]
-        for algo in LEARNERS:
-            row = policies.get(algo)
+        for name in compared:
+            row = policies.get(name)
             cells += [signed(row[by]["percent"]), interval(row[by]["ci"], signed)] if row else ["", ""]
         if by == "truth":
             nees = policies[SIMPLE]["nees"]

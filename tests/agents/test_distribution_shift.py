@@ -46,6 +46,7 @@ def test_a_shift_changes_as_much_as_its_name_says(env: str, name: str, given: di
 
 def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(shift, "WORLDS", 4)
+    monkeypatch.setattr(shift, "PLANNED", 3)
     monkeypatch.setattr(shift, "SAVED", tmp_path)
     found = shift.play("SectorSetup", {"harder": {"reference_snr": 10.0}, "none": {}}, jobs=1)
     none, harder = (found[name][shift.KNOWN]["policies"] for name in ("none", "harder"))
@@ -54,8 +55,13 @@ def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.Monke
     assert harder["myopic"]["belief"]["percent"] > 0.0
     assert harder["myopic"]["truth"]["percent"] > 0.0
     assert np.isfinite(harder["myopic"]["nees"]["mean"])
+    planner = found["none"][shift.UNKNOWN]["policies"]["best-planner"]
+    assert planner["belief"]["percent"] < 0.0  # on the first of the same worlds
+    assert found["none"][shift.KNOWN]["policies"].keys() == {"myopic", "best-simple"}
     known, unknown = shift.tables({"SectorSetup": found}).split("The tracker does not know it.")
     assert known.startswith("The tracker knows the change. By belief:")
+    assert "best planner" in unknown
+    assert "best planner" not in known
     assert known.count("| SectorSetup | harder") == 2  # by belief and by truth
     assert unknown.count(" none |") == 2
 
@@ -78,7 +84,9 @@ def test_a_shift_of_which_the_tracker_does_not_know_shows_in_truth_alone(
         ("none", "known"): "",
         ("none", "unknown"): "",
     }
-    assert found["none"]["known"] == found["none"]["unknown"]
+    without_change = found["none"]["unknown"]["policies"]
+    del without_change["best-planner"]
+    assert found["none"]["known"]["policies"] == without_change
     assert " high |" in shift.tables({"KershawEvansPosition": found}).partition("does not know")[2]
 
 
