@@ -24,6 +24,7 @@ from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED, stem
@@ -38,7 +39,7 @@ ROOT = Path(__file__).parents[1]
 HEADROOM, LEADERBOARD = ROOT / "results" / "headroom", ROOT / "results" / "leaderboard"
 PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
 START, END = "<!-- made by `make leaderboard`: -->", "<!-- to here -->"
-WORLDS, SEED = 200, 0  # those of `make headroom`
+SEED = 0  # of the worlds of `make headroom`
 
 
 def play(env_id: str, jobs: int) -> None:

@@ -89,6 +89,21 @@ def test_figures_are_paired_with_the_best_simple_rule():
     assert text.count("\n\n## ") == 1
 
 
+def test_the_overview_shows_the_consistency_where_it_is_measured():
+    names = ("random", "best-simple", "myopic", "best-planner")
+    found = json.loads(json.dumps(headroom.figures(comparison_of(dict.fromkeys(names, np.ones((50, 6)))))))
+    assert "true over believed" not in headroom_page.overview([found])
+    nees, over = ({name: 10.0 * k + n for n, name in enumerate(names)} for k in (1, 2))
+    for name in names:
+        found["policies"][name] |= {
+            "nees": {"mean": nees[name], "flag": "high" if name == "myopic" else ""},
+            "true_over_believed": {"ratio": over[name]},
+        }
+    text = headroom_page.overview([found, {**found, "nees_dimension": 4}])
+    (line,) = re.findall(r"^\| Delay-v0 +\| +4 \|.*", text, re.MULTILINE)
+    assert line.replace(" ", "").endswith("|4|10.00|20.00|11.00|21.00|12.00high|22.00|13.00|23.00|")
+
+
 def test_the_page_names_policies_whose_order_is_another_by_truth():
     rng = np.random.default_rng(0)
     costs = {name: rng.lognormal(0.0, 0.3, (50, 6)) for name in ("best-simple", "best-planner")}

@@ -48,7 +48,7 @@ LADDER = (
     "plan-once",
     "best-planner",
 )
-WORLDS = 200
+WORLDS = 300
 LONGEST = 100  # greatest horizon for plan-once
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks
+from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.table import (
     CONSISTENCY,
@@ -21,6 +22,7 @@ from wavegym.evaluation.table import (
     consistency_row,
     consistency_title,
     decimal,
+    flagged,
     interval,
     number,
     order_sentence,
@@ -36,6 +38,7 @@ START, END = "<!-- made by `make headroom`: -->", "<!-- to here -->"
 BELIEF = ("policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision")
 TRUTH = ("policy", "squared error m²", "95 %", "vs best simple %", "95 %", "RMS error m", "lost")
 STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")  # of the overview
+TITLES = {"random": "random", SIMPLE: "best simple", BASELINE: "myopic", PLANNER: "best planner"}  # of its third table
 
 
 def block(results: list[dict[str, Any]]) -> str:
@@ -44,8 +47,13 @@ def block(results: list[dict[str, Any]]) -> str:
 
 
 def overview(results: list[dict[str, Any]]) -> str:
-    """Two tables, by belief and by truth: how much each policy costs or errs more or less than the best simple rule."""
-    return both(_overview(results, _by_belief), _overview(results, _by_truth))
+    """How much each policy costs by belief and errs by truth against the best simple rule, and the consistency."""
+    costs_and_errors = both(_overview(results, _by_belief), _overview(results, _by_truth))
+    measured = [result for result in results if result["nees_dimension"]]
+    if not measured:
+        return costs_and_errors
+    title = "Mean NEES, flagged where its interval is over a tenth off, and true over believed squared error"
+    return f"{costs_and_errors}\n\n{title}:\n\n{_consistency(measured)}"
 
 
 Estimated = tuple[float | None, list[float] | None]  # a value and its interval
@@ -60,6 +68,21 @@ def _overview(results: list[dict[str, Any]], against_simple: Callable[[dict[str,
         cells = [signed(against_simple(policies[name])[0]) if name in policies else "" for name in STEPS]
         ends = interval(against_simple(policies[PLANNER])[1], signed)
         rows.append([_short(result), prepared.get(SIMPLE, SIMPLE), *cells, ends])
+    return tabulated(head, rows)
+
+
+def _consistency(results: list[dict[str, Any]]) -> str:
+    """One line for each environment."""
+    head = ["environment", "expected NEES"]
+    for title in TITLES.values():
+        head += [f"{title}: NEES", "true over believed"]
+    rows = []
+    for result in results:
+        cells = [_short(result), str(result["nees_dimension"])]
+        for row in (result["policies"][name] for name in TITLES):
+            nees, ratio = row["nees"], row["true_over_believed"]["ratio"]
+            cells += [flagged(nees["mean"], nees["flag"]), number(ratio)]
+        rows.append(cells)
     return tabulated(head, rows)
 
 
