@@ -105,11 +105,11 @@ def run() -> dict[str, tuple[Ratio, float | None]]:
     envs.reset(seed=0)
     return {
         "decision: 256 chirps, two sensors, two targets": (decision(), 500.0),
-        "AgileClutter step with JPDA, single, against two UKFs without clutter or association": (
+        "AgileClutter step, single, against two UKFs without clutter or association": (
             compare(lambda: single_step(env, action), lambda: filterpy_filters(100)),
             None,
         ),
-        "AgileClutter step with JPDA, batch of 256, against the same": (
+        "AgileClutter step, batch of 256, against the same": (
             compare(lambda: vector_step(envs, actions), lambda: filterpy_filters(100)),
             None,
         ),
