@@ -27,7 +27,14 @@ SYSTEMS = {
     "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
 }
 
-SHELL = ("reward", "forecasts", "measurements", "render_mode", "autoreset_mode")  # of an environment, not its system
+SHELL = (
+    "reward",
+    "forecasts",
+    "measurements",
+    "observation",
+    "render_mode",
+    "autoreset_mode",
+)  # of an environment, not its system
 PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 

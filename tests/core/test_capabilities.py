@@ -136,18 +136,21 @@ def test_every_capability_of_the_suite_holds(name):
     assert capability_defect(make_task(name, {}).system) is None
 
 
-KALMAN = "BestSequence ClosedForm DeterministicRecursion FusedTransition InnovationCovariance LinearCost"
+KALMAN = (
+    "BestSequence ClosedForm DeterministicRecursion FusedTransition InnovationCovariance LinearCost "
+    "MeasurementObservation"
+)
 OFFERED = {
     "KershawEvans": KALMAN,
     "KershawEvansPosition": KALMAN,
     "AgileClutter": "BestAction FusedTransition LinearCost SensorBySensor",
-    "RfEo": "BestAction FusedTransition LinearCost Margin MostInformation SequencePlan",
-    "RfEoFar": "BestAction FusedTransition LinearCost Margin MostInformation SequencePlan",
+    "RfEo": "BestAction FusedTransition LinearCost Margin MeasurementObservation MostInformation SequencePlan",
+    "RfEoFar": "BestAction FusedTransition LinearCost Margin MeasurementObservation MostInformation SequencePlan",
     "Urban": "",
     "UrbanSignal": "",
-    "CameraSlew": "Delay FusedTransition Gain LinearCost",
-    "SectorSetup": "Delay FusedTransition Gain LinearCost",
-    "SectorSetupCity": "Delay FusedTransition Gain LinearCost",
+    "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation",
+    "SectorSetup": "Delay FusedTransition Gain LinearCost MeasurementObservation",
+    "SectorSetupCity": "Delay FusedTransition Gain LinearCost MeasurementObservation",
     "BeamAllocation": "Delay FusedTransition Gain GainByTarget LinearCost",
     "EnergyBudget": "Delay FusedTransition Gain LinearCost Spending",
     "EnergyBudgetKnown": "Delay FusedTransition Gain LinearCost Spending",

@@ -212,6 +212,28 @@ class SensorBySensor(Capability, members=("sensor_costs",), shortcut_for=("predi
         """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, before the next sensor's pulse."""
 
 
+class MeasurementObservation(Capability, members=("measurement_fields", "measured"), shortcut_for=("measure",)):
+    """Measurements of a step as an observation that holds nothing of the belief."""
+
+    @property
+    @abstractmethod
+    def measurement_fields(self) -> tuple[Any, ...]:
+        """The ``ObservationField`` of each column of ``measured``."""
+
+    @abstractmethod
+    def measured(self, measurements: Any) -> Array:
+        """What ``measure`` reported, (env, fields); a field of what was not received has its centre."""
+
+    @property
+    def setting_fields(self) -> tuple[Any, ...]:
+        """The ``ObservationField`` of each column of ``settings_of``; by default none."""
+        return ()
+
+    def settings_of(self, belief: Any) -> Array:
+        """The sensors' own settings, which they know without a tracker, (env, fields)."""
+        return np.zeros((len(belief.step), 0))
+
+
 CAPABILITIES: tuple[type[Capability], ...] = (
     FusedTransition,
     BestAction,
@@ -228,6 +250,7 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     InnovationCovariance,
     ClosedForm,
     SensorBySensor,
+    MeasurementObservation,
 )
 
 

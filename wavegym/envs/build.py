@@ -19,6 +19,8 @@ SETTINGS = {  # of every environment, with their meaning
     "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "
     '{"q": 4.0}; the parameters that may differ are marked',
     "measurements": "whether the info of a step holds what the sensors reported: `measured_z` and so on",
+    "observation": '"belief", or "measurements" for agents that remember: the time, the last action, the sensors\' own '
+    "settings and what they reported last; only some systems offer it",
     "max_episode_steps": "truncate after this many steps, before the system's own end",
     "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
 }

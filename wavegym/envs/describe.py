@@ -19,7 +19,7 @@ import numpy as np
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import parameter_infos
-from wavegym.core.system import System
+from wavegym.core.system import ObservationField, System
 from wavegym.envs.build import SETTINGS
 from wavegym.observations.scaling import LIMIT
 from wavegym.registration import full_id
@@ -67,7 +67,7 @@ def describe(id: str, /, **parameters: Any) -> str:
         "## Actions",
         *(_actions(form, chosen) for form, chosen in _forms(system).items()),
         "## Observations",
-        _observations(system),
+        _observations(env.batch.episodes.observer.observation_fields),  # type: ignore[attr-defined]
         "## Info",
         _info(env, system),
         "## Parameters",
@@ -136,7 +136,7 @@ def _combinations(actions: JointLibrary) -> str:
     )
 
 
-def _observations(system: System) -> str:
+def _observations(fields: tuple[ObservationField, ...]) -> str:
     """Every field with its scale and its bounds in physical units."""
     rows = [
         (
@@ -148,7 +148,7 @@ def _observations(system: System) -> str:
             f"{field.centre - LIMIT * field.scale:g} to {field.centre + LIMIT * field.scale:g}",
             field.meaning,
         )
-        for i, field in enumerate(system.observation_fields)
+        for i, field in enumerate(fields)
     ]
     text = f"`Box({-LIMIT:g}, {LIMIT:g}, ({len(rows)},), float32)`: (value - centre) / scale, clipped to the bounds."
     return f"{text}\n\n" + table(("index", "name", "unit", "centre", "scale", "bounds", "meaning"), rows)

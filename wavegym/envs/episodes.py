@@ -12,10 +12,13 @@ from gymnasium.utils import seeding
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.system import State, System
 from wavegym.envs.rewards import Reward, Transition
+from wavegym.observations.measured import MeasurementObserver
 from wavegym.observations.observer import Observer
+
+OBSERVATIONS = ("belief", "measurements")
 
 Info = dict[str, Array]  # state info or transition info, each value (env, ...)
 
@@ -29,19 +32,28 @@ class Episodes:
         reward: scores each step.
         forecasts: whether observations also hold forecasts of each candidate.
         measurements: whether a step also returns what the sensors reported.
+        observation: "belief", or "measurements" for what the sensors reported alone.
 
     Raises:
-        InputError: measurements of a system that does not measure apart from tracking.
+        InputError: measurements of a system that does not measure apart from tracking; another observation, or one
+            that the system does not have.
     """
 
     def __init__(
-        self, system: System, num_envs: int, reward: Reward, forecasts: bool = False, measurements: bool = False
+        self,
+        system: System,
+        num_envs: int,
+        reward: Reward,
+        forecasts: bool = False,
+        measurements: bool = False,
+        observation: str = "belief",
     ) -> None:
         if measurements and type(system).measure is System.measure:
             wanted = f"False (nearest): {type(system).__name__} has no method measure"
             raise InputError(f"measurements is True, expected {wanted}")
         self.system, self.num_envs, self.reward, self.measurements = system, num_envs, reward, measurements
-        self.observer = Observer(system, forecasts)
+        self.observer = make_observer(system, observation, forecasts)
+        self._received: Array | None = None  # by environment, what a MeasurementObserver shows
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self.seeds: list[int | None] = [None] * num_envs  # -1 where a generator was given instead
         self.world: Any = None
@@ -71,6 +83,8 @@ class Episodes:
             trees.overwrite(self.world, rows, world)
             trees.overwrite(self._memory, rows, memory)
             self._state = trees.scattered(self.state, rows, state)
+        if isinstance(self.observer, MeasurementObserver):
+            self._received = _replaced(self._received, rows, self.observer.first(self.state.belief))
 
     def generator(self, row: int) -> np.random.Generator:
         """The generator of one environment's worlds, seeded at random where no seed was given."""
@@ -87,7 +101,7 @@ class Episodes:
         (``check_vector_env`` finds systems that do not).
         """
         system, state = self.system, self.state
-        observation, saturated = self.observer(state.belief)
+        observation, saturated = self.observer(state.belief if self._received is None else self._received)
         state_info = {"cost": system.cost(state.belief), "saturated": saturated, **system.state_info(state)}
         return observation, state_info
 
@@ -104,16 +118,44 @@ class Episodes:
         if keep is not None:
             following = trees.merged(following, keep, previous)
         self._state = following
+        measured = self._measured(previous, actions)
+        if isinstance(self.observer, MeasurementObserver):
+            received = self.observer.after(following.belief, actions, measured)
+            self._received = received if keep is None else _replaced(self._received, ~keep, received)
         observation, state_info = self.observe()
         reward, terms = self.reward(
             Transition(self.system, previous, actions, following, state_info["cost"], self._memory)
         )
         if self.measurements:
-            terms = {**terms, **self._measured(previous, actions)}
+            terms = {**terms, **{f"measured_{name}": values for name, values in measured._asdict().items()}}
         return observation, state_info, reward, terms
 
-    def _measured(self, previous: State, actions: Array) -> Info:
-        """What the sensors reported in the step from ``previous``: ``measured_z`` for the field z, and so on."""
+    def _measured(self, previous: State, actions: Array) -> Any:
+        """What the sensors reported in the step from ``previous``; None where nobody asks for it."""
+        if not self.measurements and self._received is None:
+            return None
         truth = self.system.move(previous.truth, previous.belief.step, self.world)
-        measurements = self.system.measure(truth, previous.belief, actions, self.world)
-        return {f"measured_{name}": values for name, values in measurements._asdict().items()}
+        return self.system.measure(truth, previous.belief, actions, self.world)
+
+
+def _replaced(old: Array | None, rows: Array, new: Array) -> Array:
+    """``old`` with the rows (bool, env) of ``new``; without ``old`` all of ``new``."""
+    return new if old is None else np.where(rows[:, None], new, old)
+
+
+def make_observer(system: System, observation: str, forecasts: bool = False) -> Observer | MeasurementObserver:
+    """What makes the observations of an environment.
+
+    Args:
+        system: the closed loop.
+        observation: "belief" or "measurements".
+        forecasts: whether forecasts of each candidate follow the belief's fields.
+
+    Raises:
+        InputError: another observation, one that the system does not have, or forecasts beside measurements.
+    """
+    if check_choice("observation", observation, OBSERVATIONS) == "belief":
+        return Observer(system, forecasts)
+    if forecasts:
+        raise InputError("forecasts is True with observation='measurements', expected False: forecasts tell the belief")
+    return MeasurementObserver(system)

@@ -71,7 +71,11 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
         InputError: an action that the environment refuses.
     """
     env = WaveformVectorEnv(
-        task.system, len(seeds), autoreset_mode="NextStep", max_episode_steps=task.max_episode_steps
+        task.system,
+        len(seeds),
+        autoreset_mode="NextStep",
+        max_episode_steps=task.max_episode_steps,
+        observation=task.observation,
     )
     observation, _ = env.reset(seed=list(seeds))
     account = _Account(task, len(seeds))

@@ -22,12 +22,14 @@ class Task:
         system: the closed loop.
         max_episode_steps: truncation before the system's own end, or None.
         settings: the system's parameters that differ from those registered.
+        observation: what policies observe, "belief" or "measurements"; schedulers read the belief itself.
     """
 
     env_id: str
     system: System
     max_episode_steps: int | None
     settings: Mapping[str, Any]
+    observation: str = "belief"
 
 
 def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
@@ -40,4 +42,6 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
     spec = gym.spec(env_id)
     registered = {key: value for key, value in spec.kwargs.items() if key not in SHELL}  # the cost itself is reported
     system, limit = registered.pop("system"), registered.pop("max_episode_steps", spec.max_episode_steps)
-    return Task(env_id, build_system(system, {**registered, **settings}), limit, dict(settings))
+    parameters = {**registered, **settings}
+    observation = parameters.pop("observation", spec.kwargs.get("observation", "belief"))
+    return Task(env_id, build_system(system, parameters), limit, dict(settings), observation)

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost
+from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost, MeasurementObservation
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import check_ordered
 from wavegym.core.parameters import Positive, parameter, system_parameters
@@ -30,6 +30,7 @@ from wavegym.systems.camera_slew.state import (
 )
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.rf_eo.look_kernels import Rules
+from wavegym.systems.rf_eo.state import received_fields, received_values
 from wavegym.systems.rf_eo.system import (
     FARTHEST,
     GREATEST,
@@ -54,7 +55,7 @@ Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
 @system_parameters
-class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
+class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
@@ -419,6 +420,27 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay):
         platforms = self.loop.observe(platform_belief(belief, self._earlier_noise))
         left = 1.0 - belief.step / self.horizon
         return np.concatenate([platforms, left[:, None], belief.settling[:, None], own], axis=1)
+
+    @property
+    def measurement_fields(self) -> tuple[ObservationField, ...]:
+        """What the platforms reported last of each target."""
+        return received_fields(self.targets, len(self.platforms))
+
+    def measured(self, measurements: Measurements) -> Array:
+        """See ``measurement_fields``."""
+        return received_values(measurements.z, measurements.variance)
+
+    @property
+    def setting_fields(self) -> tuple[ObservationField, ...]:
+        """Where the camera points, and whether it has settled."""
+        return (
+            ObservationField("pointing", "rad", 0.0, 1.8, "azimuth to which the camera points"),
+            ObservationField("settling", "1", 0.5, 1.0, "steps to settle that are left after the camera's turn"),
+        )
+
+    def settings_of(self, belief: Belief) -> Array:
+        """See ``setting_fields``."""
+        return np.stack([belief.pointing, belief.settling], axis=1)
 
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the camera.

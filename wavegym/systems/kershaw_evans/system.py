@@ -21,6 +21,7 @@ from wavegym.core.capabilities import (
     FusedTransition,
     InnovationCovariance,
     LinearCost,
+    MeasurementObservation,
 )
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
@@ -53,7 +54,14 @@ TRACKERS = "kalman", "imm"
 
 @system_parameters
 class KershawEvans(
-    System, FusedTransition, BestSequence, DeterministicRecursion, LinearCost, InnovationCovariance, ClosedForm
+    System,
+    FusedTransition,
+    BestSequence,
+    DeterministicRecursion,
+    LinearCost,
+    InnovationCovariance,
+    ClosedForm,
+    MeasurementObservation,
 ):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
@@ -400,6 +408,22 @@ class KershawEvans(
         out = np.empty((len(belief.step), len(self.observation_fields)))
         kernels.observe(belief.mean, belief.covariance, belief.step, self.horizon, *self._law, out)
         return out
+
+    @property
+    def measurement_fields(self) -> tuple[ObservationField, ...]:
+        """Range and range-rate of the last pulse."""
+        near, far = self.start_range
+        return (
+            ObservationField("range", "m", 0.5 * (near + far), max(0.5 * (far - near), 1.0), "last measured range"),
+            ObservationField(
+                "signed_log10_rate", "log10(m/s)", 0.0, 1.5, "sign(v) log10(1 + |v|), v the last measured range-rate"
+            ),
+        )
+
+    def measured(self, measurements: Measurements) -> Array:
+        """See ``measurement_fields``."""
+        rate = measurements.z[:, 1]  # short pulses err by kilometres a second
+        return np.stack([measurements.z[:, 0], np.sign(rate) * np.log10(1.0 + abs(rate))], axis=1)
 
     def state_info(self, state: State) -> dict[str, Array]:
         """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2);

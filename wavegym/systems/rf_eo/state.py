@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
 
@@ -42,6 +44,33 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
+
+
+def received_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:
+    """What each platform reported of each target, in the order of ``received_values``."""
+    listed = []
+    for t in range(1, targets + 1):
+        for j in range(1, platforms + 1):
+            where = f"of target {t} from platform {j}"
+            listed += [
+                ObservationField(f"log10_range_{t}_{j}", "log10(m)", *QUANTITIES[0][2:], f"last range {where}"),
+                ObservationField(f"range_rate_{t}_{j}", "m/s", 0.0, 30.0, f"last range-rate {where}"),
+                ObservationField(f"azimuth_{t}_{j}", "rad", 0.0, 1.8, f"last azimuth {where}"),
+            ]
+            listed += [
+                ObservationField(f"received_{name}_{t}_{j}", "1", 0.5, 0.5, f"1 if the {name} {where} was received")
+                for name, *_ in QUANTITIES
+            ]
+    return tuple(listed)
+
+
+def received_values(z: Array, variance: Array) -> Array:
+    """Values of ``received_fields``, (env, fields), of z and variance (env, target, 3 platforms)."""
+    received = np.isfinite(variance).reshape(*z.shape[:2], -1, 3)
+    values = z.reshape(received.shape).copy()
+    values[..., 0] = np.where(received[..., 0], np.log10(np.maximum(values[..., 0], 1.0)), QUANTITIES[0][2])
+    values[..., 1:] = np.where(received[..., 1:], values[..., 1:], 0.0)
+    return np.concatenate([values, received], axis=-1).reshape(len(z), -1)
 
 
 def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:

@@ -16,6 +16,7 @@ from wavegym.core.capabilities import (
     FusedTransition,
     LinearCost,
     Margin,
+    MeasurementObservation,
     MostInformation,
     SequencePlan,
 )
@@ -33,7 +34,15 @@ from wavegym.systems.rf_eo.information_kernels import most_information
 from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.search_kernels import best_settings
-from wavegym.systems.rf_eo.state import Belief, Measurements, Truth, World, platform_fields
+from wavegym.systems.rf_eo.state import (
+    Belief,
+    Measurements,
+    Truth,
+    World,
+    platform_fields,
+    received_fields,
+    received_values,
+)
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.waveforms import SPEED_OF_LIGHT
 
@@ -58,7 +67,9 @@ StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 
 
 @system_parameters
-class RfEo(System, FusedTransition, BestAction, SequencePlan, LinearCost, MostInformation, Margin):
+class RfEo(
+    System, FusedTransition, BestAction, SequencePlan, LinearCost, MostInformation, Margin, MeasurementObservation
+):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
     Description
@@ -411,6 +422,15 @@ class RfEo(System, FusedTransition, BestAction, SequencePlan, LinearCost, MostIn
     def _decades(self) -> Array:
         """Factors from natural logarithms to log10, halved where the kernel fills a variance for a sigma."""
         return np.array([0.5 if "sigma" in e.name else 1.0 for e in self.observation_fields]) / np.log(10.0)
+
+    @property
+    def measurement_fields(self) -> tuple[ObservationField, ...]:
+        """What the platforms reported last of each target."""
+        return received_fields(len(self.starts), len(self.platforms))
+
+    def measured(self, measurements: Measurements) -> Array:
+        """See ``measurement_fields``."""
+        return received_values(measurements.z, measurements.variance)
 
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the last settings.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
 
@@ -50,6 +52,43 @@ class Belief(NamedTuple):
     dead: Array  # (env,) int: remaining set-up steps without sensing
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
     visible: Array  # (env, H, target) bool: whether the target is expected to be visible from step k to k + 1
+
+
+def report_fields(receivers: int, reference_range: float, speed: float) -> tuple[ObservationField, ...]:
+    """What each receiver reported, in the order of ``report_values``.
+
+    Args:
+        receivers: their number.
+        reference_range: a distance of the size of the paths, m.
+        speed: the greatest first speed of a target, m/s.
+    """
+    listed = [ObservationField("silent", "1", 0.5, 0.5, "1 if no pulse was sent in the last step")]
+    for i in range(1, receivers + 1):
+        where = f"as receiver {i} measured it last"
+        listed += [
+            ObservationField(f"log10_half_path_{i}", "log10(m)", np.log10(reference_range), 0.5, f"half path, {where}"),
+            ObservationField(f"rate_{i}", "m/s", 0.0, speed, f"rate of half the path, {where}"),
+            ObservationField(f"detected_{i}", "1", 0.5, 0.5, f"1 if receiver {i} detected the target in the last step"),
+        ]
+    return tuple(listed)
+
+
+def report_values(measurements: Measurements, reference_range: float) -> Array:
+    """Values of ``report_fields``, (env, fields)."""
+    z, detected, silent = measurements
+    path = np.log10(np.where(detected, np.maximum(z[..., 0], 1.0), reference_range))
+    each = np.stack([path, np.where(detected, z[..., 1], 0.0), detected], axis=2)
+    return np.column_stack([silent, each.reshape(len(z), -1)])
+
+
+def illuminator_fields(targets: int, dead_steps: int) -> tuple[ObservationField, ...]:
+    """The illuminator's own settings."""
+    listed = [
+        ObservationField(f"pointed_{t}", "1", 0.5, 0.5, f"1 if the illuminator is set up for target {t}")
+        for t in range(1, targets + 1)
+    ]
+    half = 0.5 * max(dead_steps, 1)
+    return (*listed, ObservationField("dead_steps", "step", half, half, "remaining set-up steps"))
 
 
 def sector_fields(targets: int, receivers: int, dead_steps: int) -> tuple[ObservationField, ...]:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost
+from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost, MeasurementObservation
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
@@ -19,7 +19,17 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
-from wavegym.systems.sector_setup.state import SOON, Belief, Measurements, Truth, World, sector_fields
+from wavegym.systems.sector_setup.state import (
+    SOON,
+    Belief,
+    Measurements,
+    Truth,
+    World,
+    illuminator_fields,
+    report_fields,
+    report_values,
+    sector_fields,
+)
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel, constant_turn
 
@@ -30,7 +40,7 @@ Point = tuple[Coordinate, Coordinate]
 
 
 @system_parameters
-class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay):
+class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation):
     """One illuminator serves several targets; setting it up for another target costs steps without sensing.
 
     Description
@@ -335,6 +345,24 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay):
         return np.array(
             [next((f for n, f in factors.items() if e.name.startswith(n)), 0.0) for e in self.observation_fields]
         )
+
+    @property
+    def measurement_fields(self) -> tuple[ObservationField, ...]:
+        """What each receiver reported last."""
+        return report_fields(len(self.receivers), self.reference_range, self.speed[1])
+
+    def measured(self, measurements: Measurements) -> Array:
+        """See ``measurement_fields``."""
+        return report_values(measurements, self.reference_range)
+
+    @property
+    def setting_fields(self) -> tuple[ObservationField, ...]:
+        """The target that is illuminated, and the steps that its set-up still takes."""
+        return illuminator_fields(self.targets, self.dead_steps)
+
+    def settings_of(self, belief: Belief) -> Array:
+        """See ``setting_fields``."""
+        return np.column_stack([belief.pointed[:, None] == np.arange(self.targets), belief.dead])
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost``: the

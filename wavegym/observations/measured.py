@@ -1,0 +1,94 @@
+"""The observation of agents that see what the sensors reported, and not the belief."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
+from wavegym.core.arrays import Array
+from wavegym.core.capabilities import MeasurementObservation, why_not
+from wavegym.core.errors import InputError
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import ObservationField
+from wavegym.observations.scaling import LIMIT, ObservationScaler
+
+
+class MeasurementObserver:
+    """Observations of what a receiver knows without a tracker, for agents that remember.
+
+    The fields are the time, the last action (for each sensor 1 at the transmitted waveform and 0 at the others, or the
+    point of a box), the sensor's own settings and the last measurements. Before the first step no action is shown, and
+    every measurement has the centre of its field.
+
+    Args:
+        system: the closed loop.
+
+    Raises:
+        InputError: a system that does not offer ``MeasurementObservation``.
+    """
+
+    def __init__(self, system: Any) -> None:
+        if reason := why_not(system, MeasurementObservation):
+            wanted = f"'belief' (nearest): of {type(system).__name__}, {reason}"
+            raise InputError(f"observation is 'measurements', expected {wanted}")
+        self._system, self._sent = system, _sent_fields(system.actions)
+        time = ObservationField("time", "1", 0.5, 0.3, "fraction of the horizon that is over")
+        self._measured = system.measurement_fields
+        self.observation_fields: tuple[ObservationField, ...] = (
+            time,
+            *self._sent,
+            *system.setting_fields,
+            *self._measured,
+        )
+        self._scaler = ObservationScaler(self.observation_fields)
+        self.space = spaces.Box(-LIMIT, LIMIT, (len(self.observation_fields),), np.float32)
+
+    def __call__(self, values: Array) -> tuple[Array, Array]:
+        """Scaled observations (env, fields) float32, and the number of fields that are saturated, (env,)."""
+        return self._scaler(values)
+
+    def first(self, belief: Any) -> Array:
+        """Values of all fields before the first step, (env, fields)."""
+        count = len(belief.step)
+        nothing = np.tile([field.centre for field in self._measured], (count, 1))
+        return self._joined(belief, np.zeros((count, len(self._sent))), nothing)
+
+    def after(self, belief: Any, actions: Array, measurements: Any) -> Array:
+        """Values of all fields after a step, (env, fields).
+
+        Args:
+            belief: after the step; only the time and the sensor's settings are read.
+            actions: of the step, (env, ...).
+            measurements: what ``measure`` reported.
+        """
+        return self._joined(belief, self._transmitted(actions), self._system.measured(measurements))
+
+    def _joined(self, belief: Any, sent: Array, measured: Array) -> Array:
+        time = belief.step[:, None] / self._system.horizon
+        return np.concatenate([time, sent, self._system.settings_of(belief), measured], axis=1)
+
+    def _transmitted(self, actions: Array) -> Array:
+        """Values of the fields of the last action."""
+        known = self._system.actions
+        if isinstance(known, ParameterBox):
+            return np.asarray(actions, np.float64).reshape(len(actions), -1)
+        chosen = by_sensor(known, np.asarray(actions))
+        return np.eye(len(waveform_labels(known)))[chosen].reshape(len(chosen), -1)
+
+
+def _sent_fields(actions: Any) -> tuple[ObservationField, ...]:
+    """Fields of the last action."""
+    if isinstance(actions, ParameterBox):
+        return tuple(
+            ObservationField(f"sent_{p.name}", "1", 0.0, 1.0, f"{p.name} of the last action, in the box")
+            for p in actions.parameters
+        )
+    sensors = range(1, sensor_count(actions) + 1)
+    return tuple(
+        ObservationField(f"sent_{i}_{label}", "1", 0.0, 1.0, f"1 if sensor {i} transmitted {label} last, else 0")
+        for i in sensors
+        for label in waveform_labels(actions)
+    )
