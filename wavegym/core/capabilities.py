@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -212,6 +212,28 @@ class SensorBySensor(Capability, members=("sensor_costs",), shortcut_for=("predi
         """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, before the next sensor's pulse."""
 
 
+class DecisionMaker(NamedTuple):
+    """Who chooses a part of the action: a sensor, a platform or a transmitter."""
+
+    name: str
+    fields: tuple[str, ...] = ()  # names of the observation fields that are about this sensor alone
+    parameters: tuple[str, ...] = ()  # names of its parameters in a ParameterBox; () for a finite action set
+
+
+class DecisionMakers(Capability, members=("decision_makers",)):
+    """Several decision makers, which choose the action together."""
+
+    @property
+    @abstractmethod
+    def decision_makers(self) -> tuple[DecisionMaker, ...]:
+        """Who chooses which part of the action.
+
+        One for each sensor of a PerSensorLibrary or a JointLibrary, in that order; of a ParameterBox, in any order, and
+        every parameter belongs to exactly one. An observation field that belongs to none is shared. A single one where
+        the parameters of the system leave a single sensor.
+        """
+
+
 CAPABILITIES: tuple[type[Capability], ...] = (
     FusedTransition,
     BestAction,
@@ -228,6 +250,7 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     InnovationCovariance,
     ClosedForm,
     SensorBySensor,
+    DecisionMakers,
 )
 
 
