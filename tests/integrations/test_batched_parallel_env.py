@@ -111,9 +111,11 @@ def test_actions_of_a_restarting_environment_may_be_anything(form):
     assert not rewards["sensor_1"].any()
     with pytest.raises(InputError, match=r"action of sensor_1 is 99"):
         batch.step({"sensor_1": np.array([0, 99]), "sensor_2": np.array([1, 0])})
-    batch.reset(seed=1)
+    batch.step({"sensor_1": np.array([0, 1]), "sensor_2": np.array([1, 0])})
+    batch.reset(seed=1, options={"reset_mask": np.array([True, False])})  # the second one still begins anew
     with pytest.raises(InputError, match=r"action of sensor_2 is -9"):
-        batch.step({"sensor_1": np.array([0, 1]), "sensor_2": np.array([-9, 0])})
+        batch.step({"sensor_1": np.array([0, 99]), "sensor_2": np.array([-9, 99])})
+    batch.step({"sensor_1": np.array([0, 99]), "sensor_2": np.array([1, 99])})
 
 
 def test_mistakes_are_named():
