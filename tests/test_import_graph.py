@@ -28,6 +28,7 @@ ROOMS = (
     "wavegym.testing",
     "wavegym.evaluation",
     "wavegym.learning",
+    "wavegym.integrations",
     "wavegym.cli",
     "wavegym",  # the package itself, and python -m wavegym
     "agents",

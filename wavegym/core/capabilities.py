@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -234,6 +234,28 @@ class MeasurementObservation(Capability, members=("measurement_fields", "measure
         return np.zeros((len(belief.step), 0))
 
 
+class DecisionMaker(NamedTuple):
+    """Who chooses a part of the action: a sensor, a platform or a transmitter."""
+
+    name: str
+    fields: tuple[str, ...] = ()  # names of the observation fields that are about this sensor alone
+    parameters: tuple[str, ...] = ()  # names of its parameters in a ParameterBox; () for a finite action set
+
+
+class DecisionMakers(Capability, members=("decision_makers",)):
+    """Several decision makers, which choose the action together."""
+
+    @property
+    @abstractmethod
+    def decision_makers(self) -> tuple[DecisionMaker, ...]:
+        """Who chooses which part of the action.
+
+        One for each sensor of a PerSensorLibrary or a JointLibrary, in that order; of a ParameterBox, in any order, and
+        every parameter belongs to exactly one. An observation field that belongs to none is shared. A single one where
+        the parameters of the system leave a single sensor.
+        """
+
+
 CAPABILITIES: tuple[type[Capability], ...] = (
     FusedTransition,
     BestAction,
@@ -251,6 +273,7 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     ClosedForm,
     SensorBySensor,
     MeasurementObservation,
+    DecisionMakers,
 )
 
 

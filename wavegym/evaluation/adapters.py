@@ -177,6 +177,9 @@ class _Adapted:
         """Actions (env, ...) of observations (env, fields), unchecked."""
         raise NotImplementedError
 
+    def forget(self) -> None:
+        """Forget earlier episodes; a policy with a state of its own overrides this."""
+
     def _checked(self, chosen: Any, count: int) -> Array:
         array, shape = np.asarray(chosen), (count, *(self._space.shape or ()))
         is_box = isinstance(self._space, spaces.Box)
@@ -227,6 +230,7 @@ class PredictPolicy(_Adapted):
         shape = getattr(getattr(model, "observation_space", None), "shape", None)
         super().__init__(name, None if shape is None else int(np.prod(shape)))
         self._taken = frozenset(inspect.signature(self.model.predict).parameters)
+        self.forget()
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where the model's spaces are not the environment's."""
@@ -234,6 +238,10 @@ class PredictPolicy(_Adapted):
         trained = getattr(self.model, "action_space", self._space)
         if _form(trained) != _form(self._space):
             raise InputError(f"policy {self.name!r} chooses from {trained}, expected {self._space}")
+        self.forget()
+
+    def forget(self) -> None:
+        """See ``_Adapted``."""
         self._state: Any = None
 
     def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:

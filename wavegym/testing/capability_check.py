@@ -15,6 +15,7 @@ from wavegym.core.capabilities import (
     BestAction,
     BestSequence,
     Capability,
+    DecisionMakers,
     Delay,
     DeterministicRecursion,
     FusedTransition,
@@ -29,6 +30,8 @@ from wavegym.core.capabilities import (
     why_not,
     withdrawn,
 )
+from wavegym.core.decision_makers import makers_by_form
+from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.schedulers.lookahead import Lookahead
 
@@ -206,6 +209,32 @@ def _sensor_by_sensor(system: Any, belief: Any, candidates: Array) -> str | None
     return f"sensor by sensor costs {got.tolist()}, predict() {want.tolist()}" if _differ(got, want, want) else None
 
 
+def _decision_makers(system: Any, belief: Any, candidates: Array) -> str | None:
+    """Names, observation fields and parameters: each of one decision maker at most, and every parameter of one."""
+    makers, actions = system.decision_makers, system.actions
+    parameters = actions.names if isinstance(actions, ParameterBox) else ()
+    known = {
+        "names": (tuple(maker.name for maker in makers), None),
+        "fields": (
+            tuple(name for maker in makers for name in maker.fields),
+            {e.name for e in system.observation_fields},
+        ),
+        "parameters": (tuple(name for maker in makers for name in maker.parameters), set(parameters)),
+    }
+    for what, (given, allowed) in known.items():
+        if len(set(given)) < len(given):
+            return f"decision_makers share {what}: {given}"
+        if allowed is not None and not set(given) <= allowed:
+            return f"decision_makers have {what} that the system lacks: {sorted(set(given) - allowed)}"
+    left = sorted(set(parameters) - set(known["parameters"][0]))
+    if left:
+        return f"decision_makers leave out the parameters {left}"
+    count = len(makers_by_form(actions))
+    if not parameters and len(makers) != count:
+        return f"decision_makers are {len(makers)}, but the action set is for {count}"
+    return None
+
+
 def _fused(system: Any, state: Any, world: Any, candidates: Array) -> str | None:
     """The compiled step against the sequence of its parts, leaf by leaf."""
     action = np.repeat(candidates[-1:], WORLDS, axis=0)
@@ -244,4 +273,5 @@ CHECKS: dict[type[Capability], Check] = {
     Spending: _spending,
     MostInformation: _most_information,
     SensorBySensor: _sensor_by_sensor,
+    DecisionMakers: _decision_makers,
 }

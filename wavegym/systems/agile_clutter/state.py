@@ -18,6 +18,7 @@ PlanarState = tuple[float, float, float, float]  # [x y xdot ydot]
 PositiveState = tuple[Positive, Positive, Positive, Positive]
 NonNegativeState = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 TRACKERS = ("mixture", "jpda", "particle")
+AT_SENSOR = ("snr", "log10_sigma_r", "log10_sigma_rdot", "correlation")  # fields of every target at every sensor
 NN = (0, 0, 0, 0)  # size of [x y xdot ydot], as the kernels take it
 
 
@@ -131,6 +132,11 @@ def target_fields(targets: int, sensors: int) -> tuple[ObservationField, ...]:
                 ObservationField(f"correlation_{at}", "1", 0.0, 0.5, f"correlation of range and range-rate {where}"),
             ]
     return tuple(listed)
+
+
+def sensor_fields(targets: int, sensor: int) -> tuple[str, ...]:
+    """The names of the observation fields at one sensor, counted from 1."""
+    return tuple(f"{name}_{t}_{sensor}" for t in range(1, targets + 1) for name in AT_SENSOR)
 
 
 def greatest_gate_volume(

@@ -14,7 +14,15 @@ from pydantic import NonNegativeInt
 from wavegym.core import trees
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import BestAction, FusedTransition, LinearCost, SensorBySensor
+from wavegym.core.capabilities import (
+    BestAction,
+    DecisionMaker,
+    DecisionMakers,
+    FusedTransition,
+    LinearCost,
+    SensorBySensor,
+)
+from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
@@ -38,6 +46,7 @@ from wavegym.systems.agile_clutter.state import (
     World,
     greatest_gate_volume,
     kernel_hypotheses,
+    sensor_fields,
     target_fields,
 )
 from wavegym.systems.precision import check_precision
@@ -52,7 +61,7 @@ MOST_SENSORS = 16
 
 
 @system_parameters
-class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySensor):
+class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -238,6 +247,12 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """The action set."""
         return self.action_set.actions
+
+    @property
+    def decision_makers(self) -> tuple[DecisionMaker, ...]:
+        """Every sensor; its observation fields are those of the targets at this sensor."""
+        makers, targets = makers_by_form(self.actions), len(self.starts)
+        return tuple(maker._replace(fields=sensor_fields(targets, i)) for i, maker in enumerate(makers, 1))
 
     def candidates(self) -> Array:
         """Every combination of the sensors' waveforms."""

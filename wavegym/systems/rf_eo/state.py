@@ -98,3 +98,9 @@ def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...
                     ),
                 ]
     return tuple(listed)
+
+
+def own_fields(targets: int, platform: int) -> tuple[str, ...]:
+    """The names of the observation fields of one platform, counted from 1."""
+    names = [f"log10_{name}" for name, *_ in QUANTITIES] + [f"log10_sigma_{short}" for short, *_ in SPREADS]
+    return tuple(f"{name}_{t}_{platform}" for t in range(1, targets + 1) for name in names)

@@ -13,6 +13,8 @@ from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import (
     BestAction,
+    DecisionMaker,
+    DecisionMakers,
     FusedTransition,
     LinearCost,
     Margin,
@@ -21,6 +23,7 @@ from wavegym.core.capabilities import (
     SequencePlan,
 )
 from wavegym.core.costs import trace_cost
+from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
@@ -39,6 +42,7 @@ from wavegym.systems.rf_eo.state import (
     Measurements,
     Truth,
     World,
+    own_fields,
     platform_fields,
     received_fields,
     received_values,
@@ -68,7 +72,15 @@ StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 
 @system_parameters
 class RfEo(
-    System, FusedTransition, BestAction, SequencePlan, LinearCost, MostInformation, Margin, MeasurementObservation
+    System,
+    FusedTransition,
+    BestAction,
+    SequencePlan,
+    LinearCost,
+    MostInformation,
+    Margin,
+    DecisionMakers,
+    MeasurementObservation,
 ):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
@@ -214,6 +226,12 @@ class RfEo(
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
         """The action set: per platform, joint, or a box."""
         return self.action_set.actions
+
+    @property
+    def decision_makers(self) -> tuple[DecisionMaker, ...]:
+        """Every platform; its observation fields are the predicted measurements of the targets from there."""
+        makers, targets = makers_by_form(self.actions, "platform"), len(self.starts)
+        return tuple(maker._replace(fields=own_fields(targets, j)) for j, maker in enumerate(makers, 1))
 
     def candidates(self) -> Array:
         """See ``PlatformActions.candidates``."""

@@ -11,6 +11,8 @@ import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import DecisionMaker, DecisionMakers
+from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -43,7 +45,7 @@ EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps i
 
 
 @system_parameters
-class Urban(System):
+class Urban(System, DecisionMakers):
     """A multistatic radar in urban terrain tracks an unknown number of targets and chooses its pulses scan by scan.
 
     Description
@@ -193,6 +195,11 @@ class Urban(System):
         """A train; with several transmitters every combination, which receivers can separate."""
         several = len(self.transmitters)
         return JointLibrary(self.library, several) if several > 1 else self.library
+
+    @property
+    def decision_makers(self) -> tuple[DecisionMaker, ...]:
+        """Every transmitter; all observation fields are those of tracks, so they are shared."""
+        return makers_by_form(self.actions, "transmitter")
 
     def _sent(self, action: Array) -> Array:
         """Index of the waveform that the transmitter of each pair sends, (..., pair)."""

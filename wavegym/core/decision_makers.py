@@ -1,0 +1,47 @@
+"""The decision makers of a system, as it declares them or as the form of its action set shows them."""
+
+from __future__ import annotations
+
+import re
+
+from wavegym.core.action_sets import ActionSet, sensor_count
+from wavegym.core.capabilities import DecisionMaker, DecisionMakers, offers
+from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.system import System
+
+
+def decision_makers(system: System) -> tuple[DecisionMaker, ...]:
+    """Who chooses which part of the action; a single one where no action set of several sensors shows more.
+
+    A system that does not declare ``DecisionMakers`` has those of ``makers_by_form``, and every observation field is
+    shared.
+    """
+    if offers(system, DecisionMakers):
+        declared: tuple[DecisionMaker, ...] = system.decision_makers  # type: ignore[attr-defined]
+        return declared
+    return makers_by_form(system.actions)
+
+
+def makers_by_form(actions: ActionSet, kind: str = "sensor") -> tuple[DecisionMaker, ...]:
+    """The decision makers that the form of an action set shows, without observation fields of their own.
+
+    A PerSensorLibrary and a JointLibrary have one for each sensor. So has a ParameterBox if the name of every parameter
+    ends in the number of its sensor: ``duration_1``, ``sweep_1``, ``duration_2``, ``sweep_2``.
+
+    Args:
+        actions: the action set.
+        kind: what the decision makers are; with ``"platform"`` they are called platform_1, platform_2 and so on.
+    """
+    owned = _numbered(actions) if isinstance(actions, ParameterBox) else [()] * sensor_count(actions)
+    return tuple(DecisionMaker(f"{kind}_{i}", parameters=names) for i, names in enumerate(owned, 1))
+
+
+def _numbered(box: ParameterBox) -> list[tuple[str, ...]]:
+    """The parameters of sensors 1, 2, ... by the number in which a name ends; all of one where a number is missing."""
+    found: dict[int, list[str]] = {}
+    for name in box.names:
+        ends = re.search(r"_([1-9][0-9]*)$", name)
+        found.setdefault(int(ends[1]) if ends else 0, []).append(name)
+    if sorted(found) != list(range(1, len(found) + 1)):
+        return [box.names]
+    return [tuple(found[number]) for number in sorted(found)]

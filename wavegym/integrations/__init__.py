@@ -1,0 +1,1 @@
+"""wavegym inside other frameworks: a package for each, which only its own users import."""
