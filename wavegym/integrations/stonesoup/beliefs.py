@@ -12,6 +12,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.integrations.stonesoup.sensor import WaveformRadar
+from wavegym.systems.composed import PlanarRadar
 
 
 class TrackReader:
@@ -39,13 +40,11 @@ class TrackReader:
         if not {"step", "mean", "covariance"} <= set(fields) or told:
             given = f"belief of {type(system).__name__} has {', '.join(told) or 'no means and covariances'}"
             raise InputError(f"{given}, expected means and covariances only, which tracks tell (nearest: KershawEvans)")
-        n = self._first.mean.shape[-1]
-        self._is_projected = len(radar.mapping) != n
-        if self._is_projected and n != len(radar.law.quantities):
-            wanted = f"a mapping of {n} elements"
-            raise InputError(
-                f"mapping of the radar is {tuple(radar.mapping)}, expected {wanted} for {type(system).__name__}"
-            )
+        n, given = self._first.mean.shape[-1], tuple(radar.mapping)
+        self._is_projected = len(given) != n
+        if self._is_projected and (n != len(radar.law.quantities) or not isinstance(radar.law, PlanarRadar)):
+            wanted = f"a mapping of {n} elements, as states of {type(system).__name__} have, or a PlanarRadar for 2"
+            raise InputError(f"mapping of the radar is {given}, expected {wanted}")
         self.restart()
 
     def restart(self) -> None:

@@ -20,9 +20,18 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.integrations.stonesoup.measurement import WaveformMeasurement, law_states
+from wavegym.sensors import energy_detection_probability
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.composed import LineOfSightRadar, Loop, PlanarRadar, Pulses
 from wavegym.systems.kershaw_evans import KershawEvans
+
+
+class ClutterRadar(PlanarRadar):
+    """The law of ``AgileClutter``: Pd = Pf^(1 / (1 + eta)), as Sira et al. print it."""
+
+    def detection(self, states: Array, pulse: Array) -> Array:
+        """Pd."""
+        return energy_detection_probability(self.snr(states), float(self.false_alarm or 0.0))
 
 
 class ChangeWaveform(Action):
@@ -206,7 +215,7 @@ def radars_of(system: System, *, seed: int | None = None, **placing: Any) -> tup
         if isinstance(law, PlanarRadar):
             law, places = replace(law, place=(0.0, 0.0)), (law.place,)
     elif type(system) is AgileClutter and isinstance(system.actions, (PerSensorLibrary, JointLibrary)):
-        law = PlanarRadar((0.0, 0.0), system.reference_range, system.nearest_range, system.false_alarm)
+        law = ClutterRadar((0.0, 0.0), system.reference_range, system.nearest_range, system.false_alarm)
         pulses, n = Pulses(system.action_set.sensor_library, system.carrier_hz), 4
         places = system.sensors
     else:
@@ -215,8 +224,8 @@ def radars_of(system: System, *, seed: int | None = None, **placing: Any) -> tup
     vectors = {"ndim_state": n, "mapping": tuple(range(n))} | placing
     return tuple(
         WaveformRadar(
-            pulses,
-            law,
+            pulses=pulses,
+            law=law,
             **vectors,
             seed=None if seed is None else seed + i,
             position=None if place is None else StateVector(place),

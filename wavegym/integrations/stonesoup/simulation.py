@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from datetime import datetime, timedelta
 from time import process_time
 from typing import Any, NamedTuple
@@ -35,14 +34,23 @@ def path_of(states: Array, dt: float) -> GroundTruthPath:
     return GroundTruthPath([GroundTruthState(StateVector(x), timestamp=t) for x, t in zip(states, times, strict=True)])
 
 
+class _Tape:
+    """One step's draws in place of a generator's: detected, and these standard normal numbers."""
+
+    def __init__(self, normal: Array) -> None:
+        self._normal = normal
+
+    def random(self) -> float:
+        """Below every probability of detection."""
+        return 0.0
+
+    def standard_normal(self, size: int) -> Array:
+        """The numbers, (size,)."""
+        return self._normal
+
+
 def simulate(
-    radar: Any,
-    manager: Any,
-    predictor: Any,
-    updater: Any,
-    path: Any,
-    track: Track,
-    errors: Sequence[Array] | None = None,
+    radar: Any, manager: Any, predictor: Any, updater: Any, path: Any, track: Track, draws: Array | None = None
 ) -> Record:
     """Play a sensor manager against one true path.
 
@@ -53,14 +61,15 @@ def simulate(
         updater: takes the measurement model of each detection.
         path: the true states of steps 0 to H.
         track: of the target, with the estimate at step 0; it grows by a state a step.
-        errors: measurement errors of steps 1 to H, (H, quantity); None: the radar draws them.
+        draws: standard normal draws of the measurement errors of steps 1 to H, (H, quantity), with which every pulse
+            detects; None: the radar draws.
 
     Raises:
-        InputError: a track that does not begin with the path, or another number of errors.
+        InputError: a track that does not begin with the path, or another number of draws.
     """
     steps = len(path) - 1
-    if errors is not None and len(errors) != steps:
-        raise InputError(f"errors has {len(errors)} rows, expected {steps}, one for each step after the first")
+    if draws is not None and len(draws) != steps:
+        raise InputError(f"draws has {len(draws)} rows, expected {steps}, one for each step after the first")
     if track.timestamp != path[0].timestamp:
         raise InputError(
             f"the track's time is {track.timestamp}, expected that of the path's start, {path[0].timestamp}"
@@ -73,7 +82,7 @@ def simulate(
         seconds = process_time() - start
         radar.add_actions(config[radar])
         radar.act(truth.timestamp)
-        detections = radar.measure({truth}, noise=True if errors is None else errors[k])
+        detections = radar.measure({truth}, random_state=None if draws is None else _Tape(draws[k]))
         prediction = predictor.predict(track, timestamp=truth.timestamp)
         track.append(prediction)
         for detection in detections:
