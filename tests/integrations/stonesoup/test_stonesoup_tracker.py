@@ -116,14 +116,18 @@ def test_joint_association_of_two_targets_is_near_wavegyms():
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", [UNSCENTED, jpda(), NEAREST])
 def test_targets_are_followed_in_clutter(tracker):
-    system = AgileClutter(tracker=tracker, clutter_density=2e-5)
-    worlds = oracles.worlds(system, 2)
-    state = system.initial(worlds)
-    for k in range(10):
-        state = system.transition(state, system.candidates()[np.full(2, 31 * k)], worlds)
-    error = np.linalg.norm((state.belief.mean - state.truth.targets)[..., :2], axis=-1)
-    assert np.median(error) < 60.0
-    assert (system.cost(state.belief) < 0.2 * 2 * 8200.0).all()  # trace of P0 of two targets
+    """As well as by the compiled tracker, give or take a half: its cost, and the error of the first target."""
+    cost, error = [], []
+    for each in ("jpda", tracker):
+        system = AgileClutter(tracker=each, clutter_density=2e-5)
+        worlds = oracles.worlds(system, 2)
+        state = system.initial(worlds)
+        for k in range(10):
+            state = system.transition(state, system.candidates()[np.full(2, 31 * k)], worlds)
+        cost.append(system.cost(state.belief))
+        error.append(np.linalg.norm((state.belief.mean - state.truth.targets)[:, 0, :2], axis=-1))
+    np.testing.assert_allclose(cost[1], cost[0], rtol=0.5)
+    assert (error[1] < 1.5 * error[0] + 10.0).all()
 
 
 @pytest.mark.slow

@@ -40,11 +40,11 @@ class TrackReader:
         if not {"step", "mean", "covariance"} <= set(fields) or told:
             given = f"belief of {type(system).__name__} has {', '.join(told) or 'no means and covariances'}"
             raise InputError(f"{given}, expected means and covariances only, which tracks tell (nearest: KershawEvans)")
-        n, given = self._first.mean.shape[-1], tuple(radar.mapping)
-        self._is_projected = len(given) != n
+        n, mapping = self._first.mean.shape[-1], tuple(radar.mapping)
+        self._is_projected = len(mapping) != n
         if self._is_projected and (n != len(radar.law.quantities) or not isinstance(radar.law, PlanarRadar)):
             wanted = f"a mapping of {n} elements, as states of {type(system).__name__} have, or a PlanarRadar for 2"
-            raise InputError(f"mapping of the radar is {given}, expected {wanted}")
+            raise InputError(f"mapping of the radar is {mapping}, expected {wanted}")
         self.restart()
 
     def restart(self) -> None:

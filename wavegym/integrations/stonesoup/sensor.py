@@ -96,7 +96,7 @@ class WaveformRadar(Sensor):
         if not all(0 <= i < self.ndim_state for i in self.mapping):
             raise InputError(f"mapping is {tuple(self.mapping)}, expected indices below ndim_state={self.ndim_state}")
         # Draws are counted: a copy costs nothing, and draws on as the original would.
-        self._key = np.random.SeedSequence(self.seed).entropy
+        self._key: Any = np.random.SeedSequence(self.seed).entropy
         self._draws = 0
 
     @waveform.setter  # type: ignore[attr-defined, no-redef]
