@@ -76,6 +76,9 @@ def test_the_choice_is_that_of_the_policy_on_the_same_belief(name):
             mean[[2, 1]], covariance[np.ix_([2, 1], [2, 1])] = belief.mean[0], belief.covariance[0]
             now = START + k * STEP
             track.append(GaussianState(StateVector(mean), covariance, timestamp=now))
+            read = manager.belief({track}, now + STEP)
+            for field in ("step", "mean", "covariance"):
+                np.testing.assert_array_equal(getattr(read, field), getattr(belief, field))
             (config,) = manager.choose_actions({track}, now + STEP)
             (action,) = config[radar]
             assert action.target_value == policy.act(belief, observer(belief)[0], None)[0]
