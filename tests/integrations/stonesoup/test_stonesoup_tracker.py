@@ -116,7 +116,7 @@ def test_joint_association_of_two_targets_is_near_wavegyms():
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", [UNSCENTED, jpda(), NEAREST])
 def test_targets_are_followed_in_clutter(tracker):
-    """The first target's error is near the compiled tracker's; the nearest neighbour believes that it is sure."""
+    """The first target is not lost, and the cost not above the compiled tracker's; the nearest neighbour is too sure."""
     cost, error = [], []
     for each in ("jpda", tracker):
         system = AgileClutter(tracker=each, clutter_density=2e-5)
@@ -127,7 +127,7 @@ def test_targets_are_followed_in_clutter(tracker):
         cost.append(system.cost(state.belief))
         error.append(np.linalg.norm((state.belief.mean - state.truth.targets)[:, 0, :2], axis=-1))
     assert (cost[1] < 1.5 * cost[0]).all()
-    assert (error[1] < 1.5 * error[0] + 10.0).all()
+    assert (error[1] < 100.0).all()
 
 
 @pytest.mark.slow
