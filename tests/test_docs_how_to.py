@@ -60,3 +60,11 @@ def test_the_parts_of_your_own_work(tmp_path, monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "lookahead:2" in out
     assert "random" in out
+
+
+def test_policies_play_in_stone_soup_and_its_filters_here(capsys):
+    namespace: dict = {}
+    run("how_to/stone_soup.md", namespace)
+    assert namespace["record"].covariance[:, 0, 0].mean() < 100.0
+    assert type(namespace["clutter"].unwrapped.system.tracker).__name__ == "StoneSoupTracker"
+    assert capsys.readouterr().out

@@ -27,6 +27,7 @@ ROOMS = (
     "wavegym.envs",
     "wavegym.testing",
     "wavegym.evaluation",
+    "wavegym.integrations",
     "wavegym.learning",
     "wavegym.integrations",
     "wavegym.cli",

@@ -1,1 +1,1 @@
-"""wavegym inside other frameworks: a package for each, which only its own users import."""
+"""wavegym inside other packages. Each needs its extra: ``pip install 'wavegym[NAME]'``."""

@@ -58,62 +58,6 @@ class FilterpyUkf:
         return kf
 
 
-class StoneSoupFilter:
-    """Stone Soup's predictor and updater, for one target."""
-
-    def predict(self, x, P, motion):
-        """Mean and covariance one step later."""
-        from datetime import datetime, timedelta
-
-        from stonesoup.models.transition.linear import LinearGaussianTimeInvariantTransitionModel
-        from stonesoup.predictor.kalman import KalmanPredictor
-
-        transition = LinearGaussianTimeInvariantTransitionModel(transition_matrix=motion.F, covariance_matrix=motion.Q)
-        start = datetime(2000, 1, 1)
-        after = KalmanPredictor(transition).predict(self._state(x, P, start), timestamp=start + timedelta(seconds=1))
-        return np.array(after.mean, float).ravel(), np.array(after.covar, float)
-
-    def update(self, x, P, z, R, model):
-        """Mean and covariance with the measurement z."""
-        from datetime import datetime
-
-        from stonesoup.types.detection import Detection
-        from stonesoup.types.hypothesis import SingleHypothesis
-        from stonesoup.types.prediction import GaussianStatePrediction
-        from stonesoup.types.state import StateVector
-        from stonesoup.updater.kalman import ExtendedKalmanUpdater
-
-        now = datetime(2000, 1, 1)
-        prediction = GaussianStatePrediction(StateVector(x), P, timestamp=now)
-        detection = Detection(StateVector(z), timestamp=now, measurement_model=_StoneSoupModel(x, R, model))
-        after = ExtendedKalmanUpdater(None).update(SingleHypothesis(prediction, detection))
-        return np.array(after.mean, float).ravel(), np.array(after.covar, float)
-
-    def _state(self, x, P, time):
-        from stonesoup.types.state import GaussianState, StateVector
-
-        return GaussianState(StateVector(x), P, timestamp=time)
-
-
-def _StoneSoupModel(x, R, model):
-    """A measurement model of wavegym as one of Stone Soup's."""
-    from stonesoup.models.measurement.nonlinear import NonLinearGaussianMeasurement
-    from stonesoup.types.state import StateVector
-
-    class Model(NonLinearGaussianMeasurement):
-        def function(self, state, noise=False, **_):
-            return StateVector(model.measure(np.array(state.state_vector, float).ravel()))
-
-        def jacobian(self, state, **_):
-            return model.jacobian(np.array(state.state_vector, float).ravel())
-
-        @property
-        def ndim_meas(self):
-            return len(R)
-
-    return Model(ndim_state=len(x), mapping=range(len(x)), noise_covar=R)
-
-
 class FadingMemory(ExtendedKalman):
     """A tracker of our own, for all targets at once: a Kalman filter that trusts old measurements less.
 
@@ -183,5 +127,10 @@ def filterpy_ukf():
 
 
 def stonesoup_kalman():
-    """A tracker of Stone Soup's predictor and updater."""
-    return OneByOne(StoneSoupFilter())
+    """A tracker of Stone Soup's predictor and updater; its other Kalman filters go in likewise."""
+    from stonesoup.predictor.kalman import KalmanPredictor
+    from stonesoup.updater.kalman import ExtendedKalmanUpdater
+
+    from wavegym.integrations.stonesoup import StoneSoupTracker
+
+    return StoneSoupTracker(KalmanPredictor, ExtendedKalmanUpdater)

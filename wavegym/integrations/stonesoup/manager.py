@@ -1,0 +1,146 @@
+"""Any policy of wavegym as a sensor manager of Stone Soup."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from functools import partial
+from typing import Any
+
+import numpy as np
+from stonesoup.base import Property
+from stonesoup.sensormanager.base import SensorManager
+
+from wavegym.core.action_sets import by_sensor
+from wavegym.core.errors import InputError
+from wavegym.core.policy import Policy
+from wavegym.core.system import System
+from wavegym.evaluation.adapters import as_policy
+from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.worlds import word
+from wavegym.integrations.stonesoup.beliefs import TrackReader
+from wavegym.integrations.stonesoup.sensor import radars_of
+from wavegym.observations.observer import Observer
+from wavegym.policies.pretrained import ALGORITHMS, load_pretrained
+from wavegym.schedulers.rollout import allowed
+
+NEAR = 1e-3  # m, between a radar and the system's
+ROUNDING = 1e-6  # of a time step: Stone Soup's times are whole microseconds
+
+
+class PolicySensorManager(SensorManager):
+    """Lets a wavegym policy choose the waveforms of the managed ``WaveformRadar`` objects.
+
+    The tracks become the belief of the system for which the policy was made: a track is one target, its states are in
+    the order of the radars' ``mapping``, and a track that was not measured ends in its prediction. The system has to
+    transmit what the radars do. Steps count from ``start_time``; after ``horizon`` steps the next episode begins.
+
+    Raises:
+        InputError: at the first choice, radars that are not the system's; at every choice, tracks or times that do not
+            fit the system.
+    """
+
+    env: Any = Property(doc="The id of an environment, such as ``KershawEvansPosition-v0``, or a system")
+    policy: Any = Property(
+        default="myopic",
+        doc="What ``wavegym.evaluation.as_policy`` takes: the name of a scheduler or of a saved agent, a folder, a "
+        "Policy, a model or a function",
+    )
+    parameters: dict[str, Any] = Property(default_factory=dict, doc="Parameters of the environment, with an id")
+    start_time: datetime = Property(default=None, doc="Time of step 0; default: of the tracks at the first choice")
+    seed: int = Property(default=0, doc="Of a policy that draws numbers")
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        given = self.env
+        self._task = Task("", given, None, {}) if isinstance(given, System) else make_task(given, self.parameters)
+        self.system: Any = self._task.system
+        self._policy = self._made_policy()
+        self._observer = Observer(self.system)
+        self._reader: TrackReader | None = None
+        self._episode: int | None = None
+
+    def _made_policy(self) -> Policy:
+        """The policy; of a name of an agent, the one run that comes with the package."""
+        if isinstance(self.policy, str) and self.policy in ALGORITHMS:
+            return load_pretrained(self._task.env_id, self.policy, self.system)
+        return as_policy(self.policy, self._task)
+
+    def choose_actions(self, tracks: Any, timestamp: datetime, nchoose: int = 1, **kwargs: Any) -> list[dict[Any, Any]]:
+        """The policy's choice: a list of one dictionary from radars to their actions.
+
+        Args:
+            tracks: the tracks of all targets, with their estimates one time step before ``timestamp``.
+            timestamp: the time of the next measurement.
+            nchoose: 1.
+            **kwargs: not used.
+        """
+        if nchoose != 1:
+            raise InputError(f"nchoose is {nchoose!r}, expected 1: a policy chooses one action (nearest: 1)")
+        belief = self.belief(tracks, timestamp)
+        observation, _ = self._observer(belief)
+        action = self._policy.act(belief, observation, allowed(self.system, belief))
+        chosen = by_sensor(self.system.actions, np.asarray(action))[0]
+        return [
+            {radar: (self._action(radar, int(i), timestamp),) for radar, i in zip(self._radars, chosen, strict=True)}
+        ]
+
+    def belief(self, tracks: Any, timestamp: datetime) -> Any:
+        """The belief (axis 0 = environment, of length 1) before the measurement at ``timestamp``."""
+        reader, step = self._ready(), self._step(tracks, timestamp)
+        episode, step = divmod(step, self.system.horizon)
+        if episode != self._episode:
+            reader.restart()
+            self._policy.begin(self.system, 1, np.random.default_rng([word("policy"), self.seed + episode]))
+            self._episode = episode
+        return reader.read(tracks, step)
+
+    def _ready(self) -> TrackReader:
+        """The reader of tracks, once the radars are known."""
+        if self._reader is None:
+            self._radars = self._in_order()
+            self._reader = TrackReader(self.system, self._radars[0])
+        return self._reader
+
+    def _in_order(self) -> list[Any]:
+        """The managed radars in the order of the system's: several by their places, each with the system's pulses."""
+        own, free = radars_of(self.system), set(self.sensors)
+        if len(own) != len(free):
+            raise InputError(f"the manager has {len(free)} sensors, expected {len(own)}, as the system has")
+        found = [min(free, key=partial(_distance, other)) for other in own] if len(own) > 1 else list(free)
+        for radar, other in zip(found, own, strict=True):
+            if len(own) > 1 and _distance(other, radar) > NEAR:
+                place = tuple(np.ravel(other.position).tolist())
+                raise InputError(f"no sensor of the manager is at {place} m, expected one, as the system has")
+            C, wanted = radar.pulses.covariances, other.pulses.covariances
+            if C.shape != wanted.shape or not np.allclose(C, wanted, rtol=1e-9, atol=0.0):
+                given = f"the radar has a library of {len(C)} waveforms"
+                raise InputError(f"{given}, expected the system's {len(wanted)} (nearest: radars_of(system))")
+        return found
+
+    def _step(self, tracks: Any, timestamp: datetime) -> int:
+        """The step of the tracks' last states, which is one before that of ``timestamp``."""
+        times = {track.timestamp for track in tracks}
+        if len(times) != 1:
+            raise InputError(
+                f"the tracks end at {sorted(times)}, expected one time: append the prediction of a target that was not "
+                "detected"
+            )
+        (now,), dt = times, self.system.dt
+        if self.start_time is None:
+            self.start_time = now
+        ahead, past = ((b - a).total_seconds() / dt for a, b in ((now, timestamp), (self.start_time, now)))
+        if abs(ahead - 1.0) > ROUNDING or past < -ROUNDING or abs(past - round(past)) > ROUNDING * max(past, 1.0):
+            given = f"the tracks end {past * dt:g} s after the start and {ahead * dt:g} s before the measurement"
+            raise InputError(f"{given}, expected whole time steps of {dt:g} s, and one of them")
+        return round(past)
+
+    def _action(self, radar: Any, index: int, timestamp: datetime) -> Any:
+        (generator,) = radar.actions(timestamp)
+        return generator.action_from_value(index)
+
+
+def _distance(radar: Any, other: Any) -> float:
+    """Between two radars, m; without end where one has no place."""
+    if other.position is None or len(other.position) != len(radar.position):
+        return np.inf
+    return float(np.linalg.norm(np.asarray(radar.position, np.float64) - np.asarray(other.position, np.float64)))
