@@ -191,7 +191,7 @@ def test_combined_is_the_mixture():
         ({"axes": ((1.0, 0.0), (0.0, 2.0))}, "expected a unit vector"),
         ({"axes": ((1.0, 0.0), (0.0, 1.0)), "elements": 1}, "elements is 1, expected an integer >= 2"),
         ({"models": "vsim"}, "models is 'vsim'"),
-        ({"reech": 3.0}, "setting 'reech' is unknown to UrbanTracker; did you mean 'reach'"),
+        ({"reech": 3.0}, "UrbanTracker got an unexpected keyword argument 'reech'; did you mean 'reach'"),
     ],
 )
 def test_mistakes(change, message):
