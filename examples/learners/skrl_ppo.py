@@ -64,6 +64,7 @@ def train(steps: int, seed: int) -> Any:
         "discount_factor": 0.9,
         "learning_rate": 3e-4,
         "value_loss_scale": 0.5,
+        "value_clip": 0.0,
         "experiment": {"write_interval": 0, "checkpoint_interval": 0},
     }
     agent = PPO(
