@@ -198,7 +198,7 @@ def test_mistakes(change, message):
     arguments = {"urban_map": CROSSING, "transmitters": (TX,), "receivers": RX, **change}
     with pytest.raises(InputError, match=message):
         make_checked(UrbanTracker, arguments)
-    if "unknown" not in message:
+    if "unexpected keyword" not in message:
         with pytest.raises(InputError, match=message):
             UrbanTracker(**arguments)
 
