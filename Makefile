@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest site docs results leaderboard papers headroom benchmarks clean
+.PHONY: demo test lint test-oldest test-learners site docs results leaderboard papers headroom benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -39,6 +39,19 @@ $(VENV)-oldest/.ready: pyproject.toml constraints.txt
 	sed 's/^gymnasium==.*/gymnasium==1.2.2/' constraints.txt > $(VENV)-oldest/constraints.txt
 	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt torch
 	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt --editable ".[agents,tune,dev]"
+	touch $@
+
+# The examples of examples/learners with TorchRL, skrl and RL Zoo, in an environment of its own: RL Zoo needs an older
+# python-dateutil than the other tests have.
+test-learners: $(VENV)-learners/.ready
+	$(VENV)-learners/bin/python -m pytest tests/test_learners.py
+
+$(VENV)-learners/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)-learners
+	sed '/^python-dateutil==/d' constraints.txt > $(VENV)-learners/constraints.txt
+	$(VENV)-learners/bin/python -m pip install --quiet --constraint $(VENV)-learners/constraints.txt torch
+	$(VENV)-learners/bin/python -m pip install --quiet --constraint $(VENV)-learners/constraints.txt \
+		--editable ".[agents,tune,dev]" "torchrl>=0.14" "skrl>=2.1" "rl_zoo3>=2.9"
 	touch $@
 
 # The documentation in site/; `docs` renews the environments' pages from the code first.
@@ -84,4 +97,4 @@ benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run
 
 clean:
-	rm -rf $(VENV) $(VENV)-oldest $(OUT) site
+	rm -rf $(VENV) $(VENV)-oldest $(VENV)-learners $(OUT) site

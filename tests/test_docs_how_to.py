@@ -37,6 +37,18 @@ def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch, capsys):
     assert list(tmp_path.glob("out/*/report.html"))
 
 
+def test_the_scenario_files_of_the_page_are_read(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page, namespace = "how_to/scenario_files.md", {}
+    run(page, namespace)
+    system = namespace["env"].unwrapped.system
+    assert (system.horizon, system.q, system.truth) == (30, 50.0, {"q": 200.0})
+    assert namespace["envs"].system.horizon == 20
+    (short,) = re.findall(r"^```toml\n(.*?)^```", (DOCS / page).read_text(), re.DOTALL | re.MULTILINE)
+    Path("short.toml").write_text(short)
+    assert gym.make("wavegym/KershawEvansPosition-v0", scenario="short.toml").unwrapped.system.start_range == (1e4, 2e4)
+
+
 @pytest.mark.usefixtures("_registry")
 def test_the_registrations_and_the_pulse_of_your_own_work(monkeypatch):
     made = []

@@ -27,14 +27,8 @@ SYSTEMS = {
     "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
 }
 
-SHELL = (
-    "reward",
-    "forecasts",
-    "measurements",
-    "observation",
-    "render_mode",
-    "autoreset_mode",
-)  # of an environment, not its system
+# Of an environment, not its system.
+SHELL = ("reward", "forecasts", "measurements", "observation", "render_mode", "autoreset_mode", "scenario")
 PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
@@ -55,11 +49,17 @@ def register(id: str, system: Any, *, max_episode_steps: int | None = None, **pa
     _check_system(system, {name: value for name, value in parameters.items() if name not in SHELL})
     gym.register(
         id,
-        entry_point="wavegym.envs.single:WaveformEnv",
-        vector_entry_point="wavegym.envs.vector:WaveformVectorEnv",
+        entry_point="wavegym.envs.make:make_env",
+        vector_entry_point="wavegym.envs.make:make_vector_env",
         max_episode_steps=max_episode_steps,
-        kwargs={"system": system, **parameters},
+        kwargs={"system": system, **({"registered": parameters} if parameters else {})},
     )
+
+
+def registered_system(env_id: str) -> tuple[Any, dict[str, Any]]:
+    """The system of a registered id, and the parameters and settings of its registration."""
+    kwargs = dict(gym.spec(env_id).kwargs)
+    return kwargs.pop("system"), {**kwargs.pop("registered", {}), **kwargs}
 
 
 def _check_system(system: Any, parameters: dict[str, Any]) -> None:

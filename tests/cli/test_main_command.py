@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import warnings
@@ -92,6 +93,31 @@ def test_a_mistake_is_one_line(arguments, words, capsys):
 def test_describe_prints_the_page_with_the_parameters_given(capsys):
     assert main(["describe", "KershawEvans-v0", *SHORT]) == 0
     assert capsys.readouterr().out.strip() == wavegym.describe("wavegym/KershawEvans-v0", horizon=4).strip()
+
+
+def test_describe_writes_a_scenario_that_every_subcommand_takes(tmp_path, capsys):
+    file = tmp_path / "mine.toml"
+    assert main(["describe", "KershawEvans-v0", "--toml", *SHORT]) == 0
+    file.write_text(capsys.readouterr().out)
+    assert main(["describe", str(file), "--toml"]) == 0
+    assert capsys.readouterr().out == file.read_text()
+    assert main(["play", str(file), "--policy", "fixed:3", "--seed", "7"]) == 0
+    assert main(["play", "KershawEvans-v0", "--policy", "fixed:3", "--seed", "7", *SHORT]) == 0
+    by_file, by_words = capsys.readouterr().out.splitlines()
+    assert by_file == by_words
+    out = tmp_path / "out"
+    assert main(["evaluate", str(file), "--policies", "random", "--worlds", "2", "--out", str(out), "--jobs", "1"]) == 0
+    assert json.loads((out / "summary.json").read_text())["settings"] == {"horizon": 4}
+    assert main(["check", str(file)]) == 0
+
+
+def test_a_scenario_without_an_id_needs_one(tmp_path, capsys):
+    file = tmp_path / "mine.toml"
+    file.write_text("horizon = 4\n")
+    assert main(["play", str(file)]) == 2
+    assert "names no id, expected id = " in capsys.readouterr().err
+    assert main(["play", "KershawEvans-v0", "--set", f"scenario={file}"]) == 0
+    assert "over 4 steps" in capsys.readouterr().out
 
 
 def test_check_says_that_an_environment_passed(capsys):

@@ -6,6 +6,8 @@ import pytest
 from runs_for_tests import arguments, assert_same_run
 
 import train
+from wavegym.cli import train as command
+from wavegym.envs.scenario import scenario_toml
 from wavegym.evaluation import full_id
 
 
@@ -30,6 +32,7 @@ from wavegym.evaluation import full_id
         (["KershawEvans-v0", "--algo", "ppo", "--set", "n_steps=1", "num_envs=1"], "n_steps times num_envs is 1"),
         (["KershawEvans-v0", "--algo", "ppo", "--environment", "num_envs=3"], "expected --set num_envs=N"),
         (["KershawEvans-v0", "--algo", "ppo", "--environment", "autoreset_mode=NextStep"], "training needs SameStep"),
+        (["no/such.toml", "--algo", "ppo"], "scenario 'no/such.toml' cannot be read"),
     ],
 )
 def test_a_mistake_is_one_line_and_leaves_nothing(
@@ -70,3 +73,25 @@ def test_the_command_trains_what_the_function_trains(
     assert train.main(["KershawEvansPosition-v0", *given[1:]]) == 0
     assert_same_run(tmp_path / "run", unbroken["dqn"])
     assert str(tmp_path / "run") in capsys.readouterr().out
+
+
+def test_a_scenario_changes_the_environment_and_keeps_the_recipe(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(scenario_toml("wavegym/KershawEvansPosition-v0", horizon=9, truth={"q": 4.0}))
+    name = "wavegym/KershawEvansPosition-v0"
+    options = command.parser().read([str(file), "--algo", "ppo", "--out", "x", "--environment", "dt=0.5"])
+    assert command._task(options) == (name, {"horizon": 9, "truth": {"q": 4.0}, "dt": 0.5}, {})
+    file.write_text(scenario_toml(name, reward="log-cost", forecasts=True))
+    options = command.parser().read([str(file), "--algo", "ppo", "--out", "x", "--set", "forecasts=False"])
+    assert command._task(options) == (name, {}, {"reward": "log-cost", "forecasts": False})
+
+
+@pytest.mark.slow
+def test_a_run_of_a_scenario_is_the_run_of_its_parameters(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text('id = "wavegym/KershawEvansPosition-v0"\nhorizon = 5\n')
+    rest = ["--algo", "ppo", "--steps", "64", "--set", "num_envs=4", "n_steps=8", "batch_size=16", "--quiet"]
+    assert train.main([str(file), *rest, "--out", str(tmp_path / "a")]) == 0
+    words = ["--environment", "horizon=5", "--out", str(tmp_path / "b")]
+    assert train.main(["KershawEvansPosition-v0", *rest, *words]) == 0
+    assert_same_run(tmp_path / "a", tmp_path / "b")

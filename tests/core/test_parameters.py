@@ -6,10 +6,12 @@ import dataclasses
 import re
 from typing import Literal
 
+import gymnasium as gym
 import pytest
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
+import wavegym  # noqa: F401  (registers the environments)
 from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import (
     ParameterInfo,
@@ -43,7 +45,7 @@ def test_values_arrive_validated() -> None:
 
 
 def test_names_given_in_the_same_place_are_suggested_too() -> None:
-    with pytest.raises(InputError, match="setting 'rewrd' is unknown to Radar; did you mean 'reward'"):
+    with pytest.raises(InputError, match="Radar got an unexpected keyword argument 'rewrd'; did you mean 'reward'"):
         make_checked(Radar, {"gain": 1.0, "rewrd": 2}, beside=["reward"])
 
 
@@ -58,7 +60,7 @@ def test_a_class_by_itself_says_the_same() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"gian": 2.0}, "setting 'gian' is unknown to Radar; did you mean 'gain'?"),
+        ({"gian": 2.0}, "Radar got an unexpected keyword argument 'gian'; did you mean 'gain'?"),
         ({}, "setting 'gain' is missing, expected it in the file"),
         ({"gain": -1.0}, "gain is -1.0, expected a finite number > 0"),
         ({"gain": "much"}, "gain is 'much': Input should be a valid number, unable to parse string as a number"),
@@ -96,3 +98,14 @@ def test_a_subclass_inherits_the_declarations_and_a_plain_dataclass_adds_its_own
     declared = [ParameterInfo("q", "m^2/s^3", "noise density", False), ParameterInfo("count", "1", "how many", False)]
     assert parameter_infos(Derived) == [*declared, ParameterInfo("name", "", "", False)]
     assert parameter_infos(Base) == declared[:1]
+
+
+def test_an_unknown_keyword_is_a_type_error_too_and_no_other_mistake_is() -> None:
+    """TorchRL tries keywords out with ``gym.make`` and goes on after a TypeError of these words."""
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'") as caught:
+        gym.make("wavegym/KershawEvans-v0", frameskip=1)
+    assert isinstance(caught.value, InputError)
+    assert str(caught.value).endswith("'frameskip'; did you mean 'forecasts'?")  # and nothing of Gymnasium's
+    with pytest.raises(InputError) as wrong:
+        gym.make("wavegym/KershawEvans-v0", dt=-1.0)
+    assert not isinstance(wrong.value, TypeError)

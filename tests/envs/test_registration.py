@@ -52,10 +52,22 @@ def test_a_time_limit_of_no_steps_is_refused():
         ("package.module.Class", {}, "expected 'package.module:Class'"),
         (3, {}, "system is 3, expected a System, its class, or 'package.module:Class'"),
         (dict, {}, "system is <class 'dict'>, expected a System"),
-        (KershawEvans, {"horizn": 5}, "setting 'horizn' is unknown to KershawEvans; did you mean 'horizon'"),
-        (KershawEvans, {"rewrd": "trace"}, "setting 'rewrd' is unknown to KershawEvans; did you mean 'reward'"),
+        (
+            KershawEvans,
+            {"horizn": 5},
+            "KershawEvans got an unexpected keyword argument 'horizn'; did you mean 'horizon'",
+        ),
+        (
+            KershawEvans,
+            {"rewrd": "trace"},
+            "KershawEvans got an unexpected keyword argument 'rewrd'; did you mean 'reward'",
+        ),
         (KershawEvans, {"horizon": 0}, "horizon is 0, expected an integer >= 1"),
-        (KershawEvans(), {"horizn": 5}, "setting 'horizn' is unknown to KershawEvans; did you mean 'horizon'"),
+        (
+            KershawEvans(),
+            {"horizn": 5},
+            "KershawEvans got an unexpected keyword argument 'horizn'; did you mean 'horizon'",
+        ),
     ],
 )
 def test_what_cannot_be_made_is_not_registered(system, parameters, words):

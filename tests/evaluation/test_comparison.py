@@ -118,8 +118,8 @@ class Counting(Fixed):
         ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
         ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),
         ({"root": -1}, "seed is -1"),
-        ({"horizn": 5}, "setting 'horizn' is unknown.*did you mean 'horizon'"),
-        ({"reward": "log-cost"}, "setting 'reward' is unknown"),
+        ({"horizn": 5}, "unexpected keyword argument 'horizn'.*did you mean 'horizon'"),
+        ({"reward": "log-cost"}, "unexpected keyword argument 'reward'"),
     ],
 )
 def test_mistakes_are_named_before_the_work_begins(monkeypatch, change, words):

@@ -68,8 +68,8 @@ def test_types_are_those_of_the_algorithms() -> None:
 @pytest.mark.parametrize(
     ("algo", "changes", "message"),
     [
-        ("ppo", {"gama": 0}, "'gama' is unknown to PPOSettings; did you mean 'gamma'"),
-        ("dqn", {"n_epochs": 3}, "'n_epochs' is unknown to DQNSettings"),
+        ("ppo", {"gama": 0}, "PPOSettings got an unexpected keyword argument 'gama'; did you mean 'gamma'"),
+        ("dqn", {"n_epochs": 3}, "DQNSettings got an unexpected keyword argument 'n_epochs'"),
         ("ppo", {"gamma": 1.5}, "gamma is 1.5"),
         ("ppo", {"gamma": "half"}, "gamma is 'half'"),
         ("ppo", {"learning_rate": float("nan")}, "learning_rate is nan"),

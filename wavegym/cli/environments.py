@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from wavegym.core.command_line import Parser, settings
+from wavegym.core.errors import InputError
 from wavegym.registration import full_id, list_envs
+
+ENVIRONMENT = "id of the environment, with or without wavegym/; or a scenario file, FILE.toml, that names its id"
+
+
+def read_environment(env: str, pairs: Sequence[str]) -> tuple[str, dict[str, Any]]:
+    """The full id, and the parameters from the scenario file ``env``, if it is one, and from ``KEY=VALUE`` pairs.
+
+    Raises:
+        InputError: no such environment (nearest named), a pair that is none, or a file without an id.
+    """
+    given = settings(pairs)
+    if not env.endswith(".toml"):
+        return full_id(env), given
+    from wavegym.envs.scenario import read_scenario
+
+    named = read_scenario(env).id
+    if named is None:
+        raise InputError(f'scenario {env!r} names no id, expected id = "..." in it, or ID --set scenario={env}')
+    return named, {"scenario": env, **given}
 
 
 def parser(name: str, description: str, takes_environment: bool = True) -> Parser:
     """The options of one of these subcommands."""
     options = Parser(prog=f"wavegym {name}", description=description)
     if takes_environment:
-        options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
+        options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
         help = "parameters of the environment other than its defaults"
         options.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=help)
     return options
@@ -25,11 +46,19 @@ def list_ids(arguments: Sequence[str]) -> None:
 
 
 def describe(arguments: Sequence[str]) -> None:
-    """Print the page of an environment, Markdown."""
-    options = parser("describe", "Show actions, observations and parameters of an environment.").read(arguments)
+    """Print the page of an environment, Markdown, or its scenario file, TOML."""
+    read = parser("describe", "Show actions, observations and parameters of an environment.")
+    read.add_argument("--toml", action="store_true", help="write all parameters as a scenario file instead")
+    options = read.read(arguments)
+    env_id, given = read_environment(options.env, options.set)
+    if options.toml:
+        from wavegym.envs.scenario import scenario_toml
+
+        print(scenario_toml(env_id, **given), end="")
+        return
     from wavegym.envs.describe import describe as page
 
-    print(page(options.env, **settings(options.set)))
+    print(page(env_id, **given))
 
 
 def check(arguments: Sequence[str]) -> None:
@@ -38,6 +67,6 @@ def check(arguments: Sequence[str]) -> None:
     options = parser("check", text).read(arguments)
     from wavegym.testing import check_vector_env
 
-    env_id = full_id(options.env)
-    check_vector_env(env_id, **settings(options.set))
+    env_id, given = read_environment(options.env, options.set)
+    check_vector_env(env_id, **given)
     print(f"{env_id} passed all checks")

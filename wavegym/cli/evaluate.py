@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wavegym.core.command_line import Parser, guarded, settings
+from wavegym.cli.environments import ENVIRONMENT, read_environment
+from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.registry import import_package
 
@@ -38,7 +39,7 @@ COMPARISON = {
 def parser() -> Parser:
     """The options."""
     options = Parser(prog="wavegym evaluate", description="Compare policies on the same worlds.")
-    options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
+    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
     options.add_argument("--policies", default="myopic,best-fixed,random", help=f"{POLICIES} (default: %(default)s)")
     options.add_argument(
         "--worlds", type=int, default=200, metavar="N", help="number of test worlds (default: %(default)s)"
@@ -69,11 +70,11 @@ def parser() -> Parser:
     return options
 
 
-def parameters(options: Any, env_id: str) -> dict[str, Any]:
-    """The system's parameters from the options. InputError if the system takes no recorded targets."""
+def task(options: Any) -> tuple[str, dict[str, Any]]:
+    """The full id and the system's parameters. InputError if the system takes no recorded targets."""
     from wavegym.evaluation import make_task
 
-    chosen = settings(options.set)
+    env_id, chosen = read_environment(options.env, options.set)
     for name in chosen:
         if name in COMPARISON:
             raise InputError(f"--set {name} is no parameter of an environment, expected {COMPARISON[name]}")
@@ -85,7 +86,7 @@ def parameters(options: Any, env_id: str) -> dict[str, Any]:
         if len(options.radar) not in (2, 3):
             raise InputError(f"--radar has {len(options.radar)} numbers, expected LAT LON or LAT LON ALT")
         chosen["radar"] = (*options.radar, 0.0)[:3]
-    return chosen
+    return env_id, chosen
 
 
 def policies(names: str) -> dict[str, Any]:
@@ -115,11 +116,11 @@ def evaluate(arguments: Sequence[str] | None) -> None:
     """Play, compare, write, print."""
     options = parser().read(arguments)
     # These imports take half a second; a misspelt option is reported before them.
-    from wavegym.evaluation import compare, full_id, write_report
+    from wavegym.evaluation import compare, write_report
 
     for package in options.packages:
         import_package(package)
-    env_id = full_id(options.env)
+    env_id, parameters = task(options)
     options.out.mkdir(parents=True, exist_ok=True)
     comparison = compare(
         env_id,
@@ -128,7 +129,7 @@ def evaluate(arguments: Sequence[str] | None) -> None:
         root=options.seed,
         jobs=options.jobs,
         trust=options.trust,
-        **parameters(options, env_id),
+        **parameters,
     )
     print(write_report(comparison, options.out))
     print(f"\nwritten to {options.out}: report.html, summary.json, episodes.csv, table.md, comparison.png")

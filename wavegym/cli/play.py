@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.command_line import Parser, settings
+from wavegym.cli.environments import ENVIRONMENT, read_environment
+from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Clairvoyant
 
@@ -18,7 +19,7 @@ FRAME_MS = 200  # how long a GIF shows each step
 def parser() -> Parser:
     """The options."""
     options = Parser(prog="wavegym play", description="Play one episode with a policy and print its cost.")
-    options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
+    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
     options.add_argument("--policy", default="myopic", metavar="NAME", help="as for evaluate (default: %(default)s)")
     options.add_argument("--seed", type=int, default=0, metavar="S", help="of the world (default: %(default)s)")
     options.add_argument("--gif", type=Path, metavar="FILE", help="write a picture of every step")
@@ -33,7 +34,7 @@ def play(arguments: Sequence[str]) -> None:
     check_int("seed", options.seed, 0)
     from wavegym.evaluation import make_task
 
-    task = make_task(options.env, settings(options.set))
+    task = make_task(*read_environment(options.env, options.set))
     policy = _policy(options.policy, task, options.seed)
     costs, frames = _episode(task, policy, options.seed, draw=options.gif is not None)
     if options.gif:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from wavegym.cli.environments import ENVIRONMENT, read_environment
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.registry import import_package
@@ -21,7 +22,7 @@ from wavegym.core.registry import import_package
 def parser() -> Parser:
     """The options."""
     options = Parser(prog="wavegym train", description="Train a waveform scheduler.")
-    options.add_argument("env", metavar="ENV", help="id of the environment, with or without wavegym/")
+    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
     options.add_argument("--algo", required=True, metavar="ALGO", help="ppo or dqn")
     steps = (
         "environment steps, rounded up to whole rollouts of all environments (default: wavegym/learning/settings.toml)"
@@ -57,7 +58,6 @@ def train(arguments: Sequence[str] | None) -> None:
     for package in options.packages:
         import_package(package)
     # These imports take seconds; a misspelt option is reported before them.
-    from wavegym.evaluation import full_id
     from wavegym.learning.settings import load_settings
     from wavegym.learning.training.run_spec import RunSpec
 
@@ -65,24 +65,38 @@ def train(arguments: Sequence[str] | None) -> None:
         from wavegym.learning.training.train import train as run
     except ImportError as error:
         raise InputError(f"training needs the extra: {error}; pip install 'wavegym[agents]'") from None
-    env_id, changes = full_id(options.env), settings(options.set)
+    env_id, environment, changes = _task(options)
     if options.steps is not None:
         changes["steps"] = options.steps
     if options.tune is not None:
         from wavegym.learning.training.hyperparameters import tune
 
-        best = tune(
-            env_id, options.algo, options.tune, options.seed, changes, settings(options.environment), options.out
-        )
+        best = tune(env_id, options.algo, options.tune, options.seed, changes, environment, options.out)
         print(f"{best}written to {options.out}: best.toml, trials.csv, trials.log")
         return
-    chosen = load_settings(env_id, options.algo, changes, settings(options.environment))
+    chosen = load_settings(env_id, options.algo, changes, environment)
     spec = RunSpec(env_id, options.algo, options.seed, chosen)
     run(spec, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
     print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
     if chosen.environment:
         same = shlex.join(f"{name}={value}" for name, value in chosen.environment.items())
         print(f"trained with other parameters: wavegym evaluate needs --set {same}")
+
+
+def _task(options: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """The full id, the parameters of the environment, and the training settings that the options change.
+
+    Of a scenario file, the reward and the forecasts are training settings. The run records values, not the file.
+    """
+    from wavegym.envs.scenario import read_scenario, scenario_differences
+
+    (env_id, environment), changes = read_environment(options.env, options.environment), settings(options.set)
+    file = environment.pop("scenario", None)
+    if file:
+        stated = read_scenario(file).parameters
+        environment = {**scenario_differences(env_id, file), **environment}
+        changes = {**{name: stated[name] for name in ("reward", "forecasts") if name in stated}, **changes}
+    return env_id, environment, changes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

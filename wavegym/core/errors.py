@@ -12,6 +12,18 @@ class InputError(ValueError):
     """A user's mistake. The message is one line; command lines print it without a traceback."""
 
 
+class UnexpectedKeywordError(InputError, TypeError):
+    """A keyword that nobody takes: a user's mistake, and the TypeError that Python raises for one.
+
+    Other libraries try keywords out and expect "unexpected keyword argument 'name'" in the message. Gymnasium's
+    ``make`` raises a TypeError of the environment once more, with all arguments behind the message; they are left out
+    here.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message.partition(" was raised from the environment creator for ")[0])
+
+
 class InputWarning(UserWarning):
     """What a user should know of the input, but may intend. The message is one line; command lines print it so."""
 

@@ -23,7 +23,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
 from pydantic.fields import FieldInfo
 
-from wavegym.core.errors import InputError, nearest
+from wavegym.core.errors import InputError, UnexpectedKeywordError, nearest
 
 Made = TypeVar("Made")
 
@@ -107,14 +107,16 @@ def make_checked(
         beside: other names that are valid in the same place; the error may suggest one of them.
 
     Raises:
-        InputError: an unknown parameter (nearest named), a missing parameter, or a value out of range.
+        InputError: a missing parameter, or a value out of range.
+        UnexpectedKeywordError: an unknown parameter (nearest named).
     """
     title = getattr(make, "__name__", str(make))
     if dataclasses.is_dataclass(make):
         names = [field.name for field in dataclasses.fields(make)]
         for name in values:
             if name not in names:
-                raise InputError(f"setting {name!r} is unknown to {title}{nearest(name, [*names, *beside])}")
+                unexpected = f"{title} got an unexpected keyword argument {name!r}"
+                raise UnexpectedKeywordError(f"{unexpected}{nearest(name, [*names, *beside])}")
     try:
         return make(**values)
     except ValidationError as error:

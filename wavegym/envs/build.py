@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wavegym.core import build
+from wavegym.core.errors import InputError
 from wavegym.core.system import System
 
 SETTINGS = {  # of every environment, with their meaning
@@ -23,9 +24,13 @@ SETTINGS = {  # of every environment, with their meaning
     "settings and what they reported last; only some systems offer it",
     "max_episode_steps": "truncate after this many steps, before the system's own end",
     "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
+    "scenario": "a TOML file with parameters and settings, of `gym.make` and `gym.make_vec`; keywords beside it win. "
+    "`wavegym describe ID --toml` writes one",
 }
 
 
 def build_system(system: System | type[System] | str, parameters: dict[str, Any]) -> System:
     """See ``wavegym.core.build.build_system``; an unknown parameter may be meant as one of ``SETTINGS``."""
+    if "scenario" in parameters:
+        raise InputError("scenario is a setting of gym.make and gym.make_vec, expected it there")
     return build.build_system(system, parameters, SETTINGS)

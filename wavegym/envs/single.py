@@ -9,7 +9,9 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward
 from wavegym.envs.vector import WaveformVectorEnv
 
@@ -61,6 +63,13 @@ class WaveformEnv(gym.Env):
     def action_masks(self) -> Array:
         """Which actions are allowed now, (actions,) bool."""
         return self.batch.action_masks()[0]
+
+    def policy(self, policy: str | Policy, seed: int = 0) -> PolicyInLoop:
+        """A scheduler by name, or a Policy, that follows this environment: ``action = policy()`` before each step.
+
+        See ``wavegym.envs.policy_in_loop.PolicyInLoop``.
+        """
+        return PolicyInLoop(self.batch, policy, seed, is_single=True)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin a new episode; ``seed=None`` continues with the environment's generator."""

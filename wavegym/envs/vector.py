@@ -11,11 +11,13 @@ from gymnasium.vector.utils import batch_space
 from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_int
+from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.envs.actions import action_reader
 from wavegym.envs.build import build_system
 from wavegym.envs.episodes import Episodes, Info
 from wavegym.envs.info import add_info, final_info
+from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward, make_reward
 from wavegym.envs.seeds import Seed, seed_list
 
@@ -94,6 +96,13 @@ class WaveformVectorEnv(VectorEnv):
     def action_masks(self) -> Array:
         """Which actions are allowed now, (env, actions) bool; of a MultiDiscrete, sensor after sensor."""
         return self.system.mask(self.episodes.state.belief)
+
+    def policy(self, policy: str | Policy, seed: int = 0) -> PolicyInLoop:
+        """A scheduler by name, or a Policy, that follows this environment: ``actions = policy()`` before each step.
+
+        See ``wavegym.envs.policy_in_loop.PolicyInLoop``.
+        """
+        return PolicyInLoop(self, policy, seed)
 
     def reset(self, *, seed: Seed = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin new episodes: in all environments, or in those of ``options["reset_mask"]``.

@@ -10,7 +10,8 @@ import gymnasium as gym
 
 from wavegym.core.system import System
 from wavegym.envs.build import build_system
-from wavegym.registration import SHELL, full_id
+from wavegym.envs.scenario import scenario_differences
+from wavegym.registration import SHELL, full_id, registered_system
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,19 @@ class Task:
 def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
     """The task of a registered environment.
 
+    Args:
+        env_id: with or without ``wavegym/``.
+        settings: parameters of the system other than the registered ones; "scenario" names a file of them.
+
     Raises:
-        InputError: unknown id or setting (nearest named), or a value out of range.
+        InputError: an unreadable scenario, an unknown id or setting (nearest named), or a value out of range.
     """
     env_id = full_id(env_id)
-    spec = gym.spec(env_id)
-    registered = {key: value for key, value in spec.kwargs.items() if key not in SHELL}  # the cost itself is reported
-    system, limit = registered.pop("system"), registered.pop("max_episode_steps", spec.max_episode_steps)
-    parameters = {**registered, **settings}
-    observation = parameters.pop("observation", spec.kwargs.get("observation", "belief"))
-    return Task(env_id, build_system(system, parameters), limit, dict(settings), observation)
+    system, registered = registered_system(env_id)
+    limit = registered.pop("max_episode_steps", gym.spec(env_id).max_episode_steps)
+    settings = {**scenario_differences(env_id, settings.get("scenario", registered.get("scenario"))), **settings}
+    settings.pop("scenario", None)
+    own = {key: value for key, value in registered.items() if key not in SHELL}  # the cost itself is reported
+    parameters = {**own, **settings}
+    observation = parameters.pop("observation", registered.get("observation", "belief"))
+    return Task(env_id, build_system(system, parameters), limit, settings, observation)

@@ -21,6 +21,7 @@ SHELL = {
     "reward": "--set reward=NAME",
     "forecasts": "--set forecasts=true",
     "autoreset_mode": "none: training needs SameStep",
+    "scenario": "the file in place of the environment's id",
     "render_mode": "none: training renders nothing",
     "vectorization_mode": "none: training uses the native batch",
     "vector_kwargs": "none: training uses the native batch",

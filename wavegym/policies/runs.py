@@ -33,6 +33,7 @@ from wavegym.core.system import System
 from wavegym.observations.forecasts import Forecasts
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.records import difference, read_run
+from wavegym.registration import registered_system
 
 SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
 CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
@@ -198,8 +199,8 @@ def _trained_parameters(run: dict[str, Any]) -> dict[str, Any]:
     """All parameters of the system of a run; only those on record if that system cannot be made here."""
     recorded = dict(run["settings"].get("environment", {}))
     try:
-        given = {**gym.spec(run["env"]).kwargs, **recorded}
-        system = given.pop("system")
+        system, registered = registered_system(run["env"])
+        given = {**registered, **recorded}
         if isinstance(system, System):
             return _parameters(system)
         make: Any = load_env_creator(system) if isinstance(system, str) else system

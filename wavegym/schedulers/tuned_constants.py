@@ -10,6 +10,7 @@ from importlib import resources
 from typing import Any
 
 from wavegym.core.system import System
+from wavegym.core.toml import toml_key, toml_value
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple, tune_heuristic
 
@@ -74,21 +75,6 @@ def as_toml(table: Mapping[str, Mapping[str, Any]]) -> str:
     lines = ["# Constants of heuristics, found on tuning worlds by: python -m wavegym.evaluation.tune_constants"]
     for system in sorted(table):
         entries = table[system]
-        lines += ["", f"[{_key(system)}]"]
-        lines += [f"{_key(key)} = {_value(value)}" for key, value in entries.items()]
+        lines += ["", f"[{toml_key(system)}]"]
+        lines += [f"{toml_key(key)} = {toml_value(value)}" for key, value in entries.items()]
     return "\n".join(lines) + "\n"
-
-
-def _key(name: str) -> str:
-    return name if name.replace("-", "").replace("_", "").isalnum() else f'"{name}"'
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        entries = ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items())
-        return f"{{ {entries} }}" if entries else "{}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -207,7 +207,7 @@ def test_myopic_spends_all_it_can():
         (EnergyBudget, {"spread": (1.0, -1.0, 0.0, 0.0)}, "spread.1 is -1.0, expected a finite number >= 0"),
         (EnergyBudget, {"tracker": "kalman"}, "tracker is 'kalman'"),
         (EnergyBudget, {"action": "box"}, "action is 'box'"),
-        (EnergyBudget, {"windows": ((1, 2),)}, "'windows' is unknown"),
+        (EnergyBudget, {"windows": ((1, 2),)}, "unexpected keyword argument 'windows'"),
         (EnergyBudgetKnown, {"windows": ((70, 72),)}, "last step of hidden window"),
         (EnergyBudgetKnown, {"windows": ((-1, 2),)}, "first step of hidden window"),
         (EnergyBudgetKnown, {"windows": ((5, 2),)}, "last step of hidden window"),

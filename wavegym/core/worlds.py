@@ -1,0 +1,75 @@
+"""Seeds of the worlds for training, for tuning and for the test: three families without a common world.
+
+A seed ``s`` stands for the first episode of ``env.reset(seed=s)``. With plain seeds 0, 1, 2, ... the first training run
+would train on the worlds of the test.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+
+from wavegym.core import trees
+from wavegym.core.errors import check_choice, check_int
+from wavegym.core.system import System
+
+SPLITS = ("train", "tune", "test")
+WORDS = 4  # of 32 bits in a seed: two of 128 bits never meet by chance
+TUNING_STEPS, LEAST_WORLDS, MOST_WORLDS = 20_000, 20, 200  # of tuning: long episodes say more each
+
+
+def word(text: str) -> int:
+    """A stable integer for a word (CRC-32): Python's own hash differs from process to process."""
+    return zlib.crc32(text.encode())
+
+
+def world_seeds(root: int, split: str, count: int) -> list[int]:
+    """Seeds of the first ``count`` worlds of a split; world i does not depend on ``count``.
+
+    Args:
+        root: of all seeds of a comparison, >= 0.
+        split: "train", "tune" or "test".
+        count: how many.
+
+    Returns:
+        Integers of 128 bits for ``env.reset(seed=[...])``.
+
+    Raises:
+        InputError: an unknown split, a negative root or count.
+    """
+    key = word(check_choice("split", split, SPLITS))
+    check_int("seed", root, 0)
+    return [_seed(np.random.SeedSequence([root, key, i])) for i in range(check_int("worlds", count, 0))]
+
+
+def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
+    """One seed for each environment of the training run number ``seed``, spawned from [root, "train", seed].
+
+    Raises:
+        InputError: a negative argument.
+    """
+    parent = np.random.SeedSequence([check_int("root", root, 0), word("train"), check_int("seed", seed, 0)])
+    return [_seed(child) for child in parent.spawn(check_int("num_envs", num_envs, 0))]
+
+
+def draw_worlds(system: System, seeds: Sequence[int]) -> Any:
+    """The tapes that ``env.reset(seed=list(seeds))`` would draw, axis 0 = world."""
+    return trees.stack([system.draw_world(seeding.np_random(seed)[0]) for seed in seeds])
+
+
+def tuning_worlds(system: System) -> int:
+    """How many worlds policies are tuned on: as many episodes as hold TUNING_STEPS steps, within bounds."""
+    return min(max(TUNING_STEPS // system.horizon, LEAST_WORLDS), MOST_WORLDS)
+
+
+def tuning_tapes(system: System, root: int) -> Any:
+    """The tapes that policies are tuned on in a comparison with the seed ``root``, axis 0 = world."""
+    return draw_worlds(system, world_seeds(root, "tune", tuning_worlds(system)))
+
+
+def _seed(sequence: np.random.SeedSequence) -> int:
+    return int.from_bytes(sequence.generate_state(WORDS).astype("<u4").tobytes(), "little")
