@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import NamedTuple, SupportsIndex, TextIO
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class _Rows(NamedTuple):
     cells: list[list[str]]
     lines: list[int]
 
-    def where(self, row: int) -> str:
+    def where(self, row: SupportsIndex) -> str:
         return f"{self.path}:{self.lines[row]}"
 
 

@@ -154,5 +154,5 @@ def _resampled(part: RecordedTrack, dt: float, smoothing: float) -> Piece:
     curve = CubicSpline(t, smoothed(t, part.positions, tau) if tau else part.positions, bc_type="natural")
     count = int(np.floor(t[-1] / dt + 1e-9)) + 1
     samples = np.minimum(dt * np.arange(count), t[-1])
-    values = (curve(samples, order) for order in range(3))
-    return Piece(part.id, dt, part.times[0] + samples, *values, tau)
+    positions, velocities, accelerations = (curve(samples, order) for order in range(3))
+    return Piece(part.id, dt, part.times[0] + samples, positions, velocities, accelerations, tau)

@@ -14,6 +14,7 @@ FEWEST = 5  # reports of a stretch that is smoothed
 FACTORS = (0.0, *(2.0 ** (k / 2) for k in range(-4, 7)))
 BLOCK = 48  # reports of a stretch that are tried together
 MOST_BLOCKS = 8  # of a track, spread over its whole length
+NEGLIGIBLE = 1e-3  # m
 ENDS = 2  # reports at either end of a block that do not count: their prediction is an extrapolation
 
 
@@ -59,7 +60,8 @@ def choose_factor(stretches: Sequence[tuple[FloatArray, FloatArray]]) -> float:
     errors = [errors_of_prediction(*block) for block in _blocks(stretches)]
     if not errors:
         return 0.0
-    return FACTORS[int(np.concatenate(errors, axis=1).mean(axis=1).argmin())]
+    squares = np.concatenate(errors, axis=1).mean(axis=1)
+    return FACTORS[int((squares <= squares.min() + NEGLIGIBLE**2).argmax())]  # of equal errors the least smoothing
 
 
 def errors_of_prediction(times: FloatArray, positions: FloatArray) -> FloatArray:
