@@ -69,7 +69,7 @@ def play(recording: Recording | None, worlds: int, jobs: int) -> dict[str, Any]:
     found: dict[str, Any] = {"worlds": worlds, "cases": []}
     if recording:
         system: Any = make_task(ENV_ID, recording.settings).system
-        played = system.windows
+        played = system.recorded_windows
         targets = {played.locate(i)[0].id for i in range(len(played))}
         found |= {"file": recording.file.name, "radar": recording.radar}
         found |= {"windows": len(played), "targets": len(targets)}

@@ -71,6 +71,7 @@ def parser() -> Parser:
 
 def parameters(options: Any, env_id: str) -> dict[str, Any]:
     """The system's parameters from the options. InputError if the system takes no recorded targets."""
+    from wavegym.core.capabilities import RecordedTargets, offers
     from wavegym.evaluation import make_task
 
     chosen = settings(options.set)
@@ -78,9 +79,12 @@ def parameters(options: Any, env_id: str) -> dict[str, Any]:
         if name in COMPARISON:
             raise InputError(f"--set {name} is no parameter of an environment, expected {COMPARISON[name]}")
     if options.tracks:
-        if not hasattr(make_task(env_id, {}).system, "tracks"):
+        system: Any = make_task(env_id, {}).system
+        if not offers(system, RecordedTargets):
             raise InputError(f"--tracks {options.tracks}: {env_id} takes no recorded targets, as {RECORDED} does")
-        chosen |= {"targets": "recorded", "tracks": options.tracks}
+        chosen["tracks"] = options.tracks
+        if isinstance(system.targets, str):  # otherwise the number of targets
+            chosen["targets"] = "recorded"
     if options.radar:
         if len(options.radar) not in (2, 3):
             raise InputError(f"--radar has {len(options.radar)} numbers, expected LAT LON or LAT LON ALT")

@@ -212,6 +212,18 @@ class SensorBySensor(Capability, members=("sensor_costs",), shortcut_for=("predi
         """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, before the next sensor's pulse."""
 
 
+class RecordedTargets(Capability, members=("recorded_windows",)):
+    """True targets that may follow recordings.
+
+    The system has the parameters ``tracks``, ``radar``, ``farthest_range`` and ``smoothing``.
+    """
+
+    @property
+    @abstractmethod
+    def recorded_windows(self) -> Any:
+        """The windows of the recording that worlds draw, a ``wavegym.targets.Windows``; None without a recording."""
+
+
 CAPABILITIES: tuple[type[Capability], ...] = (
     FusedTransition,
     BestAction,
@@ -228,6 +240,7 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     InnovationCovariance,
     ClosedForm,
     SensorBySensor,
+    RecordedTargets,
 )
 
 
