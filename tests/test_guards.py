@@ -112,6 +112,11 @@ GOOD: dict[str, dict[str, Argument]] = {
         "targets": finite(np.zeros((2, 2))), "tracks": finite(np.ones((3, 2))),
         "cutoff": positive(20.0), "order": positive(2.0),
     },
+    "ospa": {
+        "targets": finite(np.zeros((2, 2))), "tracks": finite(np.ones((3, 2))),
+        "cutoff": positive(20.0), "order": positive(2.0),
+    },
+    "siap": {"targets": finite(np.zeros((2, 2))), "tracks": finite(np.ones((3, 2))), "cutoff": positive(20.0)},
     "imm_combine": MODELS,
     "imm_mix": MODELS | {"transition": TRANSITION},
     "imm_reweigh": {"predicted": MU, "log_likelihood": Argument("log", np.array([-1.0, -2.0]))},
@@ -269,7 +274,7 @@ ROOMS = (trackers, sensors, targets, waveforms)
 NO_NUMBERS = {
     # results, which functions of this package make
     "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
-    "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
+    "Siap", "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
     # made of objects that are checked themselves, of text or of files, which have tests of their own
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
     "plot_ambiguity", "SPEED_OF_LIGHT",

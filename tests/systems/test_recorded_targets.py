@@ -15,7 +15,7 @@ from wavegym.registration import SYSTEMS
 from wavegym.testing.capability_check import capability_defect
 
 # First position [m] and velocity [m/s] of targets on straight lines, in the scene of every system
-STARTS = np.array([[-2000, 3500, 100], [-900, 4200, 50], [0, 3000, 20], [800, 4600, 80], [1500, 3600, 60.0]])
+STARTS = np.array([[-3500, 2000, 100], [-1900, 3200, 50], [0, 3000, 20], [2400, 4000, 80], [3500, 2000, 60.0]])
 VELOCITIES = np.array([[9, 1, 0.5], [7, -2, 0.0], [-4, 6, 0.1], [-8, -3, 0.0], [-6, 2, 0.2]])
 SECONDS = 240
 RADARS = ["AgileClutter", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown"]

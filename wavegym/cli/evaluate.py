@@ -54,6 +54,10 @@ def parser() -> Parser:
         metavar="X",
         help="position of the radar: LAT LON [ALT], or X Y [Z] in metres",
     )
+    paths = (
+        "also write the true, estimated and measured paths of the first N worlds (trajectories.csv, measurements.csv)"
+    )
+    options.add_argument("--trajectories", type=int, metavar="N", help=paths)
     options.add_argument(
         "--trust", action="store_true", help="run the code in the .zip files and modules among the policies"
     )
@@ -125,17 +129,16 @@ def evaluate(arguments: Sequence[str] | None) -> None:
         import_package(package)
     env_id = full_id(options.env)
     options.out.mkdir(parents=True, exist_ok=True)
-    comparison = compare(
-        env_id,
-        policies(options.policies),
-        worlds=options.worlds,
-        root=options.seed,
-        jobs=options.jobs,
-        trust=options.trust,
-        **parameters(options, env_id),
-    )
+    chosen, given = policies(options.policies), parameters(options, env_id)
+    common: dict[str, Any] = {"worlds": options.worlds, "root": options.seed, "trust": options.trust}
+    files = ["report.html", "summary.json", "episodes.csv", "table.md", "comparison.png"]
+    if options.trajectories is not None:
+        from wavegym.evaluation.trajectories import write_trajectories
+
+        files += write_trajectories(options.out, env_id, chosen, options.trajectories, **common, **given)
+    comparison = compare(env_id, chosen, jobs=options.jobs, **common, **given)
     print(write_report(comparison, options.out))
-    print(f"\nwritten to {options.out}: report.html, summary.json, episodes.csv, table.md, comparison.png")
+    print(f"\nwritten to {options.out}: {', '.join(files)}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
