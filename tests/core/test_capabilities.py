@@ -136,21 +136,23 @@ def test_every_capability_of_the_suite_holds(name):
     assert capability_defect(make_task(name, {}).system) is None
 
 
-KALMAN = "BestSequence ClosedForm DeterministicRecursion FusedTransition InnovationCovariance LinearCost"
+KALMAN = (
+    "BestSequence ClosedForm DeterministicRecursion FusedTransition InnovationCovariance LinearCost RecordedTargets"
+)
 OFFERED = {
     "KershawEvans": KALMAN,
     "KershawEvansPosition": KALMAN,
-    "AgileClutter": "BestAction FusedTransition LinearCost SensorBySensor",
-    "RfEo": "BestAction FusedTransition LinearCost Margin MostInformation SequencePlan",
-    "RfEoFar": "BestAction FusedTransition LinearCost Margin MostInformation SequencePlan",
+    "AgileClutter": "BestAction FusedTransition LinearCost RecordedTargets SensorBySensor",
+    "RfEo": "BestAction FusedTransition LinearCost Margin MostInformation RecordedTargets SequencePlan",
+    "RfEoFar": "BestAction FusedTransition LinearCost Margin MostInformation RecordedTargets SequencePlan",
     "Urban": "",
     "UrbanSignal": "",
-    "CameraSlew": "Delay FusedTransition Gain LinearCost",
-    "SectorSetup": "Delay FusedTransition Gain LinearCost",
+    "CameraSlew": "Delay FusedTransition Gain LinearCost RecordedTargets",
+    "SectorSetup": "Delay FusedTransition Gain LinearCost RecordedTargets",
     "SectorSetupCity": "Delay FusedTransition Gain LinearCost",
-    "BeamAllocation": "Delay FusedTransition Gain GainByTarget LinearCost",
-    "EnergyBudget": "Delay FusedTransition Gain LinearCost Spending",
-    "EnergyBudgetKnown": "Delay FusedTransition Gain LinearCost Spending",
+    "BeamAllocation": "Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets",
+    "EnergyBudget": "Delay FusedTransition Gain LinearCost RecordedTargets Spending",
+    "EnergyBudgetKnown": "Delay FusedTransition Gain LinearCost RecordedTargets Spending",
 }
 
 
