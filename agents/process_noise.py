@@ -42,6 +42,7 @@ SCHEDULERS = "lookahead:2", "ppo", "best-fixed"
 DRAWN = "drawn"
 WORLDS, SEED = 400, 0
 FARTHEST = 40e3  # m; beyond it the variance of the farthest windows is most of the mean
+SMOOTHING = 7.0  # s, with which the results were made
 EXPECTED_NEES = 2.0
 REGISTERED = 100.0  # m^2/s^3, the density of the registered environment
 SIZES = "targets", "windows", "worlds"
@@ -56,7 +57,13 @@ class Recording(NamedTuple):
     @property
     def settings(self) -> dict[str, Any]:
         """Parameters of the system that play it."""
-        return {"targets": "recorded", "tracks": self.file, "radar": self.radar, "farthest_range": FARTHEST}
+        return {
+            "targets": "recorded",
+            "tracks": self.file,
+            "radar": self.radar,
+            "farthest_range": FARTHEST,
+            "smoothing": SMOOTHING,
+        }
 
 
 AIRCRAFT = Recording(ROOT / "examples" / "data" / "aircraft_tracks.csv", (51.75, -1.25, 100.0))
@@ -69,7 +76,7 @@ def play(recording: Recording | None, worlds: int, jobs: int) -> dict[str, Any]:
     found: dict[str, Any] = {"worlds": worlds, "cases": []}
     if recording:
         system: Any = make_task(ENV_ID, recording.settings).system
-        played = system.windows
+        played = system.recorded_windows
         targets = {played.locate(i)[0].id for i in range(len(played))}
         found |= {"file": recording.file.name, "radar": recording.radar}
         found |= {"windows": len(played), "targets": len(targets)}

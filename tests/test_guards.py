@@ -112,6 +112,11 @@ GOOD: dict[str, dict[str, Argument]] = {
         "targets": finite(np.zeros((2, 2))), "tracks": finite(np.ones((3, 2))),
         "cutoff": positive(20.0), "order": positive(2.0),
     },
+    "ospa": {
+        "targets": finite(np.zeros((2, 2))), "tracks": finite(np.ones((3, 2))),
+        "cutoff": positive(20.0), "order": positive(2.0),
+    },
+    "siap": {"targets": finite(np.zeros((2, 2))), "tracks": finite(np.ones((3, 2))), "cutoff": positive(20.0)},
     "imm_combine": MODELS,
     "imm_mix": MODELS | {"transition": TRANSITION},
     "imm_reweigh": {"predicted": MU, "log_likelihood": Argument("log", np.array([-1.0, -2.0]))},
@@ -232,6 +237,7 @@ GOOD: dict[str, dict[str, Argument]] = {
         "tracks": given_as(TRACK), "dt": positive(0.5), "steps": Argument("count", 3), "max_gap": positive(30.0),
         "smoothing": non_negative(0.0),
     },
+    "summarise": {"track": given_as(TRACK), "max_gap": positive(30.0), "smoothing": non_negative(1.0)},
     "range_paths": {"catalogue": given_as(targets.windows(TRACK, 0.5, 3)), "radar": finite(np.full(3, -9.0))},
     # waveforms
     "GaussianChirp": {"duration": positive(1e-6), "chirp_rate": non_negative(1e12)},
@@ -268,7 +274,7 @@ ROOMS = (trackers, sensors, targets, waveforms)
 NO_NUMBERS = {
     # results, which functions of this package make
     "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
-    "Echoes", "Peaks", "View", "Kinematics", "Piece", "Windows", "ChirpLaw",
+    "Siap", "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
     # made of objects that are checked themselves, of text or of files, which have tests of their own
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
     "plot_ambiguity", "SPEED_OF_LIGHT",

@@ -138,22 +138,26 @@ def test_every_capability_of_the_suite_holds(name):
 
 KALMAN = (
     "BestSequence ClosedForm DeterministicRecursion FusedTransition InnovationCovariance LinearCost "
-    "MeasurementObservation"
+    "MeasurementObservation RecordedTargets"
+)
+RF_EO = (
+    "BestAction DecisionMakers FusedTransition LinearCost Margin MeasurementObservation MostInformation RecordedTargets "
+    "SequencePlan"
 )
 OFFERED = {
     "KershawEvans": KALMAN,
     "KershawEvansPosition": KALMAN,
-    "AgileClutter": "BestAction FusedTransition LinearCost SensorBySensor",
-    "RfEo": "BestAction FusedTransition LinearCost Margin MeasurementObservation MostInformation SequencePlan",
-    "RfEoFar": "BestAction FusedTransition LinearCost Margin MeasurementObservation MostInformation SequencePlan",
+    "AgileClutter": "BestAction DecisionMakers FusedTransition LinearCost RecordedTargets SensorBySensor",
+    "RfEo": RF_EO,
+    "RfEoFar": RF_EO,
     "Urban": "",
     "UrbanSignal": "",
-    "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation",
-    "SectorSetup": "Delay FusedTransition Gain LinearCost MeasurementObservation",
+    "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
+    "SectorSetup": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetupCity": "Delay FusedTransition Gain LinearCost MeasurementObservation",
-    "BeamAllocation": "Delay FusedTransition Gain GainByTarget LinearCost",
-    "EnergyBudget": "Delay FusedTransition Gain LinearCost Spending",
-    "EnergyBudgetKnown": "Delay FusedTransition Gain LinearCost Spending",
+    "BeamAllocation": "Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets",
+    "EnergyBudget": "Delay FusedTransition Gain LinearCost RecordedTargets Spending",
+    "EnergyBudgetKnown": "Delay FusedTransition Gain LinearCost RecordedTargets Spending",
 }
 
 

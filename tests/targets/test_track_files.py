@@ -145,7 +145,7 @@ def test_missing_heights(written):
             ["time_s,lat_deg", "0,1"],
             r"tracks.csv:1: no column lon_deg, lon or longitude; the header has time_s, lat_deg",
         ),
-        (["x,y", "0,1"], "no column time_s, time or t; the header has x, y"),
+        (["x,y", "0,1"], "no column time_s, time, t, timestamp, .*; the header has x, y"),
         (["t,latitud,longitud", "0,1,1"], "no position.*for 'latitud' did you mean 'latitude'"),
         (["tme,x,y", "0,1,1"], "for 'tme' did you mean 'time'"),
         (["t,x,y_n", "0,1,1"], "no column y_m or y; .*for 'y_n' did you mean 'y_m'"),
@@ -159,6 +159,10 @@ def test_missing_heights(written):
         (["t,x,y", "0,1"], "tracks.csv:2: 2 cells, expected 3"),
         (["t,id,x,y", "0, ,1,2"], "tracks.csv:2: id is empty"),
         (["t,lat,lon", "0,1,2", "1,90.5,2"], r"tracks.csv:3: lat is 90.5, expected .*nearest: 90"),
+        (["t,x,y", "soon,1,2"], r"tracks.csv:2: t is 'soon', expected a number \(seconds\) or an ISO 8601 time"),
+        (["t,x,y", ",1,2"], "tracks.csv:2: t is empty, expected a number"),
+        (["t,x,y", "2026-11-23T08:30:00Z,1,2", "9,1,2"], "tracks.csv:3: t is '9', expected an ISO 8601 time as in"),
+        (["t,x,y", "9,1,2", "2026-11-23T08:30:00Z,1,2"], "tracks.csv:3: t is '2026-11-23T08:30:00Z', expected a num"),
         (["t,lat,lon", "0,1,361"], "tracks.csv:2: lon is 361.0"),
     ],
 )
@@ -199,3 +203,64 @@ def test_bad_settings_are_named(written, settings_, words):
 def test_metres_have_no_origin(written):
     with pytest.raises(InputError, match=r"expected none, because the file gives x and y in metres"):
         read_tracks(written("t,x,y", "0,1,2"), origin=(50.0, 0.0))
+
+
+def test_iso_8601_times_are_seconds_since_1970(written):
+    stamps = ["2026-11-23T08:30:00Z", "2026-11-23 08:30:10.250", "2026-11-23T10:30:20+02:00"]
+    (track,) = read_tracks(written("t,x,y", *(f"{stamp},{k},0" for k, stamp in enumerate(stamps))))
+    # 2026-11-23 is 20780 days after 1970-01-01: 56 years, 14 leap days, and 326 days of 2026
+    midnight = (56 * 365 + 14 + 326) * 86400.0
+    assert track.times.tolist() == [midnight + 30600.0 + seconds for seconds in (0.0, 10.25, 20.0)]
+
+
+def ships(count: int, reports: int, every: float = 60.0) -> list[tuple[float, str, float, float]]:
+    """Reports of ships on straight courses at 5 to 10 m/s, in order of time."""
+    rng = np.random.default_rng(5)
+    lat, lon, speed, course = rng.uniform([50, -2, 5, 0], [51, -1, 10, 2 * np.pi], (count, 4)).T
+    rows = []
+    for ship in range(count):
+        offset = rng.integers(0, int(every))
+        for k in range(reports):
+            t = offset + every * k
+            north, east = speed[ship] * t * np.cos(course[ship]), speed[ship] * t * np.sin(course[ship])
+            rows.append((t, f"23500{ship:04}", lat[ship] + north / 111.2e3, lon[ship] + east / 70e3))
+    return sorted(rows)
+
+
+def test_ships_with_and_without_their_ids(written):
+    rows = ships(30, 40)
+    named = [f"{mmsi},2024-01-01T{t // 3600:02.0f}:{t % 3600 // 60:02.0f}:{t % 60:02.0f},{lat:.5f},{lon:.5f}"
+             for t, mmsi, lat, lon in rows]  # fmt: skip
+    tracks = read_tracks(written("MMSI,BaseDateTime,LAT,LON", *named))
+    assert len(tracks) == 30
+    assert sum(sum(track.dropped.values()) for track in tracks) == 0
+    assert len(windows(tracks, 10.0, 60, max_gap=None, smoothing=None).pieces) == 30
+    bare = written("BaseDateTime,LAT,LON", *(row.partition(",")[2] for row in named))
+    with pytest.raises(InputError) as caught:
+        read_tracks(bare)
+    message = str(caught.value)
+    assert "of 1200 reports contradict the others" in message
+    assert "no column of ids, so all targets are one track; expected id, icao24, mmsi or track_id beside" in message
+    assert "\n" not in message
+    one = written("id,t,lat,lon", *(f"fleet,{t},{lat},{lon}" for t, _, lat, lon in rows))
+    with pytest.raises(InputError, match=r"several targets under one id, .* most are of 'fleet' \(\d+ of 1200\)"):
+        read_tracks(one)
+    assert len(read_tracks(bare, max_acceleration=np.inf)) == 1  # as asked for
+
+
+def test_targets_in_metres_without_ids(written):
+    rng = np.random.default_rng(6)
+    places = rng.uniform(-5e3, 5e3, (8, 2))
+    rows = [f"{t},{x + 10 * t},{y}" for t in range(50) for x, y in places]
+    with pytest.raises(InputError, match=r"350 are at another place at the same time, .*no column of ids"):
+        read_tracks(written("t,x,y", *rows))
+    apart = [f"{t + k / 8},{x + 10 * t},{y}" for t in range(50) for k, (x, y) in enumerate(places)]
+    with pytest.raises(InputError, match=r"0 are at another place at the same time, .*no column of ids"):
+        read_tracks(written("t,x,y", *apart))
+
+
+def test_a_file_that_repeats_its_rows_or_positions_is_no_error(written):
+    (track,) = read_tracks(written(HEADER, *CLIMB, *CLIMB, *CLIMB))
+    assert track.dropped["repeated time"] == 22
+    (anchored,) = read_tracks(written(HEADER, *(f"{t},a,50,0,0" for t in range(20))))
+    assert anchored.dropped["repeated position"] == 19

@@ -55,6 +55,10 @@ def parser() -> Parser:
         metavar="X",
         help="position of the radar: LAT LON [ALT], or X Y [Z] in metres",
     )
+    paths = (
+        "also write the true, estimated and measured paths of the first N worlds (trajectories.csv, measurements.csv)"
+    )
+    options.add_argument("--trajectories", type=int, metavar="N", help=paths)
     options.add_argument(
         "--trust", action="store_true", help="run the code in the .zip files and modules among the policies"
     )
@@ -72,6 +76,7 @@ def parser() -> Parser:
 
 def task(options: Any) -> tuple[str, dict[str, Any]]:
     """The full id and the system's parameters. InputError if the system takes no recorded targets."""
+    from wavegym.core.capabilities import RecordedTargets, offers
     from wavegym.evaluation import make_task
 
     env_id, chosen = read_environment(options.env, options.set)
@@ -79,9 +84,12 @@ def task(options: Any) -> tuple[str, dict[str, Any]]:
         if name in COMPARISON:
             raise InputError(f"--set {name} is no parameter of an environment, expected {COMPARISON[name]}")
     if options.tracks:
-        if not hasattr(make_task(env_id, {}).system, "tracks"):
+        system: Any = make_task(env_id, {}).system
+        if not offers(system, RecordedTargets):
             raise InputError(f"--tracks {options.tracks}: {env_id} takes no recorded targets, as {RECORDED} does")
-        chosen |= {"targets": "recorded", "tracks": options.tracks}
+        chosen["tracks"] = options.tracks
+        if isinstance(system.targets, str):  # otherwise the number of targets
+            chosen["targets"] = "recorded"
     if options.radar:
         if len(options.radar) not in (2, 3):
             raise InputError(f"--radar has {len(options.radar)} numbers, expected LAT LON or LAT LON ALT")
@@ -122,17 +130,16 @@ def evaluate(arguments: Sequence[str] | None) -> None:
         import_package(package)
     env_id, parameters = task(options)
     options.out.mkdir(parents=True, exist_ok=True)
-    comparison = compare(
-        env_id,
-        policies(options.policies),
-        worlds=options.worlds,
-        root=options.seed,
-        jobs=options.jobs,
-        trust=options.trust,
-        **parameters,
-    )
+    chosen = policies(options.policies)
+    common: dict[str, Any] = {"worlds": options.worlds, "root": options.seed, "trust": options.trust}
+    files = ["report.html", "summary.json", "episodes.csv", "table.md", "comparison.png"]
+    if options.trajectories is not None:
+        from wavegym.evaluation.trajectories import write_trajectories
+
+        files += write_trajectories(options.out, env_id, chosen, options.trajectories, **common, **parameters)
+    comparison = compare(env_id, chosen, jobs=options.jobs, **common, **parameters)
     print(write_report(comparison, options.out))
-    print(f"\nwritten to {options.out}: report.html, summary.json, episodes.csv, table.md, comparison.png")
+    print(f"\nwritten to {options.out}: {', '.join(files)}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -256,6 +256,18 @@ class DecisionMakers(Capability, members=("decision_makers",)):
         """
 
 
+class RecordedTargets(Capability, members=("recorded_windows",)):
+    """True targets that may follow recordings.
+
+    The system has the parameters ``tracks``, ``radar``, ``farthest_range`` and ``smoothing``.
+    """
+
+    @property
+    @abstractmethod
+    def recorded_windows(self) -> Any:
+        """The windows of the recording that worlds draw, a ``wavegym.targets.Windows``; None without a recording."""
+
+
 CAPABILITIES: tuple[type[Capability], ...] = (
     FusedTransition,
     BestAction,
@@ -274,6 +286,7 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     SensorBySensor,
     MeasurementObservation,
     DecisionMakers,
+    RecordedTargets,
 )
 
 

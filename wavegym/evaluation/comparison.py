@@ -87,7 +87,7 @@ def compare(
         check_int("jobs", jobs, 1)
     seeds = world_seeds(root, "test", worlds)
     task = make_task(env_id, settings)
-    members = _members(task, _by_name(policies), root, trust)
+    members = members_of(task, by_name(policies), root, trust)
     laws = dict(CHIRP_LAWS.added)
     work = [
         (own, name, policy, seeds[start : start + CHUNK], laws)
@@ -104,7 +104,7 @@ def compare(
     return comparison
 
 
-def _by_name(policies: Any) -> Mapping[str, Given | None]:
+def by_name(policies: Any) -> Mapping[str, Given | None]:
     """The policies by name, the baseline among them. InputError for anything but a dictionary or names."""
     if isinstance(policies, (list, tuple)) and all(isinstance(name, str) for name in policies):
         policies = dict.fromkeys(policies)
@@ -128,7 +128,7 @@ def _check_finite(comparison: Comparison) -> None:
 Members = dict[str, tuple[Task, Sequence[Policy]]]
 
 
-def _members(task: Task, policies: Mapping[str, Given | None], root: int, trust: bool) -> Members:
+def members_of(task: Task, policies: Mapping[str, Given | None], root: int, trust: bool) -> Members:
     """Every policy's members and the task that they play.
 
     Each plays one step here, so that mistakes show before the work begins, and kernels are compiled by one process.

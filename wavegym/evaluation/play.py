@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -54,7 +54,17 @@ class Played(NamedTuple):
         return np.stack(each, axis=1) if each else np.zeros((len(self.steps), 0, 0), np.int64)
 
 
-def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None = None, name: str = "") -> Played:
+Watch = Callable[[WaveformVectorEnv, Mapping[str, Array], Array], None]
+
+
+def play(
+    task: Task,
+    policy: Policy,
+    seeds: Sequence[int],
+    max_steps: int | None = None,
+    name: str = "",
+    watch: Watch | None = None,
+) -> Played:
     """Play ``policy`` to the end of the first episode of each seed.
 
     After an early end the shell begins another episode in that world, which does not count. The policy's own randomness
@@ -66,6 +76,8 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
         seeds: of the worlds.
         max_steps: stop after so many steps, even if episodes are unfinished.
         name: of the policy, in error messages.
+        watch: called after the reset and after each step with the environment, the info with what the sensors measured,
+            and the worlds that are still in their first episode, bool (world,).
 
     Raises:
         InputError: an action that the environment refuses.
@@ -76,9 +88,12 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
         autoreset_mode="NextStep",
         max_episode_steps=task.max_episode_steps,
         observation=task.observation,
+        measurements=watch is not None,
     )
-    observation, _ = env.reset(seed=list(seeds))
+    observation, info = env.reset(seed=list(seeds))
     account = _Account(task, len(seeds))
+    if watch:
+        watch(env, info, account.running)
     start = perf_counter()
     policy.begin(task.system, len(seeds), np.random.default_rng([word("policy"), seeds[0]]))
     if isinstance(policy, Clairvoyant):
@@ -90,6 +105,8 @@ def play(task: Task, policy: Policy, seeds: Sequence[int], max_steps: int | None
             observation, _, terminated, truncated, info = env.step(action)
         except InputError as error:
             raise InputError(f"policy {name or type(policy).__name__!r}: {error}") from error
+        if watch:
+            watch(env, info, account.running)
         account.add(info, terminated | truncated)
         start = perf_counter()
     return account.close()

@@ -61,6 +61,7 @@ from wavegym.targets.motion import MotionModel, constant_acceleration, constant_
 from wavegym.targets.paths import Kinematics, ScriptedPath, Segment
 from wavegym.targets.reader import read_tracks
 from wavegym.targets.recorded import Piece, RecordedTrack
+from wavegym.targets.summary import TrackSummary, summarise
 
 __all__ = [
     "Kinematics",
@@ -69,6 +70,7 @@ __all__ = [
     "RecordedTrack",
     "ScriptedPath",
     "Segment",
+    "TrackSummary",
     "Windows",
     "constant_acceleration",
     "constant_turn",
@@ -79,5 +81,6 @@ __all__ = [
     "random_path",
     "range_paths",
     "read_tracks",
+    "summarise",
     "windows",
 ]

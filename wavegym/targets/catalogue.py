@@ -54,8 +54,8 @@ def windows(
     tracks: RecordedTrack | Sequence[RecordedTrack],
     dt: float,
     steps: int,
-    max_gap: float = 30.0,
-    smoothing: float = 0.0,
+    max_gap: float | None = 30.0,
+    smoothing: float | None = 0.0,
 ) -> Windows:
     """Resample tracks and list all windows of ``steps`` + 1 samples that cross no gap.
 
@@ -63,8 +63,8 @@ def windows(
         tracks: one track or several.
         dt: time between samples [s].
         steps: steps in a window, >= 1.
-        max_gap: longest time between reports without a cut [s].
-        smoothing: time constant of ``RecordedTrack.resample`` [s].
+        max_gap: longest time between reports without a cut [s]; None as in ``RecordedTrack.resample``.
+        smoothing: time constant of ``RecordedTrack.resample`` [s]; None: chosen for each track.
 
     Returns:
         Windows with 9 components: x, y, z, their rates and their accelerations [m, m/s, m/s²].
@@ -142,7 +142,7 @@ def _begins(pieces: Sequence[Piece]) -> NDArray[np.int64]:
     return np.cumsum([0, *(len(piece.times) for piece in pieces[:-1])])
 
 
-def _too_short(tracks: Sequence[RecordedTrack], dt: float, steps: int, max_gap: float) -> str:
+def _too_short(tracks: Sequence[RecordedTrack], dt: float, steps: int, max_gap: float | None) -> str:
     if not tracks:
         return "tracks is empty, expected at least one recorded track"
     longest = max((part for track in tracks for part in track.pieces(max_gap)), key=lambda part: part.duration)
@@ -154,6 +154,6 @@ def _too_short(tracks: Sequence[RecordedTrack], dt: float, steps: int, max_gap: 
     return (
         f"{longest.source or 'the recording'}: longest gap-free piece lasts {longest.duration:g} s "
         f"(track {longest.id!r}), {steps * dt:g} s needed; "
-        f"tracks are cut where reports lie more than {max_gap:g} s apart"
+        f"tracks are cut where reports lie more than {longest.longest_gap(max_gap):g} s apart"
         + (f"; reports left out: {left_out}" if left_out else "")
     )

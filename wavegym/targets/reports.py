@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from heapq import heapify, heappop, heappush
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,21 +50,71 @@ def flyable(times: FloatArray, positions: FloatArray, max_acceleration: float) -
         positions: metres, (report, 3).
         max_acceleration: limit [m/s²], beyond ``POSITION_TOLERANCE``; inf keeps all reports.
     """
-    kept = np.arange(len(times))
-    suspicion = _suspicion(times, positions, max_acceleration)
-    while len(suspicion) and suspicion.max() > 1:
-        worst = int(suspicion.argmax()) + 1
-        low, high = max(0, worst - 3), worst + 4  # a removal changes the suspicion of neighbours only
+    level = np.zeros(len(times))
+    level[1:-1] = _suspicion(times, positions, max_acceleration)
+    if not (level > 1).any():
+        return np.ones(len(times), np.bool_)
+    chain = _Chain(times.tolist(), positions.tolist(), level.tolist(), max_acceleration)
+    chain.remove_suspects()
+    return np.array(chain.is_kept, np.bool_)
+
+
+class _Chain:
+    """The reports as a linked list, with a heap of those that are suspect: a removal costs the same in any file."""
+
+    def __init__(self, times: list[float], positions: list[list[float]], level: list[float], limit: float) -> None:
+        count = len(times)
+        self.times, self.positions, self.level, self.limit = times, positions, level, limit
+        self.before, self.after = list(range(-1, count - 1)), list(range(1, count + 1))
+        self.is_kept = [True] * count
+
+    def remove_suspects(self) -> None:
+        """Remove reports until none is suspect; of equal suspicions the first report's comes first."""
+        heap = [(-suspicion, i) for i, suspicion in enumerate(self.level) if suspicion > 1]
+        heapify(heap)
+        while heap:
+            suspicion, worst = heappop(heap)
+            if not self.is_kept[worst] or self.level[worst] != -suspicion:
+                continue  # the entry is out of date
+            gone = self._best_removal(worst)
+            left, right = self.before[gone], self.after[gone]
+            self.is_kept[gone] = False
+            for i in self._link(left, right):
+                self.level[i] = self._level(self.before[i], i, self.after[i])
+                if self.level[i] > 1:
+                    heappush(heap, (-self.level[i], i))
+
+    def _link(self, left: int, right: int) -> list[int]:
+        """Make two reports neighbours; those of them that exist."""
+        if left >= 0:
+            self.after[left] = right
+        if right < len(self.times):
+            self.before[right] = left
+        return [i for i in (left, right) if 0 <= i < len(self.times)]
+
+    def _best_removal(self, worst: int) -> int:
+        """The worst report or a neighbour: see ``flyable``."""
+        near = [worst]
+        for _ in range(3):  # a removal changes the suspicion of neighbours only
+            first, last = self.before[near[0]], self.after[near[-1]]
+            near = [*([first] if first >= 0 else []), *near, *([last] if last < len(self.times) else [])]
         remaining = {}
-        for suspect in (worst, worst - 1, worst + 1):  # the worst first: it wins a tie
-            near = np.delete(kept[low:high], suspect - low)
-            left = _suspicion(times[near], positions[near], max_acceleration)
-            remaining[suspect] = (int((left > 1).sum()), float(left.sum()))
-        kept = np.delete(kept, min(remaining, key=remaining.__getitem__))
-        suspicion = _suspicion(times[kept], positions[kept], max_acceleration)
-    mask = np.zeros(len(times), np.bool_)
-    mask[kept] = True
-    return mask
+        for suspect in (worst, self.before[worst], self.after[worst]):  # the worst first: it wins a tie
+            others = [i for i in near if i != suspect]
+            left = [self._level(*three) for three in zip(others, others[1:], others[2:], strict=False)]
+            remaining[suspect] = (sum(level > 1 for level in left), sum(left))
+        return min(remaining, key=remaining.__getitem__)
+
+    def _level(self, before: int, here: int, after: int) -> float:
+        """``_suspicion`` of one report, with the same roundings."""
+        if before < 0 or after >= len(self.times):
+            return 0.0
+        h1, h2 = self.times[here] - self.times[before], self.times[after] - self.times[here]
+        weight, square = h1 / (h1 + h2), 0.0
+        for p, q, r in zip(self.positions[before], self.positions[here], self.positions[after], strict=True):
+            away = q - ((1 - weight) * p + weight * r)
+            square += away * away
+        return math.sqrt(square) / (POSITION_TOLERANCE + self.limit * h1 * h2 / 2)
 
 
 def _suspicion(times: FloatArray, positions: FloatArray, max_acceleration: float) -> FloatArray:

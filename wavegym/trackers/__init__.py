@@ -28,6 +28,7 @@ from wavegym.trackers.kalman import (
 )
 from wavegym.trackers.lmipda import LmipdaUpdate, lmipda
 from wavegym.trackers.multilateration import multilaterate
+from wavegym.trackers.ospa import Siap, ospa, siap
 from wavegym.trackers.rbpf import Particles, RbpfUpdate, rbpf_update, systematic_resample
 from wavegym.trackers.urban.tracker import Tracks, UrbanTracker
 
@@ -39,6 +40,7 @@ __all__ = [
     "MixtureUpdate",
     "Particles",
     "RbpfUpdate",
+    "Siap",
     "Tracks",
     "UrbanTracker",
     "check_positive_definite",
@@ -57,10 +59,12 @@ __all__ = [
     "mixture_update",
     "multilaterate",
     "nees",
+    "ospa",
     "predict",
     "predict_covariance",
     "rbpf_update",
     "scalar_updates",
+    "siap",
     "single_gaussian",
     "systematic_resample",
     "ukf_update",

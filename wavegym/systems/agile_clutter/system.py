@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -50,6 +51,15 @@ from wavegym.systems.agile_clutter.state import (
     target_fields,
 )
 from wavegym.systems.precision import check_precision
+from wavegym.systems.recorded_targets import (
+    PlaysRecordings,
+    drawn_windows,
+    farthest_range_parameter,
+    radar_parameter,
+    smoothing_parameter,
+    targets_parameter,
+    tracks_parameter,
+)
 from wavegym.targets import MotionModel, constant_turn, random_path
 from wavegym.trackers import GaussianMixture, Particles, predict_covariance, single_gaussian
 from wavegym.trackers.information_reduction import reduction_table
@@ -58,10 +68,11 @@ from wavegym.trackers.protocol import Tracker, own_tracker
 
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
+MOST_STARTS = 256  # of a recording, at which the clutter in the gates is checked
 
 
 @system_parameters
-class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers):
+class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers, PlaysRecordings):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -158,6 +169,11 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
     )
     particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
     components: int = parameter(16, "most components of a target with tracker='mixture'", ge=1, le=10_000)
+    targets: Literal["random", "recorded"] = targets_parameter()
+    tracks: Path | None = tracks_parameter()
+    radar: tuple[float, ...] | None = radar_parameter()
+    farthest_range: float = farthest_range_parameter(50e3)
+    smoothing: float | None = smoothing_parameter()
 
     nees_dimension = 4  # position and velocity
 
@@ -167,6 +183,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
         self._check_targets()
+        self._recorded  # noqa: B018  (an invalid recording is reported here)
         self._check_clutter()
         self._check_precision()
 
@@ -198,7 +215,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
     def _check_clutter(self) -> None:
         """InputError for a density that expects too many points in a gate, of a target that is never detected too."""
         C, snr = self.action_set.sensor_covariances, (self.reference_range, self.nearest_range)
-        starts = self.farthest_starts()
+        starts = self._possible_starts()
         P, volume = np.diag(self.prior_variance), 0.0
         for age in (1, self.lifetime):
             coasting = self._motion_over(age * self.dt)
@@ -295,7 +312,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         """The true paths, and the first estimates drawn around their starts."""
         count, S = world.start.shape[:2]
         model = self.truth_model
-        path = random_path(model.motion, model.first_states(world), world.process)
+        path = model._true_paths(world)
         first = path[:, :, 0] + np.sqrt(model.prior_variance) * world.start
         mean = np.where(self._targets[0][:, None] == 0, first, self.starts)
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
@@ -309,6 +326,24 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         if self.tracker == "particle":
             return Particles(*(np.repeat(a[:, None], self.particles, axis=1) for a in (mean, covariance)))
         return None
+
+    def _true_paths(self, world: World) -> Array:
+        """True states of each target from its birth on, (env, target, lifetime + 1, 4)."""
+        if self._recorded:
+            return self._recorded.paths(drawn_windows(self._recorded, world.process[:, :, 0, 0]))
+        return random_path(self.motion, self.first_states(world), world.process)
+
+    @property
+    def _recorded_shape(self) -> tuple[int, int]:
+        """Targets, and steps for which each is tracked."""
+        return len(self.starts), self.lifetime
+
+    def _possible_starts(self) -> Array:
+        """First states that stand for all possible ones, (state, 4): the given ones, or a selection of the recorded."""
+        if not self._recorded:
+            return self.farthest_starts()
+        played = self._recorded.catalogue
+        return played.samples[played.starts[:: -(-len(played) // MOST_STARTS)]]
 
     def first_states(self, world: World) -> Array:
         """The true states at birth, (target, 4) or (env, target, 4)."""

@@ -33,6 +33,7 @@ class Truth(NamedTuple):
     unseen: Array  # (env, target) int: steps since the camera found the target
     seen: Array  # (env, target) bool: whether the camera found the target in the last step
     q: Array  # (env, target) m^2/s^3: process noise density
+    window: Array | None = None  # (env, target) int: window of a recording; None where targets follow the motion model
 
 
 class Measurements(NamedTuple):

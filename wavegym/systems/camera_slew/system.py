@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -27,6 +28,14 @@ from wavegym.systems.camera_slew.state import (
     camera_fields,
     coming,
     platform_belief,
+)
+from wavegym.systems.recorded_targets import (
+    PlaysRecordings,
+    drawn_windows,
+    farthest_range_parameter,
+    radar_parameter,
+    smoothing_parameter,
+    tracks_parameter,
 )
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.rf_eo.look_kernels import Rules
@@ -55,7 +64,7 @@ Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
 @system_parameters
-class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation):
+class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation, PlaysRecordings):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
@@ -151,6 +160,10 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
     nearest_range: float = parameter(
         1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
     )
+    tracks: Path | None = tracks_parameter("in place of drawn targets")
+    radar: tuple[float, ...] | None = radar_parameter()
+    farthest_range: float = farthest_range_parameter(10e3)
+    smoothing: float | None = smoothing_parameter()
 
     nees_dimension = 4  # position and velocity
 
@@ -161,6 +174,7 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
         window_draws(self.horizon, self.shown, self.hidden)
         given_windows(self.windows, self.targets, self.horizon)
         self.loop  # noqa: B018  (invalid platforms are reported here)
+        self._recorded  # noqa: B018  (an invalid recording is reported here)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
@@ -261,13 +275,18 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
     def initial(self, world: World) -> State:
         """The targets' drawn starts, and the first estimates."""
         count, T = world.start.shape[:2]
-        true_states = self.truth_model._starts(world)
+        recorded, window = self.truth_model._recorded, None
+        if recorded:
+            window = drawn_windows(recorded, world.process[:, 0, :, 0])
+            true_states = recorded.states(window, np.zeros(count, np.int64))
+        else:
+            true_states = self.truth_model._starts(world)
         mean = true_states + np.sqrt(self.truth_model.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         nothing = np.zeros((count, T), np.int64)
         step = np.zeros(count, np.int64)
         q, true_q = self._densities(world), self.truth_model._densities(world)
-        truth = Truth(true_states, nothing, nothing.copy(), np.zeros((count, T), np.bool_), true_q)
+        truth = Truth(true_states, nothing, nothing.copy(), np.zeros((count, T), np.bool_), true_q, window)
         visible = visibility(self, world.window, T)
         p, S = to_polar(mean, covariance, self.loop.places[0])
         return State(truth, Belief(step, mean, covariance, p, S, np.zeros(count), step.copy(), q, visible))
@@ -292,6 +311,8 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
 
     def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
+        if self.truth_model._recorded:
+            return self.composed_transition(state, action, world)
         truth, belief = state
         shape, fresh = truth.unseen.shape, self._empty(belief.step.shape)
         received, unseen, seen = np.empty(shape, np.int64), np.empty(shape, np.int64), np.empty(shape, np.bool_)
@@ -303,8 +324,16 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
         after = Belief(belief.step + 1, *fresh, belief.q, belief.visible)
         return State(Truth(moved, received, unseen, seen, truth.q), after)
 
+    @property
+    def _recorded_shape(self) -> tuple[int, int]:
+        """Targets, and steps."""
+        return self.targets, self.horizon
+
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The targets one step on."""
+        recorded = self.truth_model._recorded
+        if recorded and truth.window is not None:
+            return truth._replace(targets=recorded.states(truth.window, step + 1))
         moved = np.empty(truth.targets.shape)
         kernels.move(step, truth.targets, truth.q, world.process, *self._true_motion, moved, NN)
         return truth._replace(targets=moved)
@@ -332,7 +361,7 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
         received = np.isfinite(measurements.variance)
         seen = received[..., kernels.AZIMUTH].copy()
         unseen = np.where(seen, 0, truth.unseen + 1)
-        return Truth(truth.targets, received.sum(axis=2), unseen, seen, truth.q)
+        return Truth(truth.targets, received.sum(axis=2), unseen, seen, truth.q, truth.window)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief one step ahead: predicted means, and covariances updated with the quantities predicted in view.

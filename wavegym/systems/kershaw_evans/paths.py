@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.targets import (
-    MotionModel,
-    ScriptedPath,
-    Segment,
-    Windows,
-    random_path,
-    range_paths,
-    read_tracks,
-    windows,
-)
+from wavegym.targets import MotionModel, ScriptedPath, Segment, random_path
+from wavegym.targets.recorded_paths import RecordedPaths
 
 
 class PathSource(Protocol):
@@ -61,41 +52,8 @@ class ScriptedRange:
 class RecordedRange:
     """A window of a recording, every window of the length wanted equally likely."""
 
-    catalogue: Windows
+    recorded: RecordedPaths
 
     def __call__(self, start: Array, process: Array) -> Array:
         """See ``PathSource``."""
-        return self.catalogue[(start[:, 0] * len(self.catalogue)).astype(np.int64)]
-
-
-def recorded_range(
-    file: Path,
-    radar: tuple[float, ...] | None,
-    dt: float,
-    steps: int,
-    smoothing: float,
-    limits: tuple[float, float],
-    acceleration: bool,
-) -> RecordedRange:
-    """Windows of a recording as seen from a radar: geographic for degrees, in metres for metres.
-
-    Args:
-        file: the recording, a CSV file.
-        radar: its position in the units of the file; None for the middle of the recording, or its origin.
-        dt: time step, s.
-        steps: steps of a window.
-        smoothing: time constant against the jitter of time stamps, s.
-        limits: nearest and farthest range of a window, m.
-        acceleration: whether the state has the second derivative of range.
-
-    Raises:
-        InputError: a file that cannot be read, or without a window that fits.
-    """
-    tracks = read_tracks(file)
-    place: tuple[float, ...] = (0.0, 0.0, 0.0)
-    if radar is not None and tracks[0].origin is not None:
-        tracks = read_tracks(file, origin=radar)
-    elif radar is not None:
-        place = (*radar, 0.0)[:3]
-    positions = windows(tracks, dt, steps, smoothing=smoothing)
-    return RecordedRange(range_paths(positions, place, acceleration=acceleration, limits=limits))
+        return self.recorded.paths(self.recorded.draw(start[:, :1]))[:, 0]

@@ -22,6 +22,7 @@ from wavegym.core.capabilities import (
     InnovationCovariance,
     LinearCost,
     MeasurementObservation,
+    RecordedTargets,
 )
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
@@ -32,9 +33,15 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
-from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange, recorded_range
+from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
 from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
 from wavegym.systems.precision import check_precision
+from wavegym.systems.recorded_targets import (
+    farthest_range_parameter,
+    radar_parameter,
+    smoothing_parameter,
+    tracks_parameter,
+)
 from wavegym.targets import (
     MotionModel,
     Segment,
@@ -42,6 +49,7 @@ from wavegym.targets import (
     constant_acceleration,
     constant_velocity,
 )
+from wavegym.targets.recorded_paths import recorded_paths
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
@@ -62,6 +70,7 @@ class KershawEvans(
     InnovationCovariance,
     ClosedForm,
     MeasurementObservation,
+    RecordedTargets,
 ):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
@@ -141,15 +150,10 @@ class KershawEvans(
     script: tuple[tuple[float, float], ...] = parameter(
         ((15.0, 0.0), (10.0, 10.0), (10.0, -10.0)), "segments: duration and acceleration", unit="s, m/s^2", truth=True
     )
-    tracks: Path | None = parameter(None, "recording with targets='recorded': a CSV file", unit="")
-    radar: tuple[float, ...] | None = parameter(
-        None,
-        "where the recording is seen from: latitude, longitude (degrees) and altitude (m), or x, y, z (m) where the "
-        "file gives metres; by default the middle of the recording, or its origin",
-        unit="",
-    )
-    farthest_range: float = parameter(200e3, "recorded windows beyond it are left out", unit="m", gt=0)
-    smoothing: float = parameter(7.0, "time constant against the jitter of a recording's time stamps", unit="s")
+    tracks: Path | None = tracks_parameter()
+    radar: tuple[float, ...] | None = radar_parameter()
+    farthest_range: float = farthest_range_parameter(200e3)
+    smoothing: float | None = smoothing_parameter()
 
     nees_dimension = 2  # range and range-rate
 
@@ -236,8 +240,8 @@ class KershawEvans(
             if self.tracks is None:
                 raise InputError("targets='recorded' needs a recording, expected tracks='FILE.csv'")
             limits = (self.nearest_range, self.farthest_range)
-            lengths = (self.dt, self.horizon, self.smoothing)
-            return recorded_range(self.tracks, self.radar, *lengths, limits, acceleration=self.model == "ca")
+            seen = (self.tracks, self.motion.names, self.dt, self.horizon, self.radar, self.smoothing, limits)
+            return RecordedRange(recorded_paths(*seen))
         for name in ("tracks", "radar"):
             if getattr(self, name) is not None:
                 given = f"{name} is {getattr(self, name)!s} with targets={self.targets!r}"
@@ -249,9 +253,9 @@ class KershawEvans(
         return ScriptedRange(low, high - low, segments, self.dt * np.arange(self.horizon + 1))
 
     @property
-    def windows(self) -> Windows | None:
+    def recorded_windows(self) -> Windows | None:
         """The windows of ``tracks`` that are played; None without a recording."""
-        return self._paths.catalogue if isinstance(self._paths, RecordedRange) else None
+        return self._paths.recorded.catalogue if isinstance(self._paths, RecordedRange) else None
 
     @cached_property
     def _model(self) -> tuple[Array, Array, Array]:

@@ -28,6 +28,7 @@ class Truth(NamedTuple):
     received: Array  # (env, target) int: measured quantities of the last step
     unseen: Array  # (env, target) int: steps since the last measurement
     share: Array  # (env,) least weighted information of any target, as predicted for the last settings
+    window: Array | None = None  # (env, target) int: window of a recording; None where targets follow the motion model
 
 
 class Measurements(NamedTuple):

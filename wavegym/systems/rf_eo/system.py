@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -30,6 +31,15 @@ from wavegym.core.parameters import NonNegative, Positive, parameter, system_par
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems.precision import MOST_RATIO
+from wavegym.systems.recorded_targets import (
+    PlaysRecordings,
+    drawn_windows,
+    farthest_range_parameter,
+    radar_parameter,
+    smoothing_parameter,
+    targets_parameter,
+    tracks_parameter,
+)
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.actions import PlatformActions
@@ -81,6 +91,7 @@ class RfEo(
     Margin,
     DecisionMakers,
     MeasurementObservation,
+    PlaysRecordings,
 ):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
@@ -165,6 +176,11 @@ class RfEo(
         "log PRF, B and alpha of every platform; an index for each platform; or one index for all platforms",
         unit="",
     )
+    targets: Literal["random", "recorded"] = targets_parameter()
+    tracks: Path | None = tracks_parameter()
+    radar: tuple[float, ...] | None = radar_parameter()
+    farthest_range: float = farthest_range_parameter(100e3)
+    smoothing: float | None = smoothing_parameter()
 
     nees_dimension = 4  # position and velocity
 
@@ -182,6 +198,7 @@ class RfEo(
                 raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
         self._check_camera()
         self._check_radar()
+        self._recorded  # noqa: B018  (an invalid recording is reported here)
         self.action_set.levels  # noqa: B018  (invalid points are reported here)
 
     def _check_camera(self) -> None:
@@ -278,14 +295,18 @@ class RfEo(
     def initial(self, world: World) -> State:
         """Targets at their starts, and the first estimates."""
         count, S = world.start.shape[:2]
+        recorded, window = self.truth_model._recorded, None
         true_states = np.tile(np.array(self.starts), (count, 1, 1))
+        if recorded:
+            window = drawn_windows(recorded, world.process[:, 0, :, 0])
+            true_states = recorded.states(window, np.zeros(count, np.int64))
         if self.first_estimate == "drawn":
             mean = true_states + np.sqrt(self.truth_model.prior_variance) * world.start
         else:
             mean = true_states * np.array([0.5, 0.0, 0.5, 0.0])
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
         nothing = np.zeros((count, S), np.int64)
-        truth = Truth(true_states, nothing, nothing.copy(), np.zeros(count))
+        truth = Truth(true_states, nothing, nothing.copy(), np.zeros(count), window)
         return State(truth, Belief(np.zeros(count, np.int64), mean, covariance))
 
     @cached_property
@@ -296,7 +317,9 @@ class RfEo(
 
     def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: targets move, platforms take their settings and measure, the filter updates."""
-        (true_states, _, unseen, _), (step, mean, covariance) = state
+        if self.truth_model._recorded:
+            return self.composed_transition(state, action, world)
+        (true_states, _, unseen, *_), (step, mean, covariance) = state
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
         kernels.transition(
@@ -305,8 +328,16 @@ class RfEo(
         )  # fmt: skip
         return State(Truth(moved, received, missed, share), Belief(step + 1, x, P))
 
+    @property
+    def _recorded_shape(self) -> tuple[int, int]:
+        """Targets, and steps."""
+        return len(self.starts), self.horizon
+
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The targets one step on."""
+        recorded = self.truth_model._recorded
+        if recorded and truth.window is not None:
+            return truth._replace(targets=recorded.states(truth.window, step + 1))
         moved = np.empty(truth.targets.shape)
         kernels.move(step, truth.targets, world.process, *self._true_motion, moved, NN)
         return truth._replace(targets=moved)
@@ -334,7 +365,7 @@ class RfEo(
         """The truth with the number of quantities received, and the information that was predicted."""
         received = np.isfinite(measurements.variance).sum(axis=2)
         unseen = np.where(received > 0, 0, truth.unseen + 1)
-        return Truth(truth.targets, received, unseen, measurements.information)
+        return Truth(truth.targets, received, unseen, measurements.information, truth.window)
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances."""

@@ -60,6 +60,9 @@ class SectorSetupCity(SectorSetup):
     )
     reference_range: float = changed_default(SectorSetup, "reference_range", 300.0)
     nearest_range: float = changed_default(SectorSetup, "nearest_range", 15.0)
+    tracks: None = parameter(None, "not used: targets drive along roads", unit="")
+    radar: None = parameter(None, "not used", unit="")
+    recorded_windows: ClassVar[None] = None
     lost_beyond: ClassVar[float] = 9.0  # m: half the width of a sector of .15 rad at 120 m
 
     def __post_init__(self) -> None:

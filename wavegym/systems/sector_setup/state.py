@@ -32,6 +32,7 @@ class Truth(NamedTuple):
     visible: Array  # (env, H, target) bool: whether the target is visible from step k to k + 1
     detections: Array  # (env,) int: receivers that detected the target in the last step
     silent: Array  # (env,) bool: whether the last step was a set-up step without a pulse
+    window: Array | None = None  # (env, target) int: window of a recording; None where targets follow the motion model
 
 
 class Measurements(NamedTuple):

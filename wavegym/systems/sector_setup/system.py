@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -16,6 +17,14 @@ from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.systems.recorded_targets import (
+    PlaysRecordings,
+    drawn_windows,
+    farthest_range_parameter,
+    radar_parameter,
+    smoothing_parameter,
+    tracks_parameter,
+)
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
@@ -40,7 +49,7 @@ Point = tuple[Coordinate, Coordinate]
 
 
 @system_parameters
-class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation):
+class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation, PlaysRecordings):
     """One illuminator serves several targets; setting it up for another target costs steps without sensing.
 
     Description
@@ -122,6 +131,10 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
     iterations: int = parameter(
         10, "most iterations of an update; 1 is the plain extended Kalman filter", ge=1, le=1_000_000
     )
+    tracks: Path | None = tracks_parameter("in place of drawn targets")
+    radar: tuple[float, ...] | None = radar_parameter()
+    farthest_range: float = farthest_range_parameter(10e3)
+    smoothing: float | None = smoothing_parameter()
     lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of .15 rad in the middle of region
 
     nees_dimension = 4  # position and velocity
@@ -138,6 +151,7 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
             raise InputError(f"waveforms is {self.waveforms}, expected different waveforms")
         window_draws(self.horizon, self.shown, self.hidden)
         given_windows(self.windows, self.targets, self.horizon)
+        self._recorded  # noqa: B018  (an invalid recording is reported here)
 
     @cached_property
     def motion(self) -> MotionModel:
@@ -183,7 +197,12 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
     def initial(self, world: World) -> State:
         """Starts of the targets, first estimates around them, and windows of visibility."""
         (count, T), real = world.density.shape, self.truth_model
-        true_states = real._starts(world)
+        recorded, window = real._recorded, None
+        if recorded:
+            window = drawn_windows(recorded, world.process[:, 0, :, 0])
+            true_states = recorded.states(window, np.zeros(count, np.int64))
+        else:
+            true_states = real._starts(world)
         mean = true_states + np.sqrt(real.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         zero, silent = np.zeros(count, np.int64), np.zeros(count, np.bool_)
@@ -191,7 +210,7 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), q, visible)
         if real is not self:
             visible, q = real._visible(world, true_states), real._densities(world)
-        return State(Truth(true_states, q, visible, zero.copy(), silent), belief)
+        return State(Truth(true_states, q, visible, zero.copy(), silent, window), belief)
 
     def _densities(self, world: World) -> Array:
         """Process noise densities, (env, target)."""
@@ -213,6 +232,8 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
 
     def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: move, set up or look, track."""
+        if self.truth_model._recorded:
+            return self.composed_transition(state, action, world)
         truth, belief = state
         targets, report, fresh = np.empty(truth.targets.shape), self._report(belief), self._fresh(belief)
         kernels.transition(
@@ -222,9 +243,17 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         measurements = self._measurements(*report)
         return State(self.note(truth._replace(targets=targets), measurements), self._following(belief, *fresh))
 
+    @property
+    def _recorded_shape(self) -> tuple[int, int]:
+        """Targets, and steps."""
+        return self.targets, self.horizon
+
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The targets one step on, with white acceleration of their own density."""
-        targets, (states, q, _, _, _) = np.empty(truth.targets.shape), truth
+        recorded = self.truth_model._recorded
+        if recorded and truth.window is not None:
+            return truth._replace(targets=recorded.states(truth.window, step + 1))
+        targets, (states, q, *_) = np.empty(truth.targets.shape), truth
         kernels.move(step, states, q, world.process, self.motion.noise_factor, self.truth_model._radar, targets, NN)
         return truth._replace(targets=targets)
 
