@@ -141,8 +141,8 @@ KALMAN = (
     "MeasurementObservation RecordedTargets"
 )
 RF_EO = (
-    "BestAction DecisionMakers FusedTransition LinearCost Margin MeasurementObservation MostInformation RecordedTargets "
-    "SequencePlan"
+    "BestAction DecisionMakers FusedTransition LinearCost Margin MeasurementObservation MostInformation "
+    "RecordedTargets SequencePlan"
 )
 OFFERED = {
     "KershawEvans": KALMAN,
