@@ -116,7 +116,7 @@ def test_joint_association_of_two_targets_is_near_wavegyms():
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", [UNSCENTED, jpda(), NEAREST])
 def test_targets_are_followed_in_clutter(tracker):
-    """The first target is not lost, and the cost not above the compiled one; the nearest neighbour is too sure."""
+    """The first target is not lost; the cost is near the compiled tracker's or below (nearest neighbour)."""
     cost, error = [], []
     for each in ("jpda", tracker):
         system = AgileClutter(tracker=each, clutter_density=2e-5)
