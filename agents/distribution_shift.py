@@ -24,6 +24,7 @@ from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.core.worlds import word
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.account import Account
 from wavegym.evaluation.comparison import BASELINE
@@ -33,7 +34,6 @@ from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
-from wavegym.evaluation.worlds import word
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE

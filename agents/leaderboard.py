@@ -19,6 +19,7 @@ import numpy as np
 from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.worlds import word
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE
@@ -29,7 +30,6 @@ from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED, stem
 from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
-from wavegym.evaluation.worlds import word
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
 from wavegym.registration import SYSTEMS

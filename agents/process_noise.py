@@ -21,12 +21,12 @@ from agents.leaderboard import ROOT
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
+from wavegym.core.worlds import word
 from wavegym.evaluation import blocks, compare, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.saved import SAVED
 from wavegym.evaluation.table import interval, number, signed, tabulated
-from wavegym.evaluation.worlds import word
 from wavegym.policies.runs import load_policy
 
 if TYPE_CHECKING:

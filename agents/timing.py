@@ -13,7 +13,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.trees import first
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.observations.observer import Observer
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.timing import cpu_us
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Lookahead, Myopic
 from wavegym.schedulers.heuristics.price_policies import LagrangianPrice
 from wavegym.schedulers.planners import RolloutPlanner

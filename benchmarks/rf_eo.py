@@ -31,8 +31,8 @@ from stonesoup.updater.kalman import ExtendedKalmanUpdater
 from benchmarks import planners
 from benchmarks.timing import Ratio, compare, cpu_us
 from wavegym.core.arrays import Array
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Lookahead
 from wavegym.systems.rf_eo.system import RfEo
 from wavegym.waveforms import SPEED_OF_LIGHT

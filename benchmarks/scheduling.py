@@ -6,8 +6,8 @@ import numpy as np
 from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter, unscented_transform
 
 from benchmarks.timing import Ratio, compare
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.trackers import predict
 

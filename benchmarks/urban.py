@@ -10,7 +10,7 @@ import numpy as np
 from filterpy.kalman import IMMEstimator, JulierSigmaPoints, UnscentedKalmanFilter
 
 from benchmarks.timing import Ratio, compare
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban

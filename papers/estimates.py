@@ -8,9 +8,9 @@ import numpy as np
 
 from papers.seeds import BOOTSTRAP
 from wavegym.core.arrays import Array
+from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.statistics import LEVEL, Estimate
-from wavegym.evaluation.worlds import word
 
 
 def mean_estimate(values: Array, root: int) -> Estimate:

@@ -32,6 +32,8 @@ SLOW: dict[str, tuple[int, dict[str, Any], tuple[str, ...]]] = {  # worlds, para
     "RfEo-v0": (WORLDS, {"horizon": 200}, POLICIES),
 }
 MOVED = {  # where the checkout of another commit may have it
+    "draw_worlds": ("wavegym.core.worlds", "wavegym.evaluation.worlds"),
+    "world_seeds": ("wavegym.core.worlds", "wavegym.evaluation.worlds"),
     "load_policy": ("wavegym.policies.runs", "agents.policies.runs"),
     "make_policy": ("wavegym.schedulers.registry", "wavegym.schedulers.names"),
 }
@@ -78,8 +80,8 @@ def record(
     """
     from wavegym.evaluation.play import play
     from wavegym.evaluation.task import make_task
-    from wavegym.evaluation.worlds import draw_worlds, world_seeds
 
+    draw_worlds, world_seeds = moved("draw_worlds"), moved("world_seeds")
     most, settings, listed = SLOW.get(name, (WORLDS, {}, POLICIES))
     task, seeds = make_task(name, settings), world_seeds(SEED, "test", most)
     tuning = draw_worlds(task.system, world_seeds(SEED, "tune", TUNING))

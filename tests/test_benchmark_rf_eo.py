@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import rf_eo as bench
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.systems.rf_eo.system import RfEo
 
 C = 299792458.0

@@ -18,8 +18,8 @@ from papers.work import check_jobs, run_all
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_choice, check_int
 from wavegym.core.policy import Policy
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.comparison import CHUNK
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.rollout import rollout

@@ -17,7 +17,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import State
-from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.simple import Cycle
 from wavegym.sensors import platform_measurement

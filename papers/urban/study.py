@@ -16,7 +16,7 @@ from papers.work import check_jobs, run_all
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
 from wavegym.core.system import State
-from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
+from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.urban.state import HELD_WITHIN
 from wavegym.systems.urban.system import Urban

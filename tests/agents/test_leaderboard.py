@@ -12,12 +12,12 @@ from runs_for_tests import ID
 from agents import leaderboard as leaderboard
 from agents import timing
 from wavegym.core.errors import InputError
+from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import compare, make_task, saved
 from wavegym.evaluation.account import Account
 from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
-from wavegym.evaluation.worlds import world_seeds
 from wavegym.registration import SYSTEMS
 from wavegym.systems.kershaw_evans.system import KershawEvans
 

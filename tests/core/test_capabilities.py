@@ -150,14 +150,14 @@ OFFERED = {
     "AgileClutter": "BestAction DecisionMakers FusedTransition LinearCost RecordedTargets SensorBySensor",
     "RfEo": RF_EO,
     "RfEoFar": RF_EO,
-    "Urban": "",
-    "UrbanSignal": "",
+    "Urban": "DecisionMakers",
+    "UrbanSignal": "DecisionMakers",
     "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetup": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetupCity": "Delay FusedTransition Gain LinearCost MeasurementObservation",
-    "BeamAllocation": "Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets",
-    "EnergyBudget": "Delay FusedTransition Gain LinearCost RecordedTargets Spending",
-    "EnergyBudgetKnown": "Delay FusedTransition Gain LinearCost RecordedTargets Spending",
+    "BeamAllocation": "DecisionMakers Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets",
+    "EnergyBudget": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending",
+    "EnergyBudgetKnown": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending",
 }
 
 

@@ -6,8 +6,9 @@ import pytest
 from evaluation_systems import Uneven
 
 import wavegym
+from wavegym.core import worlds
 from wavegym.core.errors import InputError
-from wavegym.evaluation import Factory, compare, make_task, summarise, world_seeds, worlds
+from wavegym.evaluation import Factory, compare, make_task, summarise, world_seeds
 from wavegym.evaluation import comparison as module
 from wavegym.evaluation.play import play
 from wavegym.schedulers import Fixed, RandomChoice

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from evaluation_systems import Walker
 
+from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import summarise
 from wavegym.evaluation.account import account_of
 from wavegym.evaluation.comparison import Comparison
@@ -14,7 +15,6 @@ from wavegym.evaluation.play import merged, play
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import markdown
 from wavegym.evaluation.task import Task
-from wavegym.evaluation.worlds import world_seeds
 from wavegym.schedulers import Fixed, Myopic
 
 SEEDS = world_seeds(0, "test", 300)

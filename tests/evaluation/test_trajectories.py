@@ -9,9 +9,9 @@ import pytest
 
 from wavegym.cli.main import main
 from wavegym.core.errors import InputError
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation import compare, make_task
 from wavegym.evaluation.trajectories import write_trajectories
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 
 ID = "wavegym/BeamAllocation-v0"
 HORIZON = 6

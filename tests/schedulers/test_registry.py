@@ -10,9 +10,9 @@ from rf_eo_scenes import scene
 import wavegym
 from wavegym.core.errors import InputError
 from wavegym.core.system import State, System
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.rewards import make_reward
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Continuous, Cycle, Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
 from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.myopic import OBJECTIVES

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Myopic
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.rollout import allowed

@@ -49,8 +49,8 @@ def play(arguments: Sequence[str]) -> None:
 def _policy(name: str, task: Any, seed: int) -> Any:
     """The policy called ``name``; of several training runs the first."""
     from wavegym.cli.evaluate import policies
+    from wavegym.core.worlds import tuning_tapes
     from wavegym.evaluation.adapters import as_policies
-    from wavegym.evaluation.worlds import tuning_tapes
 
     found = policies(name)
     if len(found) > 1:
@@ -61,8 +61,8 @@ def _policy(name: str, task: Any, seed: int) -> Any:
 
 def _episode(task: Any, policy: Any, seed: int, draw: bool) -> tuple[list[float], list[Any]]:
     """Costs after each step, and a frame at its beginning and after each step if ``draw``."""
+    from wavegym.core.worlds import word
     from wavegym.envs import WaveformVectorEnv
-    from wavegym.evaluation.worlds import word
     from wavegym.schedulers.rollout import allowed
 
     env = WaveformVectorEnv(

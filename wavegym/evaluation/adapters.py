@@ -25,10 +25,10 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.core.worlds import tuning_tapes
 from wavegym.envs.actions import action_reader
 from wavegym.evaluation import saved
 from wavegym.evaluation.task import Task, make_task
-from wavegym.evaluation.worlds import tuning_tapes
 from wavegym.observations.observer import Observer
 from wavegym.schedulers.registry import is_scheduler, make_policy
 

@@ -13,11 +13,11 @@ from tqdm import tqdm
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
+from wavegym.core.worlds import tuning_tapes, world_seeds
 from wavegym.evaluation.account import Account, account_of
 from wavegym.evaluation.adapters import Given, as_policies
 from wavegym.evaluation.play import Played, merged, play
 from wavegym.evaluation.task import Task, make_task
-from wavegym.evaluation.worlds import tuning_tapes, world_seeds
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
 BASELINE = "myopic"

@@ -20,6 +20,7 @@ import numpy as np
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
+from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import Comparison, compare
 from wavegym.evaluation.files import write_whole
@@ -27,7 +28,6 @@ from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
 from wavegym.evaluation.task import make_task
-from wavegym.evaluation.worlds import tuning_tapes, word
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded, records

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.account import Account
-from wavegym.evaluation.worlds import word
 
 
 def reversals(accounts: Mapping[str, Account], root: int) -> list[dict[str, Any]]:

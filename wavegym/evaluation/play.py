@@ -14,9 +14,9 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Clairvoyant, Policy
 from wavegym.core.system import System
+from wavegym.core.worlds import word
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.task import Task
-from wavegym.evaluation.worlds import word
 from wavegym.schedulers.rollout import allowed
 
 

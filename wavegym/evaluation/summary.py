@@ -11,13 +11,13 @@ import numpy as np
 
 from wavegym.core.action_sets import waveform_labels
 from wavegym.core.version import VERSION
+from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.account import Account
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
 from wavegym.evaluation.consistency import consistency, steps_outside
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.statistics import Estimate
-from wavegym.evaluation.worlds import word
 
 PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
 

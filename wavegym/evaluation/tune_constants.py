@@ -17,9 +17,9 @@ import wavegym.schedulers
 from wavegym.core import trees
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.system import System
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.task import make_task
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple
 from wavegym.schedulers.heuristics.tuning import log_cost
 from wavegym.schedulers.registry import PLANNERS, PLANS, planner_builder

@@ -18,9 +18,9 @@ from stonesoup.updater.kalman import ExtendedKalmanUpdater, UnscentedKalmanUpdat
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
+from wavegym.core.worlds import word
 from wavegym.evaluation import as_policy
 from wavegym.evaluation.task import make_task
-from wavegym.evaluation.worlds import word
 from wavegym.integrations.stonesoup import (
     PolicySensorManager,
     WaveformRadar,

@@ -13,8 +13,8 @@ from scipy.special import softmax
 from scipy.stats import binomtest, entropy
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 
+from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, training_seeds
-from wavegym.evaluation.worlds import draw_worlds
 from wavegym.learning.policies.export import export
 from wavegym.learning.policies.mixture import Mixture
 from wavegym.learning.settings import load_settings

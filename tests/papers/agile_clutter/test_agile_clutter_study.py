@@ -31,7 +31,7 @@ from papers.agile_clutter.study import (
 from papers.agile_clutter.table import markdown
 from papers.estimates import share_estimate
 from wavegym.core.errors import InputError
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
 from wavegym.schedulers.tuning import best_fixed
 from wavegym.systems.agile_clutter.system import AgileClutter

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 from papers.rf_eo import study as rf_eo
 from papers.rf_eo.adaptation import adaptation, jumps
 from papers.rf_eo.study import ADAPTIVE, PUBLISHED, SCENES, Case, Runs, system
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.rf_eo.system import RfEo
 

@@ -30,9 +30,9 @@ from papers.rf_eo.study import (
     system,
 )
 from wavegym.core.errors import InputError
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation import make_task
 from wavegym.evaluation import play as shell
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.rf_eo.system import PROPOSED as SETTINGS
 

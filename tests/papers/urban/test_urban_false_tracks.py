@@ -10,7 +10,7 @@ from small_studies import URBAN_SEED as SEED
 from papers.urban import false_tracks as module
 from papers.urban.false_tracks import MIRROR, ORIGINS, OTHER, STRAYED, WALLS, false_tracks
 from papers.urban.study import CLOSED, LOOSE, OPEN, Case, system
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.urban_map import Building, UrbanMap

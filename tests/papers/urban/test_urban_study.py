@@ -35,8 +35,8 @@ from papers.urban.study import (
     system,
 )
 from wavegym.core.errors import InputError
+from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.evaluation import statistics
-from wavegym.evaluation.worlds import draw_worlds, word, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.trackers import Tracks
 from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY

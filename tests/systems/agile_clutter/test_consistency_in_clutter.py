@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tests import oracles
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.task import make_task
-from wavegym.evaluation.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 

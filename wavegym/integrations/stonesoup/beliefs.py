@@ -33,7 +33,9 @@ class TrackReader:
     def __init__(self, system: System, radar: WaveformRadar) -> None:
         self._system, self._radar = system, radar
         world = trees.stack([system.draw_world(np.random.default_rng(0))])
-        self._first: Any = system.initial(world).belief
+        first: Any = system.initial(world).belief
+        # Prediction begins with means and covariances, whatever hypotheses a tracker of wavegym keeps.
+        self._first = first._replace(hypotheses=None) if hasattr(first, "hypotheses") else first
         fields = getattr(self._first, "_fields", ())
         other = [name for name in fields if name not in ("step", "mean", "covariance")]
         told = [name for name in other if getattr(self._first, name) is not None]

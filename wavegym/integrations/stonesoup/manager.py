@@ -14,9 +14,9 @@ from wavegym.core.action_sets import by_sensor
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.core.worlds import word
 from wavegym.evaluation.adapters import as_policy
 from wavegym.evaluation.task import Task, make_task
-from wavegym.evaluation.worlds import word
 from wavegym.integrations.stonesoup.beliefs import TrackReader
 from wavegym.integrations.stonesoup.sensor import radars_of
 from wavegym.observations.observer import Observer

@@ -67,8 +67,9 @@ class StoneSoupTracker:
         for name in ("predictor", "updater", "data_associator", "hypothesiser"):
             made = getattr(self, name)
             if not callable(made) and not (made is None and name == "data_associator"):
-                wanted = f"a class, or a function that makes one (nearest: {type(made).__name__})"
-                raise InputError(f"{name} is {made!r:.60}, expected {wanted}")
+                given, kind = " ".join(repr(made).split()), type(made).__name__
+                wanted = f"a class, or a function that makes one (nearest: {kind})"
+                raise InputError(f"{name} is {given:.60}, expected {wanted}")
 
     def predict(self, estimate: Estimate, motion: MotionModel) -> Estimate:
         """See ``wavegym.trackers.protocol.Tracker``."""

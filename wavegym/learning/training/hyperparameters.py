@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import play
-from wavegym.evaluation.worlds import draw_worlds
 from wavegym.learning.settings import load_settings
 from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.train import train

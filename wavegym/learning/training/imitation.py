@@ -22,7 +22,7 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from wavegym.core.arrays import Array
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.evaluation.worlds import draw_worlds, training_seeds, word
+from wavegym.core.worlds import draw_worlds, training_seeds, word
 from wavegym.learning.policies.export import export
 from wavegym.learning.policies.mixture import parts
 from wavegym.learning.policies.scorer import Dueling

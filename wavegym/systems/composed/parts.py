@@ -247,7 +247,7 @@ class PlanarRadar(Sensor):
     Args:
         place: (x, y), m.
         reference_range, nearest_range: as in ``LineOfSightRadar``.
-        false_alarm: Pf; Pd = Pf^(1 / (1 + eta)). None: every pulse detects.
+        false_alarm: Pf; Pd = Pf^(1 / (1 + eta / 2)). None: every pulse detects.
     """
 
     place: tuple[float, float] = (0.0, 0.0)
