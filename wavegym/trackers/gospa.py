@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_finite, check_last_axes, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.trackers import gospa_kernels as kernels
+from wavegym.trackers.pictures import flat_pictures
 
 MOST_TARGETS = 12  # the assignment goes through all 2^targets subsets
 
@@ -61,30 +61,9 @@ def gospa(
         raise InputError(
             f"order is {order!r}, expected at most {most:.4g} with a cutoff of {cutoff!r} m: c^p overflows"
         )
-    truth, found = check_last_axes("targets", targets), check_last_axes("tracks", tracks)
-    if min(truth.ndim, found.ndim) < 2 or truth.shape[-1] != found.shape[-1]:
-        raise InputError(
-            f"targets and tracks have shapes {truth.shape} and {found.shape}, expected (..., T, d) and (..., N, d)"
-        )
-    (T, d), N = truth.shape[-2:], found.shape[-2]
-    if T > MOST_TARGETS:
-        raise InputError(f"targets holds {T} targets, expected at most {MOST_TARGETS}")
-    there, counts = np.asarray(present, np.bool_), np.asarray(alive, np.bool_)
-    try:
-        lead = np.broadcast_shapes(truth.shape[:-2], found.shape[:-2], there.shape[:-1], counts.shape[:-1])
-        arrays = (
-            flatten_lead(truth, lead, T, d),
-            flatten_lead(there, lead, T),
-            flatten_lead(found, lead, N, d),
-            flatten_lead(counts, lead, N),
-        )
-    except ValueError:
-        raise InputError(
-            f"present and alive have shapes {there.shape} and {counts.shape} beside targets {truth.shape} and tracks "
-            f"{found.shape}, expected (..., {T}) and (..., {N}) that broadcast"
-        ) from None
-    for name, positions, counted in (("targets", *arrays[:2]), ("tracks", *arrays[2:])):
-        check_finite(f"{name} that count", np.where(counted[..., None], positions, 0.0))
-    out = np.empty((len(arrays[0]), 4))
-    kernels.gospa(*arrays, c, p, out)
+    flat, lead = flat_pictures(targets, tracks, present, alive)
+    if flat.targets.shape[1] > MOST_TARGETS:
+        raise InputError(f"targets holds {flat.targets.shape[1]} targets, expected at most {MOST_TARGETS}")
+    out = np.empty((len(flat.targets), 4))
+    kernels.gospa(*flat, c, p, out)
     return Gospa(*(out[:, k].reshape(lead) for k in range(4)))

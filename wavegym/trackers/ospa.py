@@ -6,18 +6,15 @@ Votruba, Nisley, Rothrock and Zombro, *Single Integrated Air Picture (SIAP) Metr
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
-from wavegym.core.array_checks import check_finite, check_last_axes
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import InputError, check_positive, check_within
-
-Mask = NDArray[np.bool_]
+from wavegym.core.errors import check_positive, check_within
+from wavegym.trackers.pictures import Mask, flat_pictures
 
 
 class Siap(NamedTuple):
@@ -27,16 +24,6 @@ class Siap(NamedTuple):
     ambiguity: FloatArray  # tracks for each target that has one; best: 1
     spuriousness: FloatArray  # share of the tracks without a target; best: 0
     position_accuracy: FloatArray  # mean distance of a track from its target, m
-
-
-class _Pictures(NamedTuple):
-    """Positions and what counts of them with one flat leading axis, and the shape of that axis."""
-
-    targets: FloatArray  # (batch, T, d)
-    tracks: FloatArray  # (batch, N, d)
-    present: Mask  # (batch, T)
-    alive: Mask  # (batch, N)
-    lead: tuple[int, ...]
 
 
 def ospa(
@@ -66,11 +53,11 @@ def ospa(
         InputError: shapes that do not fit, a cutoff or order out of range, or a position that counts and is not finite.
     """
     c, p = check_positive("cutoff", cutoff, "m"), check_within("order", order, 1.0, 100.0)
-    pictures = _pictures(targets, tracks, present, alive)
-    return np.array([_ospa(*each, c, p) for each in zip(*pictures[:4], strict=True)]).reshape(pictures.lead)
+    pictures, lead = flat_pictures(targets, tracks, present, alive)
+    return np.array([_ospa(*each, c, p) for each in zip(*pictures, strict=True)]).reshape(lead)
 
 
-def _ospa(targets: FloatArray, tracks: FloatArray, present: Mask, alive: Mask, c: float, p: float) -> float:
+def _ospa(targets: FloatArray, present: Mask, tracks: FloatArray, alive: Mask, c: float, p: float) -> float:
     truth, found = targets[present], tracks[alive]
     few, many = sorted((len(truth), len(found)))
     if not many:
@@ -100,13 +87,13 @@ def siap(
         InputError: shapes that do not fit, a cutoff that is not > 0, or a position that counts and is not finite.
     """
     check_positive("cutoff", cutoff, "m")
-    pictures = _pictures(targets, tracks, present, alive)
-    figures = [_siap(*each, cutoff) for each in zip(*pictures[:4], strict=True)]
-    return Siap(*(np.array(column).reshape(pictures.lead) for column in zip(*figures, strict=True)))
+    pictures, lead = flat_pictures(targets, tracks, present, alive)
+    figures = [_siap(*each, cutoff) for each in zip(*pictures, strict=True)]
+    return Siap(*(np.array(column).reshape(lead) for column in zip(*figures, strict=True)))
 
 
 def _siap(
-    targets: FloatArray, tracks: FloatArray, present: Mask, alive: Mask, cutoff: float
+    targets: FloatArray, present: Mask, tracks: FloatArray, alive: Mask, cutoff: float
 ) -> tuple[float, float, float, float]:
     truth, found = targets[present], tracks[alive]
     away = np.linalg.norm(truth[:, None] - found[None], axis=-1)  # (target, track)
@@ -120,31 +107,3 @@ def _siap(
         1.0 - owned / len(found) if len(found) else np.nan,
         float(distance[belongs].mean()) if owned else np.nan,
     )
-
-
-def _pictures(targets: ArrayLike, tracks: ArrayLike, present: ArrayLike, alive: ArrayLike) -> _Pictures:
-    """Check the arguments and flatten their leading axes."""
-    truth, found = check_last_axes("targets", targets), check_last_axes("tracks", tracks)
-    if min(truth.ndim, found.ndim) < 2 or truth.shape[-1] != found.shape[-1]:
-        raise InputError(
-            f"targets and tracks have shapes {truth.shape} and {found.shape}, expected (..., T, d) and (..., N, d)"
-        )
-    T, N = truth.shape[-2], found.shape[-2]
-    there, counts = np.asarray(present, np.bool_), np.asarray(alive, np.bool_)
-    try:
-        lead = np.broadcast_shapes(truth.shape[:-2], found.shape[:-2], there.shape[:-1], counts.shape[:-1])
-        count = math.prod(lead)
-        flat = (
-            np.broadcast_to(truth, lead + truth.shape[-2:]).reshape(count, *truth.shape[-2:]),
-            np.broadcast_to(found, lead + found.shape[-2:]).reshape(count, *found.shape[-2:]),
-            np.broadcast_to(there, (*lead, T)).reshape(count, T),
-            np.broadcast_to(counts, (*lead, N)).reshape(count, N),
-        )
-    except ValueError:
-        raise InputError(
-            f"present and alive have shapes {there.shape} and {counts.shape} beside targets {truth.shape} and tracks "
-            f"{found.shape}, expected (..., {T}) and (..., {N}) that broadcast"
-        ) from None
-    for name, positions, counted in (("targets", flat[0], flat[2]), ("tracks", flat[1], flat[3])):
-        check_finite(f"{name} that count", np.where(counted[..., None], positions, 0.0))
-    return _Pictures(*flat, lead)
