@@ -11,13 +11,7 @@ import numpy as np
 
 from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
-from wavegym.trackers.kernels import (
-    factor_innovation_one,
-    predict_covariance_one,
-    predict_mean_one,
-    update_covariance_one,
-    update_mean_one,
-)
+from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, update_one
 from wavegym.trackers.ukf_kernels import predict_multistatic_one
 
 LOG_2PI = np.log(2.0 * np.pi)
@@ -131,9 +125,7 @@ def kalman_update(x, P, y, H, R, x_out, P_out, log_likelihood, nn, mm):
     n, m = len(nn), len(mm)
     L, D, V, w = np.empty((m, m)), np.empty(m), np.empty((n, m)), np.empty(m)
     for e in range(x.shape[0]):
-        factor_innovation_one(e, P, H, e, R, e, 1.0, L, D, V, nn, mm)
-        update_mean_one(e, x, y, L, D, V, w, x_out, nn, mm)
-        update_covariance_one(e, P, D, V, e, P_out, nn, mm)
+        update_one(e, x, P, y, H, R, L, D, V, w, x_out, P_out, nn, mm)
         total = -m * LOG_2PI
         for j in range(m):
             total += np.log(D[j]) - w[j] * w[j] * D[j]

@@ -124,15 +124,21 @@ def predict_covariance(P, F, Q, P_out, nn):
         predict_covariance_one(e, P, F, Q, e, T, P_out, nn)
 
 
+@inlined
+def update_one(e, x, P, y, H, R, L, D, V, w, x_out, P_out, nn, mm):
+    """x' = x + K y, P' = P - K S K' of row e. L, D, V, w: scratch; S = L diag(1 / D) L' and w = L^-1 y afterwards."""
+    factor_innovation_one(e, P, H, e, R, e, 1.0, L, D, V, nn, mm)
+    update_mean_one(e, x, y, L, D, V, w, x_out, nn, mm)
+    update_covariance_one(e, P, D, V, e, P_out, nn, mm)
+
+
 @batched("(n),(n,n),(m),(m,n),(m,m)->(n),(n,n)")
 def update(x, P, y, H, R, x_out, P_out, nn, mm):
-    """x' = x + K y, P' = P - K S K'."""
+    """``update_one`` for a batch."""
     n, m = len(nn), len(mm)
     L, D, V, w = np.empty((m, m)), np.empty(m), np.empty((n, m)), np.empty(m)
     for e in range(x.shape[0]):
-        factor_innovation_one(e, P, H, e, R, e, 1.0, L, D, V, nn, mm)
-        update_mean_one(e, x, y, L, D, V, w, x_out, nn, mm)
-        update_covariance_one(e, P, D, V, e, P_out, nn, mm)
+        update_one(e, x, P, y, H, R, L, D, V, w, x_out, P_out, nn, mm)
 
 
 @batched("(n,n),(m,n),(m,m)->(n,n)")
