@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
+
+from wavegym.evaluation.files import csv_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,11 +17,7 @@ DPI = 150
 
 def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
     """A table with a head."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return text.getvalue().encode()
+    return csv_text(head, rows).encode()
 
 
 def json_bytes(summary: dict[str, Any]) -> bytes:

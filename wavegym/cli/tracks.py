@@ -144,19 +144,16 @@ def _time(seconds: float) -> str:
 def _write(
     folder: Path, found: Sequence[RecordedTrack], summaries: Sequence[TrackSummary], max_gap: float | None
 ) -> None:
-    import csv
-    import io
+    from wavegym.evaluation.files import csv_text, write_whole
 
-    from wavegym.evaluation.files import write_whole
-
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
     fields = [name for name in summaries[0]._fields if name != "dropped"]
-    table.writerow([*fields, *(reason.replace(" ", "_") for reason in MEANING)])
-    for summary in summaries:
-        counts = [summary.dropped.get(reason, 0) for reason in MEANING]
-        table.writerow([*(getattr(summary, field) for field in fields), *counts])
-    write_whole(folder, {"tracks.csv": text.getvalue().encode(), "tracks.png": _picture(found, summaries, max_gap)})
+    head = [*fields, *(reason.replace(" ", "_") for reason in MEANING)]
+    rows = [
+        [*(getattr(each, field) for field in fields), *(each.dropped.get(reason, 0) for reason in MEANING)]
+        for each in summaries
+    ]
+    contents = {"tracks.csv": csv_text(head, rows).encode(), "tracks.png": _picture(found, summaries, max_gap)}
+    write_whole(folder, contents)
 
 
 def _picture(found: Sequence[RecordedTrack], summaries: Sequence[TrackSummary], max_gap: float | None) -> bytes:

@@ -1,13 +1,25 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and the text of tables."""
 
 from __future__ import annotations
 
+import csv
+import io
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from wavegym.core.errors import InputError
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """The text of a CSV file with a head."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def write_whole(folder: Path, contents: Mapping[str, bytes]) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from wavegym.core.action_sets import waveform_labels
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.account import BY_EPISODE, by_world
 from wavegym.evaluation.comparison import Comparison
-from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.page import page
 from wavegym.evaluation.picture import draw
 from wavegym.evaluation.play import Played
@@ -60,14 +58,13 @@ def episodes(comparison: Comparison) -> str:
     """
     actions = comparison.task.system.actions
     labels = () if isinstance(actions, ParameterBox) else waveform_labels(actions)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_columns(next(iter(comparison.played.values()))[0]))
-    for name, members in comparison.played.items():
-        for member, played in enumerate(members):
-            for world, row in enumerate(_rows(played, labels)):
-                writer.writerow([name, member, world, comparison.seeds[world], *row])
-    return text.getvalue()
+    rows = (
+        [name, member, world, comparison.seeds[world], *row]
+        for name, members in comparison.played.items()
+        for member, played in enumerate(members)
+        for world, row in enumerate(_rows(played, labels))
+    )
+    return csv_text(_columns(next(iter(comparison.played.values()))[0]), rows)
 
 
 def _columns(played: Played) -> list[str]:

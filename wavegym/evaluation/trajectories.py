@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ from wavegym.core.worlds import world_seeds
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.adapters import Given
 from wavegym.evaluation.comparison import CHUNK, by_name, members_of
-from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.play import play
 from wavegym.evaluation.task import Task, make_task
 
@@ -70,8 +68,8 @@ def write_trajectories(
     head = ["policy", "run", "world", "step", "time_s", "target", "present"]
     names = _names(task.system)
     head += [f"{kind}_{name}" for kind in ("true", "estimated", "sigma") for name in names]
-    contents = {PATHS: _csv(head, paths)}
-    contents[RETURNS] = _csv(["policy", "run", "world", "step", "time_s", "field", "index", "value"], returns)
+    of_returns = ["policy", "run", "world", "step", "time_s", "field", "index", "value"]
+    contents = {PATHS: csv_text(head, paths).encode(), RETURNS: csv_text(of_returns, returns).encode()}
     write_whole(folder, contents)
     return PATHS, RETURNS
 
@@ -124,11 +122,3 @@ def _check_estimates(task: Task) -> None:
 def _names(system: System) -> tuple[str, ...]:
     motion: Any = getattr(system, "motion", None) or system.targets.motion  # type: ignore[attr-defined]
     return tuple(motion.names)
-
-
-def _csv(head: list[str], rows: list[list[Any]]) -> bytes:
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(head)
-    table.writerows(rows)
-    return text.getvalue().encode()

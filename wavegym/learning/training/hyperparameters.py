@@ -7,8 +7,6 @@ same command continues an earlier search.
 
 from __future__ import annotations
 
-import csv
-import io
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -19,7 +17,7 @@ import numpy as np
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, world_seeds
-from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.play import play
 from wavegym.learning.settings import load_settings
 from wavegym.learning.training.run_spec import RunSpec
@@ -138,14 +136,13 @@ def _proposed(trial: Any, name: str, values: tuple[float, float] | list[Any]) ->
 
 def _table(trials: list[Any]) -> str:
     """A row for each finished trial: number, score, settings."""
-    text = io.StringIO()
     names = sorted({name for trial in trials for name in trial.params})
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["trial", "log_ratio", *names])
-    for trial in trials:
-        if trial.value is not None:
-            writer.writerow([trial.number, trial.value, *(trial.params.get(name, "") for name in names)])
-    return text.getvalue()
+    rows = (
+        [trial.number, trial.value, *(trial.params.get(name, "") for name in names)]
+        for trial in trials
+        if trial.value is not None
+    )
+    return csv_text(["trial", "log_ratio", *names], rows)
 
 
 def _toml(env_id: str, algo: str, experiment: Any) -> str:
