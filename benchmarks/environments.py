@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import statistics
 import subprocess
 import sys
 from pathlib import Path
 
+from benchmarks.timing import Ratio, summed_up
 from wavegym.registration import SYSTEMS
 
 HERE = Path(__file__).parents[1]
@@ -44,15 +44,13 @@ class Player:
         self._process.communicate()
 
 
-def compared(other: Path, env_id: str, count: int) -> tuple[float, float, float, float, float]:
-    """Microseconds there and here, and the ratio of here to there: medians, and the least and greatest ratio."""
-    players = [Player(checkout, env_id, count) for checkout in (other, HERE)]
-    pairs = [tuple(player.step_us() for player in players) for _ in range(ROUNDS)]
-    for player in players:
-        player.close()
-    ratios = [ours / theirs for theirs, ours in pairs]
-    theirs, ours = (statistics.median(column) for column in zip(*pairs, strict=True))
-    return theirs, ours, statistics.median(ratios), min(ratios), max(ratios)
+def compared(other: Path, env_id: str, count: int) -> Ratio:
+    """Microseconds of a step here, and in the other checkout as the peer."""
+    ours, theirs = Player(HERE, env_id, count), Player(other, env_id, count)
+    found = summed_up([(ours.step_us(), theirs.step_us()) for _ in range(ROUNDS)])
+    ours.close()
+    theirs.close()
+    return found
 
 
 def main() -> None:
@@ -62,14 +60,13 @@ def main() -> None:
     parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all of the suite)")
     read = parser.parse_args()
     print(
-        "| environment | batch | there (us) | here (us) | here / there | least..greatest |\n|---|---|---|---|---|---|"
+        "| environment | batch | there (us) | here (us) | there / here | least..greatest |\n|---|---|---|---|---|---|"
     )
     for env_id in read.ids or SYSTEMS:
         for count in BATCHES[:1] if "Signal" in env_id else BATCHES:
-            theirs, ours, ratio, low, high = compared(read.other.resolve(), env_id, count)
-            print(
-                f"| {env_id} | {count} | {theirs:.3g} | {ours:.3g} | {ratio:.3g} | {low:.3g}..{high:.3g} |", flush=True
-            )
+            r = compared(read.other.resolve(), env_id, count)
+            times = f"{r.peer_us:.3g} | {r.ours_us:.3g} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
+            print(f"| {env_id} | {count} | {times} |", flush=True)
 
 
 if __name__ == "__main__":

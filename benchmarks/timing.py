@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 
@@ -28,7 +28,11 @@ def cpu_us(work: Callable[[], int]) -> float:
 def compare(ours: Callable[[], int], peer: Callable[[], int], rounds: int = 9) -> Ratio:
     """Time both in turn after one round that does not count (compilation, caches)."""
     ours(), peer()
-    pairs = [(cpu_us(ours), cpu_us(peer)) for _ in range(rounds)]
+    return summed_up([(cpu_us(ours), cpu_us(peer)) for _ in range(rounds)])
+
+
+def summed_up(pairs: Sequence[tuple[float, float]]) -> Ratio:
+    """The medians of (our, their) times of all rounds."""
     ratios = [theirs / mine for mine, theirs in pairs]
     mine, theirs = (statistics.median(column) for column in zip(*pairs, strict=True))
     return Ratio(mine, theirs, statistics.median(ratios), min(ratios), max(ratios))
