@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from wavegym.core.errors import InputError
 from wavegym.evaluation import draw_worlds, make_task, training_seeds, world_seeds
 
+pytestmark = pytest.mark.usefixtures("own_environments")
+
 roots = st.integers(0, 2**40)
 
 
