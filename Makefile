@@ -30,15 +30,16 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The oldest Gymnasium supported (RLlib pins it), in an environment of its own.
+# The oldest Gymnasium supported, in an environment of its own, and RLlib, which pins it.
 test-oldest: $(VENV)-oldest/.ready
-	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/observations tests/systems tests/testing -m "not slow"
+	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/testing -m "not slow"
+	$(VENV)-oldest/bin/python -m pytest tests/integrations/test_ray_cluster.py tests/integrations/test_rllib.py
 
 $(VENV)-oldest/.ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)-oldest
 	sed 's/^gymnasium==.*/gymnasium==1.2.2/' constraints.txt > $(VENV)-oldest/constraints.txt
 	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt torch
-	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt --editable ".[agents,tune,dev]"
+	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt --editable ".[agents,tune,dev,ray]"
 	touch $@
 
 # The examples of examples/learners with TorchRL, skrl and RL Zoo, in an environment of its own: RL Zoo needs an older

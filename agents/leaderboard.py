@@ -19,6 +19,7 @@ import numpy as np
 from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import word
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
 from wavegym.evaluation.account import Account, read_accounts
@@ -239,13 +240,14 @@ def main() -> None:
     ladders = [env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}.csv").exists()]
     wanted = "environments (default: those of the suite that `make headroom` played)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=ladders, help=wanted)
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    add_worker_options(parser, jobs=2)
     parser.add_argument("--times", action="store_true", help="time decisions, play nothing")
     parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
     read = parser.read(None)
     for env_id in map(full_id, () if read.tables else read.ids):
         if not read.times:
-            play(env_id, read.jobs)
+            with workers(read):
+                play(env_id, read.jobs)
         time_decisions(env_id)
     renew(ladders)
 

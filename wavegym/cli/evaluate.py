@@ -10,6 +10,7 @@ from wavegym.cli.environments import ENVIRONMENT, read_environment
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.registry import import_package
+from wavegym.core.workers import add_worker_options, workers
 
 POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,
 myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:closed-form,
@@ -46,7 +47,7 @@ def parser() -> Parser:
     )
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     options.add_argument("--seed", type=int, default=0, metavar="S", help="another seed, other worlds (default: 0)")
-    options.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes (default: one for each core)")
+    add_worker_options(options)
     options.add_argument("--tracks", type=Path, metavar="FILE.csv", help="recorded targets")
     options.add_argument(
         "--radar",
@@ -137,7 +138,8 @@ def evaluate(arguments: Sequence[str] | None) -> None:
         from wavegym.evaluation.trajectories import write_trajectories
 
         files += write_trajectories(options.out, env_id, chosen, options.trajectories, **common, **parameters)
-    comparison = compare(env_id, chosen, jobs=options.jobs, **common, **parameters)
+    with workers(options):
+        comparison = compare(env_id, chosen, jobs=options.jobs, **common, **parameters)
     print(write_report(comparison, options.out))
     print(f"\nwritten to {options.out}: {', '.join(files)}")
 

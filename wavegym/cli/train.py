@@ -17,6 +17,7 @@ from wavegym.cli.environments import ENVIRONMENT, read_environment
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.registry import import_package
+from wavegym.core.workers import add_worker_options, workers
 
 
 def parser() -> Parser:
@@ -44,6 +45,7 @@ def parser() -> Parser:
     )
     tune = "search settings until there are N trials, instead of one training; DIR/best.toml holds the best"
     options.add_argument("--tune", type=int, metavar="N", help=tune)
+    add_worker_options(options, jobs=1, what="trials of --tune at a time")
     options.add_argument("--resume", action="store_true", help="continue the run in DIR from its last checkpoint")
     packages = "import a package that registers environments, schedulers, rewards or chirp laws; may be repeated"
     options.add_argument("--import", action="append", default=[], dest="packages", metavar="PACKAGE", help=packages)
@@ -71,7 +73,10 @@ def train(arguments: Sequence[str] | None) -> None:
     if options.tune is not None:
         from wavegym.learning.training.hyperparameters import tune
 
-        best = tune(env_id, options.algo, options.tune, options.seed, changes, environment, options.out)
+        with workers(options):
+            best = tune(
+                env_id, options.algo, options.tune, options.seed, changes, environment, options.out, options.jobs
+            )
         print(f"{best}written to {options.out}: best.toml, trials.csv, trials.log")
         return
     chosen = load_settings(env_id, options.algo, changes, environment)

@@ -20,6 +20,7 @@ import numpy as np
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
+from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import Comparison, compare
@@ -123,12 +124,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
-    parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
+    add_worker_options(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder for ID.json and ID.csv")
     read = parser.read(arguments)
     tasks = [make_task(env_id, {}) for env_id in read.ids]
     for task in tasks:
-        comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs)
+        with workers(read):
+            comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs)
         name = task.env_id.rpartition("/")[2]
         found = figures(comparison)
         text = json.dumps(found, indent=2, allow_nan=False) + "\n"

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed, effective_n_jobs
 
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.worlds import draw_worlds
@@ -62,6 +63,7 @@ def tune(
     changes: Mapping[str, Any],
     environment: Mapping[str, Any],
     out: Path,
+    jobs: int = 1,
 ) -> str:
     """Search until there are ``trials`` trials in ``out``; the best settings as TOML, also written to best.toml.
 
@@ -73,27 +75,32 @@ def tune(
         changes: fixed settings, by name.
         environment: parameters of the environment.
         out: folder of the results.
+        jobs: trials at a time, through joblib. A search proposes them together, before it knows their scores, so
+            another number searches otherwise; -1 is one for each core.
 
     Raises:
-        InputError: a setting out of range, ``trials`` below 1, or Optuna is not installed.
+        InputError: a setting out of range, ``trials`` or ``jobs`` below 1, or Optuna is not installed.
     """
     check_int("tune", trials, 1)
+    if jobs != -1:
+        check_int("jobs", jobs, 1)
     load_settings(env_id, algo, changes, environment)  # report a mistake before the first training
     experiment = _search(f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}", seed, out)
     space = {name: values for name, values in SPACE[algo].items() if name not in changes}
 
-    def objective(trial: Any) -> float:
+    def spec(trial: Any) -> RunSpec:
         proposed = {name: _proposed(trial, name, values) for name, values in space.items()}
-        settings = load_settings(env_id, algo, {**changes, **proposed}, environment)
-        return judge(RunSpec(env_id, algo, seed, settings))
+        return RunSpec(env_id, algo, seed, load_settings(env_id, algo, {**changes, **proposed}, environment))
 
-    def save(experiment: Any, trial: Any) -> None:
-        write_whole(out, {TABLE: _table(experiment.trials).encode(), BEST: _toml(env_id, algo, experiment).encode()})
-        print(f"trial {trial.number}: {100 * (np.exp(trial.value) - 1):+.2f} % of {SIMPLE}", flush=True)
-
+    at_once = effective_n_jobs(jobs)
     left = trials - len([t for t in experiment.trials if t.state.is_finished()])
-    if left > 0:
-        experiment.optimize(objective, n_trials=left, callbacks=[save])
+    for first in range(0, left, at_once):
+        asked = [experiment.ask() for _ in range(min(at_once, left - first))]
+        scores = Parallel(n_jobs=at_once)([delayed(judge)(spec(trial)) for trial in asked])
+        for trial, score in zip(asked, scores, strict=True):
+            experiment.tell(trial, score)
+            print(f"trial {trial.number}: {100 * (np.exp(score) - 1):+.2f} % of {SIMPLE}", flush=True)
+        write_whole(out, {TABLE: _table(experiment.trials).encode(), BEST: _toml(env_id, algo, experiment).encode()})
     return _toml(env_id, algo, experiment)
 
 
