@@ -19,10 +19,19 @@ from wavegym.rendering.moment import Moment, Scene
 from wavegym.rendering.panels import caption, few_ticks, wipe
 from wavegym.systems.agile_clutter.scene import TargetScene
 from wavegym.systems.agile_clutter.system import AgileClutter
+from wavegym.systems.beam_allocation.scene import BeamScene
+from wavegym.systems.beam_allocation.system import BeamAllocation
+from wavegym.systems.camera_slew.scene import CameraScene
+from wavegym.systems.camera_slew.system import CameraSlew
+from wavegym.systems.energy_budget.scene import AccountScene
+from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.systems.kershaw_evans.scene import LineOfSightScene
 from wavegym.systems.kershaw_evans.system import KershawEvans
 from wavegym.systems.rf_eo.scene import PlatformScene
 from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.sector_setup.city import SectorSetupCity
+from wavegym.systems.sector_setup.scene import CityScene, SectorScene
+from wavegym.systems.sector_setup.system import SectorSetup
 from wavegym.systems.urban.scene import UrbanScene
 from wavegym.systems.urban.system import Urban
 
@@ -64,7 +73,12 @@ def make_scene(system: Any, figure: SubFigure) -> Scene:
     return ObservationScene(system, figure)
 
 
+make_scene.register(BeamAllocation, BeamScene)
+make_scene.register(EnergyBudget, AccountScene)
+make_scene.register(CameraSlew, CameraScene)
 make_scene.register(KershawEvans, LineOfSightScene)
 make_scene.register(AgileClutter, TargetScene)
 make_scene.register(RfEo, PlatformScene)
+make_scene.register(SectorSetup, SectorScene)
+make_scene.register(SectorSetupCity, CityScene)
 make_scene.register(Urban, UrbanScene)

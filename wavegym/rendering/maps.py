@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import State
-from wavegym.rendering.drawings import CROSS
+from wavegym.rendering.drawings import CROSS, ellipse, fill
+from wavegym.rendering.moment import Moment
+from wavegym.sensors.urban_map import UrbanMap
 from wavegym.trackers import GaussianMixture
 
 if TYPE_CHECKING:
@@ -19,6 +21,10 @@ PLANE = slice(0, 2)  # x and y among [x y xdot ydot]
 # of targets; C0, C1, ... are sensors
 COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")
 PARTICLE: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 2.5, "markeredgewidth": 0, "alpha": 0.2}
+POINTS = 181  # of a circle
+ROAD: dict[str, Any] = {"color": "0.93", "linewidth": 0}
+BUILDING: dict[str, Any] = {"facecolor": "0.72", "edgecolor": "0.45", "linewidth": 0.8}
+TREE: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "yellowgreen", "markersize": 3, "markeredgewidth": 0}
 SPARE = 1.2  # extent of the map over that of its points, with room for names
 
 
@@ -43,6 +49,51 @@ def draw_track(axes: Axes, target: int, truth: Array, mean: Array, outline: Arra
     axes.annotate(str(target + 1), truth[-1], (7, 3), textcoords="offset points", **style)
 
 
+class Trails(NamedTuple):
+    """Paths of all targets until now, in the units of the map."""
+
+    truth: Array  # (step, target, 2)
+    mean: Array  # (step, target, 2)
+    outlines: Array  # (target, 2, point): error ellipses of now
+
+    @property
+    def points(self) -> Array:
+        """All points, (2, point)."""
+        return np.concatenate([self.truth.reshape(-1, 2).T, *self.outlines], axis=1)
+
+
+def trails_of(moment: Moment, plane: slice, scale: float = 1.0) -> Trails:
+    """The trails of an episode; ``plane`` picks x and y from a state, ``scale`` times metres is the map's unit."""
+    truth = scale * np.array([state.truth.targets[0, :, plane] for state in moment.states])
+    mean = scale * np.array([state.belief.mean[0, :, plane] for state in moment.states])
+    spread = moment.states[-1].belief.covariance[0, :, plane, plane]
+    return Trails(
+        truth, mean, np.array([m[:, None] + scale * ellipse(P) for m, P in zip(mean[-1], spread, strict=True)])
+    )
+
+
+def draw_trails(axes: Axes, trails: Trails) -> None:
+    """Draw every target's true path, estimates and error ellipse."""
+    for t, outline in enumerate(trails.outlines):
+        draw_track(axes, t, trails.truth[:, t], trails.mean[:, t], outline)
+
+
+def sector(axes: Axes, place: Array, look: float, half: float) -> Array:
+    """Outline (2, point) of the sector that ``place`` (2,) sees, out beyond the map's edge.
+
+    ``look`` is the azimuth of its middle, clockwise from +y, and ``half`` half its width, rad.
+    """
+    corners = np.array([(x, y) for x in axes.get_xlim() for y in axes.get_ylim()])
+    far = 2.0 * np.hypot(*(corners - place).T).max()
+    arc = place[:, None] + far * direction(look + np.linspace(-half, half, POINTS))
+    return np.concatenate([place[:, None], arc], axis=1)
+
+
+def direction(angle: Array) -> Array:
+    """Unit vectors (2, ...) of angles in rad, clockwise from +y."""
+    return np.stack([np.sin(angle), np.cos(angle)])
+
+
 def to_scale(axes: Axes, points: Array) -> Array:
     """Set limits around ``points`` (2, point) with equal scales in x and y; return the centre of the map (2,)."""
     low, high = points.min(axis=1), points.max(axis=1)
@@ -65,3 +116,13 @@ def draw_hypotheses(axes: Axes, now: State, target: int, origin: Array, scale: f
         means = hypotheses.mean[0, :, target]
     points = scale * (means[:, PLANE] - origin)
     axes.plot(*points.T, color=colour(target), **PARTICLE)
+
+
+def draw_city(axes: Axes, city: UrbanMap) -> None:
+    """Draw the roads, buildings and trees of an urban map, in m."""
+    from shapely.plotting import patch_from_polygon
+
+    axes.add_artist(patch_from_polygon(city.paved, **ROAD))
+    for building in city.buildings:
+        fill(axes, np.array(building.corners).T, **BUILDING)
+    axes.plot(*np.array(city.discretes).reshape(-1, 2).T, **TREE)

@@ -12,6 +12,7 @@ from wavegym.rendering.drawings import KILO, ellipse
 from wavegym.rendering.maps import PLANE, draw_hypotheses, draw_track, to_scale
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import SMALL
+from wavegym.systems.agile_clutter.state import Belief
 from wavegym.systems.agile_clutter.system import AgileClutter
 
 if TYPE_CHECKING:
@@ -28,13 +29,22 @@ def draw_map(axes: Axes, system: AgileClutter, moment: Moment) -> None:
     now = moment.states[-1]
     known = known_targets(system, len(moment.actions))
     centre = _fit(axes, system, now, known)
-    _draw_lines_of_sight(axes, system, now, known, centre)
+    lit = np.ones((len(system.sensors), len(system.starts)), np.bool_)
+    if moment.actions:
+        lit = illumination(system, moment.states[-2].belief, moment.actions[-1])[2]
+    _draw_lines_of_sight(axes, system, now, [[t for t in known if row[t]] for row in lit], centre)
     for t in known:
         since = moment.states[system.births[t] :]
         truth = KILO * np.array([state.truth.targets[0, t, PLANE] for state in since])
         mean = KILO * np.array([state.belief.mean[0, t, PLANE] for state in since])
         draw_hypotheses(axes, now, t, np.zeros(2), KILO)
         draw_track(axes, t, truth, mean, _outline(now, t))
+
+
+def illumination(system: AgileClutter, before: Belief, action: Array) -> tuple[Array, Array, Array]:
+    """Of a step: C (sensor, 2, 2), strength (sensor,), and which sensor illuminates which target, bool."""
+    pulse = system.pulse(before, action[:, None])
+    return pulse.C[0, 0], pulse.strength[0, 0], pulse.chance[0, 0] > 0.0
 
 
 def _outline(now: State, target: int) -> Array:
@@ -51,12 +61,15 @@ def _fit(axes: Axes, system: AgileClutter, now: State, known: list[int]) -> Arra
     return KILO * now.belief.mean[0, known, PLANE].mean(axis=0) if known else middle
 
 
-def _draw_lines_of_sight(axes: Axes, system: AgileClutter, now: State, known: list[int], centre: Array) -> None:
-    """Lines from each target to each sensor; the label stands where the line from ``centre`` leaves the map."""
+def _draw_lines_of_sight(axes: Axes, system: AgileClutter, now: State, lit: list[list[int]], centre: Array) -> None:
+    """Lines from each sensor to the targets that it illuminates, ``lit``.
+
+    The label stands where the line from ``centre`` leaves the map.
+    """
     low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
     for i, position in enumerate(system.sensors):
         sensor = KILO * np.array(position)
-        targets = KILO * now.belief.mean[0, known, PLANE]
+        targets = KILO * now.belief.mean[0, lit[i], PLANE]
         lines = np.stack([targets, 0.0 * targets + sensor, 0.0 * targets + np.nan], axis=1)  # (target, end, 2)
         axes.plot(*lines.reshape(-1, 2).T, color=f"C{i}", linewidth=0.7, linestyle=(0, (4, 3)), alpha=0.7)
         step = sensor - centre

@@ -14,14 +14,14 @@ from wavegym.rendering.maps import PLANE, colour, cross, draw_hypotheses
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, legend, wipe
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
-from wavegym.systems.agile_clutter.map import draw_map, known_targets
-from wavegym.systems.agile_clutter.state import Belief
+from wavegym.systems.agile_clutter.map import draw_map, illumination, known_targets
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp, Waveform, parse_law
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
+    from matplotlib.gridspec import SubplotSpec
 
 
 SHOWN = 2  # sensors that have panels of their own
@@ -32,6 +32,8 @@ UPDATED: dict[str, Any] = {"alpha": 0.35}
 
 class TargetScene:
     """Map and position errors; validation gates and ambiguity functions of the first sensors.
+
+    A scene of a system built on this one replaces the lowest panels: ``add_lowest``, ``draw_lowest``.
 
     Args:
         system: the closed loop.
@@ -47,7 +49,7 @@ class TargetScene:
         right = figure.add_gridspec(shown + 1, shown, left=0.53, right=0.975, hspace=0.5, wspace=0.5, **place)
         self._map, self._errors = figure.add_subplot(left[0]), figure.add_subplot(left[1])
         self._gates = [figure.add_subplot(right[i, :]) for i in range(shown)]
-        self._pulses = [figure.add_subplot(right[-1, i]) for i in range(shown)]
+        self.add_lowest(figure, right[-1, :])
         self._scan = figure.text(0.033, 0.918, "", fontsize=SMALL + 0.5, va="center")
         for axes in (self._map, self._errors, *self._gates):
             few_ticks(axes, 3)
@@ -63,7 +65,6 @@ class TargetScene:
             "truth": CROSS,
         }
         legend(self._gates[0], (-0.12, 1.0 + 1.6 * LINE / self._gates[0].bbox.height), len(lines), **lines)
-        self._on_show: list[Waveform | None] = [None] * shown
 
     def draw(self, moment: Moment) -> None:
         """See ``Scene``."""
@@ -72,14 +73,27 @@ class TargetScene:
         self._scan.set_text(scan_caption(self.system, moment))
         draw_map(self._map, self.system, moment)
         self._draw_errors(moment)
-        for axes in (*self._gates, *self._pulses):
+        for axes in self._gates:
             axes.set_visible(bool(moment.actions))
-        if moment.actions:
-            for i, pulse in enumerate(transmitted(self.system, moment.actions[-1])[: len(self._gates)]):
-                self._gates[i].title.set_text(f"sensor {i + 1}: {pulse.label if pulse else 'silent'}")
-                self._draw_gates(self._gates[i], moment, i)
-                self._pulses[i].set_visible(pulse is not None)
-                self._show_pulse(i, pulse)
+        pulses = transmitted(self.system, moment.actions[-1])[: len(self._gates)] if moment.actions else []
+        for i, pulse in enumerate(pulses):
+            self._gates[i].title.set_text(f"sensor {i + 1}: {pulse.label if pulse else 'silent'}")
+            self._draw_gates(self._gates[i], moment, i)
+        self.draw_lowest(moment, pulses)
+
+    def add_lowest(self, figure: SubFigure, place: SubplotSpec) -> None:
+        """Add the lowest panels: the ambiguity functions of the first sensors' pulses."""
+        shown = len(self._gates)
+        cells = place.subgridspec(1, shown, wspace=0.5)
+        self._pulses = [figure.add_subplot(cells[i]) for i in range(shown)]
+        self._on_show: list[Waveform | None] = [None] * shown
+
+    def draw_lowest(self, moment: Moment, pulses: list[Waveform | None]) -> None:
+        """Draw the lowest panels; ``pulses`` is empty before the first step, None stands for a silent sensor."""
+        for i, axes in enumerate(self._pulses):
+            pulse = pulses[i] if pulses else None
+            axes.set_visible(pulse is not None)
+            self._show_pulse(i, pulse)
 
     def _show_pulse(self, sensor: int, pulse: Waveform | None) -> None:
         """Draw the ambiguity function. It takes longest of all, so it stays while the pulse stays the same."""
@@ -156,12 +170,6 @@ def scan_caption(system: AgileClutter, moment: Moment) -> str:
         used = (moment.states[-1].belief.hypotheses.weight[0] > 0.0).sum(axis=1)
         text += f"  ·  components: {', '.join(map(str, used))}"
     return text
-
-
-def illumination(system: AgileClutter, before: Belief, action: Array) -> tuple[Array, Array, Array]:
-    """Of a step: C (sensor, 2, 2), strength (sensor,), and which sensor illuminates which target, bool."""
-    pulse = system.pulse(before, action[:, None])
-    return pulse.C[0, 0], pulse.strength[0, 0], pulse.chance[0, 0] > 0.0
 
 
 def transmitted(system: AgileClutter, action: Array) -> list[Waveform | None]:

@@ -9,6 +9,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.units import quantity
 from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, fill
+from wavegym.rendering.looks import draw_position_errors, prepare_position_errors
 from wavegym.rendering.maps import colour
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
@@ -26,7 +27,6 @@ ROWS = (("range", "m"), ("rate", "m/s"), ("azimuth", "rad"))
 DECADE = 0.35  # distance between 1, 10 and 100 in the drawing, relative to that from the centre to the edge
 MOST = 1000.0  # times the edge: values farther out are drawn here
 TICKS = np.array([-100.0, -1.0, 0.0, 1.0, 100.0])
-LEAST = 1e-3  # m: smaller errors, 0 included, are drawn here on the logarithmic axis
 INSIDE, EDGE = "0.92", "0.6"
 SCALES = (1e-3, 1e3)  # Hz -> kHz, rad -> mrad
 SEEN: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 4.5, "markeredgewidth": 1.1}
@@ -67,9 +67,7 @@ class PlatformScene:
         few_ticks(self._map)
         caption(self._map, "", "x [km]", "y [km]")
         legend(self._map, (-0.13, 1.0 + 0.45 * LINE / self._map.bbox.height), len(LEGEND), **LEGEND)
-        caption(self._errors, "position error, 1σ of the belief dashed", "step", "[m]")
-        few_ticks(self._errors)
-        steps_along(self._errors, system.horizon)
+        prepare_position_errors(self._errors, system.horizon)
         for axes in self._views:
             _prepare_view(axes)
         self._views[-1].set_xlabel("relative to the edge of the field of view")
@@ -87,7 +85,7 @@ class PlatformScene:
             wipe(axes)
         self._received.set_text(received_caption(self.system, moment))
         draw_platform_map(self._map, self.system, moment)
-        self._draw_errors(moment)
+        draw_position_errors(self._errors, moment, PLANE)
         for axes in self._views:
             axes.set_visible(bool(moment.actions))
         if moment.actions:
@@ -96,18 +94,6 @@ class PlatformScene:
             sight = in_view(self.system, moment)
             for j, axes in enumerate(self._views):
                 draw_view(axes, sight, settings[-1], j)
-
-    def _draw_errors(self, moment: Moment) -> None:
-        """Distance from the estimate to the truth, and its root mean square according to the belief."""
-        errors = [state.belief.mean[0] - state.truth.targets[0] for state in moment.states]
-        distance = np.maximum(np.hypot(*np.array(errors)[..., PLANE].T), LEAST)  # (target, step)
-        variances = np.array([np.diagonal(state.belief.covariance[0], axis1=1, axis2=2) for state in moment.states])
-        sigma = np.sqrt(variances[..., PLANE].sum(axis=-1)).T
-        for t, (error, spread) in enumerate(zip(distance, sigma, strict=True)):
-            self._errors.plot(error, color=colour(t), linewidth=0.8, alpha=0.6)
-            self._errors.plot(spread, color=colour(t), linewidth=1.3, linestyle=(0, (3, 2)))
-            self._errors.plot([len(error) - 1], error[-1:], "o", color=colour(t), markersize=3)
-        fit_y(self._errors, np.stack([distance, sigma]))
 
     def _draw_settings(self, settings: Array) -> None:
         """PRF and pixel angle of every platform after each step."""

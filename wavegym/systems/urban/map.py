@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavegym.rendering.drawings import ellipse, fill
-from wavegym.rendering.maps import colour, cross, to_scale
+from wavegym.rendering.drawings import ellipse
+from wavegym.rendering.maps import colour, cross, draw_city, to_scale
 from wavegym.rendering.moment import Moment
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
 
 PLANE = slice(0, 2)  # x and y among [x y xdot ydot xddot yddot]
-ROAD: dict[str, Any] = {"color": "0.93", "linewidth": 0}
-BUILDING: dict[str, Any] = {"facecolor": "0.72", "edgecolor": "0.45", "linewidth": 0.8}
-TREE: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "yellowgreen", "markersize": 3, "markeredgewidth": 0}
 DIRECT_PATH: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (4, 3)), "alpha": 0.6}
 TRANSMITTER: dict[str, Any] = {"linestyle": "", "marker": "^", "color": "black", "markersize": 7, "markeredgewidth": 0}
 RECEIVER: dict[str, Any] = {"linestyle": "", "marker": "v", "markersize": 6, "markeredgewidth": 0}
@@ -41,7 +38,7 @@ def draw_urban_map(axes: Axes, system: Urban, moment: Moment) -> None:
     antennas = np.array([*system.transmitters, *system.receivers])
     places = np.delete(antennas, range(1, senders), axis=0)
     to_scale(axes, np.concatenate([scene.truth[scene.present][:, PLANE], antennas]).T)
-    _draw_buildings(axes, system)
+    draw_city(axes, system.map)
     for t in np.flatnonzero(scene.present[step]).tolist():
         trail = driven[scene.present[: step + 1, t], t]
         if scene.direct[step, t]:
@@ -60,13 +57,3 @@ def draw_urban_map(axes: Axes, system: Urban, moment: Moment) -> None:
     axes.plot(*antennas[:senders].T, **TRANSMITTER)
     for i, place in enumerate(antennas[senders:]):
         axes.plot(*place[:, None], color=f"C{i}", **RECEIVER)
-
-
-def _draw_buildings(axes: Axes, system: Urban) -> None:
-    """Draw roads, buildings and trees."""
-    from shapely.plotting import patch_from_polygon
-
-    axes.add_artist(patch_from_polygon(system.map.paved, **ROAD))
-    for building in system.map.buildings:
-        fill(axes, np.array(building.corners).T, **BUILDING)
-    axes.plot(*np.array(system.map.discretes).reshape(-1, 2).T, **TREE)

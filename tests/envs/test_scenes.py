@@ -1,0 +1,147 @@
+"""Scenes of looks, beams and accounts: every mark on them is what the states of the episode say."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from wavegym.envs import WaveformVectorEnv
+from wavegym.envs.scenes import ObservationScene, make_scene
+from wavegym.evaluation import make_task
+from wavegym.registration import SYSTEMS
+from wavegym.rendering.looks import APART, Looks, LookScene, draw_looks, prepare_looks
+from wavegym.systems.beam_allocation.system import BeamAllocation
+from wavegym.systems.camera_slew.system import CameraSlew
+from wavegym.systems.energy_budget.known import EnergyBudgetKnown
+from wavegym.systems.energy_budget.scene import occluded_slots
+from wavegym.systems.energy_budget.system import EnergyBudget
+from wavegym.systems.sector_setup.city import SectorSetupCity
+from wavegym.systems.sector_setup.system import SectorSetup
+
+STEPS = 14
+LOOKING = (CameraSlew, SectorSetup, SectorSetupCity)
+ALL = (*LOOKING, BeamAllocation, EnergyBudget, EnergyBudgetKnown)
+
+
+def drawn(system, steps=STEPS, seed=4):
+    """The scene after so many random steps, and its moment."""
+    env = WaveformVectorEnv(system, 1, render_mode="rgb_array")
+    env.action_space.seed(seed)
+    env.reset(seed=seed)
+    for _ in range(steps):
+        env.step(env.action_space.sample())
+    moment = env._film._moment(0)
+    scene = make_scene(system, Figure(figsize=(5.76, 6.4)).subfigures(1, 1))
+    scene.draw(moment)
+    return scene, moment
+
+
+def markers(axes):
+    """Positions of all filled and of all hollow marks of a panel, (mark, 2) each, in order."""
+    found = {True: [], False: []}
+    for line in axes.lines:
+        if line.get_marker() == "o":
+            found[line.get_markerfacecolor() != "white"].append(line.get_xydata())
+    return [np.array(sorted(map(tuple, np.concatenate(found[key])))) for key in (True, False)]
+
+
+@pytest.mark.parametrize("env_id", SYSTEMS)
+def test_every_environment_of_the_suite_has_a_scene_of_its_own(env_id):
+    scene = make_scene(make_task(env_id, {}).system, Figure().subfigures(1, 1))
+    assert not isinstance(scene, ObservationScene)
+
+
+@pytest.mark.parametrize("system", ALL)
+@pytest.mark.parametrize("steps", [0, 1])
+def test_a_frame_is_drawn_from_the_first_state_on(system, steps):
+    drawn(system(), steps)
+
+
+def test_bars_stand_where_a_target_hides_and_marks_where_a_sensor_looked():
+    visible = np.ones((6, 2), np.bool_)
+    visible[0:2, 0] = visible[4:, 0] = visible[3, 1] = False
+    axes = Figure().subplots()
+    prepare_looks(axes, 2, 6, "")
+    draw_looks(axes, visible, Looks(np.array([[0, 1], [1, -1]]), np.array([[True, False], [False, True]])))
+    bars = [line.get_xydata().tolist() for line in axes.lines if line.get_linewidth() == 7]
+    assert bars == [[[0, 0], [2, 0]], [[4, 0], [6, 0]], [[3, 1], [4, 1]]]
+    filled, hollow = markers(axes)
+    np.testing.assert_allclose(filled, [[0.5, -APART / 2]])
+    np.testing.assert_allclose(hollow, [[0.5, 1 + APART / 2], [1.5, 1 - APART / 2]])
+
+
+@pytest.mark.parametrize("system", LOOKING)
+def test_looks_are_the_actions_and_what_they_found(system):
+    scene, moment = drawn(system(horizon=30))
+    assert isinstance(scene, LookScene)
+    looks = scene.looks(moment)
+    assert looks.target.shape == looks.hit.shape == (STEPS, 1)
+    for action, state, target, hit in zip(
+        moment.actions, moment.states[1:], looks.target[:, 0], looks.hit[:, 0], strict=True
+    ):
+        if system is CameraSlew:
+            assert target == action[0]
+            assert hit == state.truth.seen[0, target]
+        else:
+            assert target == action[0] // len(moment.system.waveforms)
+            assert hit == (state.truth.detections[0] > 0)
+
+
+def test_the_camera_is_drawn_where_it_points_and_grey_while_it_is_blind():
+    system = CameraSlew(settle=2)
+    for steps in range(1, 9):
+        scene, moment = drawn(system, steps)
+        (image,) = scene.map.patches
+        belief, corners = moment.states[-1].belief, image.get_xy()
+        middle = corners[1:-1].mean(axis=0) - corners[0]
+        turned = np.angle(np.exp(1j * (np.arctan2(*middle) - belief.pointing[0])))
+        assert abs(turned) < 0.01
+        assert (image.get_facecolor()[0] == image.get_facecolor()[2]) == (belief.settling[0] > 0)
+
+
+@pytest.mark.parametrize("dead_steps", [0, 2])
+def test_a_set_up_sends_no_pulse_to_the_receivers(dead_steps):
+    system = SectorSetup(dead_steps=dead_steps, targets=2)
+    seen = set()
+    for steps in range(1, 9):
+        scene, moment = drawn(system, steps)
+        is_silent = bool(moment.states[-1].truth.silent[0])
+        paths = [line for line in scene.map.lines if line.get_marker() == "None" and len(line.get_xdata()) == 2]
+        from_sender = [line for line in paths if tuple(line.get_xydata()[0]) == tuple(system.illuminator)]
+        to_receivers = [line for line in paths if tuple(1e3 * line.get_xydata()[1]) in system.receivers]
+        assert len(from_sender) == 1
+        assert len(to_receivers) == (0 if is_silent else len(system.receivers))
+        assert ("no pulse" in scene.report(moment)) == is_silent
+        seen.add(is_silent)
+    assert (False in seen) if dead_steps == 0 else (True in seen)
+
+
+def test_beams_are_drawn_at_their_targets():
+    scene, moment = drawn(BeamAllocation())
+    filled, hollow = markers(scene._beams)
+    visible = moment.states[-1].belief.visible[0]
+    wanted = [[], []]
+    for step, action in enumerate(moment.actions):
+        for target in scene.system.action_set.illuminated[action[0]].argmax(axis=1):
+            wanted[0 if visible[step, target] else 1].append((step, target))
+    for found, expected in zip((filled, hollow), wanted, strict=True):
+        assert sorted((x - 0.5, round(y)) for x, y in found) == sorted(expected)
+
+
+@pytest.mark.parametrize("system", [EnergyBudget, EnergyBudgetKnown])
+def test_the_account_shows_the_energy_left_and_the_occluded_slots(system):
+    scene, moment = drawn(system())
+    energies = [state.belief.energy[0] for state in moment.states]
+    assert any(list(line.get_ydata()) == energies for line in scene._account.lines)
+    occluded = occluded_slots(moment)
+    assert len(occluded) == (moment.system.horizon if system is EnergyBudgetKnown else STEPS)
+    np.testing.assert_array_equal(occluded[:STEPS], [state.truth.occluded[0] for state in moment.states[1:]])
+    assert len(scene._account.patches) == occluded.sum()
+
+
+def test_the_render_mode_gives_the_scene():
+    env = gym.make("wavegym/CameraSlew-v0", render_mode="rgb_array")
+    env.reset(seed=0)
+    assert env.render().shape == (640, 960, 3)
