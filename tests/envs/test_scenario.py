@@ -84,6 +84,13 @@ def test_a_file_with_a_truth_a_reward_and_a_comment_is_what_its_keywords_are(wri
     np.testing.assert_array_equal(steps[0][0], steps[1][0])
 
 
+def test_a_file_may_state_what_is_observed(write):
+    by_file = gym.make_vec(ID, 2, scenario=write('observation = "measurements"\n'))
+    by_words = gym.make_vec(ID, 2, observation="measurements")
+    assert by_file.single_observation_space == by_words.single_observation_space
+    assert by_file.single_observation_space != gym.make_vec(ID, 2).single_observation_space
+
+
 def test_keywords_win_over_the_file_and_the_file_over_the_registration(write, narrow):
     file = write("q = 4.0\n[truth]\nreference_range = 40e3\n")
     assert system_of(NARROW) == KershawEvans(q=9.0, horizon=7)

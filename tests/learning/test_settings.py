@@ -120,6 +120,8 @@ def test_a_missing_setting_and_a_missing_file_are_named(tmp_path: Path) -> None:
         ("num_envs", "--set num_envs=N"),
         ("reward", "--set reward=NAME"),
         ("autoreset_mode", "none: training needs SameStep"),
+        ("measurements", "none: agents read"),
+        ("observation", "none: agents observe the belief"),
         ("render_mode", "none"),
         ("wrappers", "none"),
     ],

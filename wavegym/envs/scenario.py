@@ -24,7 +24,8 @@ from wavegym.envs.build import SETTINGS, build_system
 from wavegym.registration import SHELL, full_id, registered_system
 
 ID, TRUTH = "id", "truth"
-OWN_SETTINGS = {"reward": "cost", "forecasts": False, "measurements": False}  # that a scenario may state; the defaults
+# That a scenario may state, with the defaults.
+OWN_SETTINGS = {"reward": "cost", "forecasts": False, "measurements": False, "observation": "belief"}
 WIDTH = 100  # of comments
 
 

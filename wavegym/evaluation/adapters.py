@@ -54,9 +54,9 @@ def as_policy(
     Args:
         given: a Policy; a function (observation) -> actions, of observations (env, fields) float32 and actions
             (env, ...); an object with ``predict``, such as a model of Stable-Baselines3, which is asked for its
-            deterministic actions and given masks if it takes ``action_masks``; a Factory; the name of a scheduler or of
-            a saved agent; the folder of a training run; with ``trust``, a ``.zip`` file of Stable-Baselines3 or
-            ``"package.module:factory"``.
+            deterministic actions and given masks if it takes ``action_masks``; a Factory; the name of a scheduler; the
+            name of a saved agent, which stands for its first training run; the folder of a training run; with
+            ``trust``, a ``.zip`` file of Stable-Baselines3 or ``"package.module:factory"``.
         env: id or Task of the environment to be played; needed for a Factory, a name, a folder and a file.
         name: of the policy, in error messages.
         trust: whether code in files and modules may run.
@@ -68,6 +68,8 @@ def as_policy(
     named = name or (str(given) if isinstance(given, (str, Path)) else type(given).__name__)
     task = make_task(env, settings) if isinstance(env, str) else env
     policies = as_policies(given, task, named, trust=trust)
+    if isinstance(given, str) and given in saved.LEARNERS:
+        policies = policies[:1]
     if len(policies) != 1:
         raise InputError(f"policy {named!r} has {len(policies)} training runs, expected one (nearest: compare, or the "
                          "folder of one run)")  # fmt: skip

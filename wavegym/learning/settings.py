@@ -20,6 +20,8 @@ SHELL = {
     "num_envs": "--set num_envs=N",
     "reward": "--set reward=NAME",
     "forecasts": "--set forecasts=true",
+    "measurements": "none: agents read no measurements from info",
+    "observation": "none: agents observe the belief",
     "autoreset_mode": "none: training needs SameStep",
     "scenario": "the file in place of the environment's id",
     "render_mode": "none: training renders nothing",
