@@ -141,7 +141,14 @@ def test_the_account_shows_the_energy_left_and_the_occluded_slots(system):
     assert len(scene._account.patches) == occluded.sum()
 
 
-def test_the_render_mode_gives_the_scene():
-    env = gym.make("wavegym/CameraSlew-v0", render_mode="rgb_array")
-    env.reset(seed=0)
-    assert env.render().shape == (640, 960, 3)
+@pytest.mark.filterwarnings("ignore:.*HumanRendering wrapper is being applied")
+def test_a_window_shows_the_frames(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # a virtual display
+    pygame = pytest.importorskip("pygame", reason="the extra window is not installed")
+    envs = [gym.make("wavegym/CameraSlew-v0", render_mode=mode) for mode in ("human", "rgb_array")]
+    for env in envs:
+        env.reset(seed=0)
+        env.step(2)
+    shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
+    np.testing.assert_array_equal(shown, envs[1].render())
+    envs[0].close()
