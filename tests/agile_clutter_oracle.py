@@ -169,7 +169,7 @@ def step(system, world, e, belief, path, C):
         false, count = add_clutter(key, z, L, here, system.gate, system.clutter_density, np.empty((64, 2)), 0)
         jpda(system, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, here)
         detections += seen
-        if i == 0:  # it illuminates all targets: only its gates are predicted before the step
+        if i == 0 or system.counts_every_sensor:  # the first one illuminates all targets
             outside, clutter = outside + missed, clutter + count
     for t, birth in enumerate(system.births):
         if k == birth:

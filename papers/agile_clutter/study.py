@@ -147,6 +147,12 @@ def play(
     return Study(root, {case: played[case] for case in cases}, constants, converged)
 
 
+class CountingEverySensor(AgileClutter):
+    """A track is lost after more than five returns outside its gates at either sensor: the paper's rule."""
+
+    counts_every_sensor = True
+
+
 def scene(case: Case) -> AgileClutter:
     """The closed loop that a case is played in."""
     settings: dict[str, Any] = {"tracker": case.tracker, "clutter_density": CLUTTER[case.clutter]}
@@ -156,7 +162,7 @@ def scene(case: Case) -> AgileClutter:
         settings["action"] = "box"
     if case.policy == BEST_FREE:  # the longest and widest, as the best of one shape each are
         settings |= {"durations": (max(AgileClutter.durations),), "sweeps": (max(AgileClutter.sweeps),)}
-    return AgileClutter(laws=_offered(case.policy), **settings)
+    return CountingEverySensor(laws=_offered(case.policy), **settings)
 
 
 def names(policy: str) -> tuple[str, ...]:

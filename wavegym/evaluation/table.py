@@ -80,7 +80,8 @@ def consistency_title(dimension: int | None) -> str:
 
 
 def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
-    """What a report says of the pairs found by ``wavegym.evaluation.orders.reversals``."""
+    """What a report says of the pairs found by ``wavegym.evaluation.orders.reversals``, but for what rounds to 0."""
+    reversals = [pair for pair in reversals if "0" not in (signed(pair["belief"]), signed(pair["truth"]))]
     if not reversals:
         return "No two policies are established to have one order by belief and the other by truth."
     listed = [
@@ -93,8 +94,9 @@ def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
 
 def order_list(reversals: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     """``order_sentence`` for several comparisons by name; those without such a pair are not listed."""
-    told = [f"- {name}: {order_sentence(pairs)}" for name, pairs in reversals.items() if pairs]
-    return "\n".join(told) or order_sentence([])
+    told = {name: order_sentence(pairs) for name, pairs in reversals.items()}
+    none = order_sentence([])
+    return "\n".join(f"- {name}: {sentence}" for name, sentence in told.items() if sentence != none) or none
 
 
 def aligned(columns: list[list[str]]) -> str:

@@ -35,6 +35,7 @@ def test_verdicts_on_the_results():
             ("The closed loop confirms more tracks than the open loop", "partly"),
             ("The closed loop has less RMS error than the open loop", "partly"),
             ("NCV is known, driving on", "no"),  # in the lowest scan
+            ("The scheduler alone can confirm more tracks than the open loop", "undecided"),
             ("The scheduler alone can reduce the RMS error of the open loop", "undecided"),
         )
     }
@@ -43,8 +44,7 @@ def test_verdicts_on_the_results():
         **both,
         **emergent,
         ("The closed loop has few false tracks", LOOSE): "no",
-        ("Ghost logic reduces the false tracks of the closed loop", STRICT): "undecided",
-        ("The scheduler alone can confirm more tracks than the open loop", STRICT): "undecided",
+        ("One NCV model of 1 m/s² in an open loop errs no more than the closed loop", LOOSE): "undecided",
     }
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import oracles
 import pytest
 
+from papers.agile_clutter.study import CountingEverySensor
 from wavegym.schedulers import Myopic
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import parse_law
@@ -82,6 +83,24 @@ def test_transition_with_jpda_is_the_plain_loop(settings, tolerance):
         np.testing.assert_array_equal(state.truth.outside, outside)
         np.testing.assert_array_equal(metrics["lost"], outside > 5)
     assert (outside.max() > 5) == (system.gate < 2.0)
+
+
+def test_the_papers_rule_counts_at_every_sensor():
+    system = CountingEverySensor(tracker="jpda", gate=1.5)
+    first = AgileClutter(tracker="jpda", gate=1.5)
+    worlds, rng = oracles.worlds(system, 2, seed=5), np.random.default_rng(6)
+    state, outside = system.initial(worlds), 0
+    for _ in range(system.horizon):
+        actions = random_actions(system, rng, 2)
+        C, before = transmitted(system, actions), state
+        state = system.transition(state, actions, worlds)
+        steps = [plain.step(system, worlds, e, before.belief, state.truth.path[e], C[e]) for e in range(2)]
+        outside = outside + np.array([step.outside for step in steps])
+        np.testing.assert_array_equal(system.state_info(state)["clutter"], [step.clutter for step in steps])
+        np.testing.assert_array_equal(state.truth.outside, outside)
+        fewer = first.transition(before, actions, worlds)
+        assert (fewer.truth.outside <= state.truth.outside).all()
+        np.testing.assert_array_equal(fewer.belief.covariance, state.belief.covariance)
 
 
 def beliefs(system, count=3, steps=(0, 6, 7, 20), seed=1):

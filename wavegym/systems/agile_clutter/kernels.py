@@ -207,12 +207,13 @@ def move(step, path, targets, truth):
 
 @kernel
 def transition(step, mean, covariance, particles, mixtures, path, first, uniform, error, key, pulse, targets, world, F,
-            Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, nn):  # fmt: skip
+            Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, every,
+            nn):  # fmt: skip
     """One step of every environment, sensor after sensor; tapes read at [e, step]. F and Q are the tracker's.
 
     With particles or mixtures, they are the tracker, and mean and covariance are their moments; else the tracker is
     JPDA. outside (e, t) is counted up; scan (e, 4): detections, clutter points (NaN for too many), effective sample
-    size, distinct ancestors.
+    size, distinct ancestors. With ``every`` (bool), every sensor counts returns outside and clutter points.
     """
     (birth, lifetime), sensors, (X, V), (X_out, V_out) = targets, radar[0], particles, particles_out
     count_t, count_p, count_c, n = len(birth), X.shape[1], mixtures[0].shape[2], len(nn)
@@ -245,7 +246,8 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
             )  # fmt: skip
             if count < 0:
                 break
-            illuminated(lit, fresh)
+            if not every:
+                illuminated(lit, fresh)
             if count_c:
                 track_mixtures(present, lit, x, P, mixture_of, z, count, radar, work, bank, nn)
             else:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import NonNegativeInt
@@ -107,6 +107,10 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter".
     """
+
+    # Whether returns outside their gates and clutter points count at every sensor, as in the paper, or at the first
+    # that illuminates the target. Only a compiled loop knows the later gates; the parts of a step know the first ones.
+    counts_every_sensor: ClassVar[bool] = False
 
     horizon: int = parameter(32, "steps in an episode", ge=1)
     dt: float = parameter(0.25, "time step", unit="s", gt=0)
@@ -367,7 +371,7 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         kernels.transition(
             step, mean, covariance, *given, truth.path, truth.first, world.detection, world.error, world.key,
             pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, *fresh,
-            true_states, outside, scan, NN
+            true_states, outside, scan, self.counts_every_sensor, NN
         )  # fmt: skip
         self._check_clutter_of_step(step, scan)
         after = next((h for h in fresh if type(h) is type(hypotheses)), None)
