@@ -80,3 +80,12 @@ def test_policies_play_in_stone_soup_and_its_filters_here(capsys):
     assert namespace["record"].covariance[:, 0, 0].mean() < 100.0
     assert type(namespace["clutter"].unwrapped.system.tracker).__name__ == "StoneSoupTracker"
     assert capsys.readouterr().out
+
+
+def test_the_dataset_of_the_page_is_written_and_read(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    namespace: dict = {}
+    run("how_to/offline_data.md", namespace)
+    assert "(51, 6) (50,) (50, 56)" in capsys.readouterr().out
+    assert namespace["env"].spec.id == "wavegym/KershawEvansPosition-v0"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]

@@ -29,11 +29,13 @@ NEEDS = {  # example: the packages that it imports
     "sb3_plain": ["stable_baselines3"],
     "sb3_normalised": ["stable_baselines3"],
     "sb3_native": ["stable_baselines3"],
+    "recurrent_ppo": ["sb3_contrib"],
     "cleanrl_ppo": ["torch"],
     "torchrl_ppo": ["torchrl"],
     "skrl_ppo": ["skrl"],
     "rl_zoo": ["rl_zoo3"],
 }
+PLAYED_WITH = {"recurrent_ppo": {"observation": "measurements"}}
 STEPS = {"sb3_plain": 512, "sb3_normalised": 512, "torchrl_ppo": 512, "rl_zoo": 3200}  # others: one rollout of 3200
 
 
@@ -60,10 +62,10 @@ def test_no_example_is_left_out():
 def test_an_example_trains_and_is_compared_with_myopic(name):
     for package in NEEDS[name]:
         installed(package)
-    from against_myopic import percent_over_myopic
+    from against_myopic import DEFAULT, percent_over_myopic
 
-    policy = importlib.import_module(name).train(STEPS.get(name, 3200), 0)
-    assert np.isfinite(percent_over_myopic(policy, worlds=3))
+    policy = importlib.import_module(name).train(DEFAULT, STEPS.get(name, 3200), 0)
+    assert np.isfinite(percent_over_myopic(DEFAULT, policy, worlds=3, **PLAYED_WITH.get(name, {})))
 
 
 def test_the_blocks_of_the_page_run(tmp_path, monkeypatch, capsys):
@@ -97,7 +99,8 @@ def test_the_command_of_the_page_runs_rl_zoo(tmp_path):
 
 
 def test_the_settings_on_the_page_are_those_of_the_recipes():
-    rows = [re.findall(r"[^|` ]+", line) for line in PAGE.splitlines() if re.match(r"\| `\w+-v0`", line)]
+    table = PAGE.partition("\n## Reward and normalisation for each environment\n")[2]
+    rows = [re.findall(r"[^|` ]+", line) for line in table.splitlines() if re.match(r"\| `\w+-v0`", line)]
     assert [row[0] for row in rows] == [id.removeprefix(NAMESPACE) for id in SYSTEMS if "UrbanSignal" not in id]
     for name, reward, forecasts, gamma, teacher, masks, normalisation in rows:
         settings = load_settings(NAMESPACE + name, "ppo")

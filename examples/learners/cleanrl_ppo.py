@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 import torch
-from against_myopic import ID, main
+from against_myopic import main
 from torch import Tensor, nn
 from torch.distributions import Categorical
 
@@ -77,10 +77,10 @@ def learn(rollout: Rollout, actor: nn.Module, critic: nn.Module, optimiser: Any)
             optimiser.step()
 
 
-def train(steps: int, seed: int) -> Any:
+def train(env_id: str, steps: int, seed: int) -> Any:
     """A function of observations (env, fields) that returns the likeliest actions (env,)."""
     torch.manual_seed(seed)
-    envs = gym.make_vec(ID, num_envs=ENVS, autoreset_mode="SameStep", reward="relative")
+    envs = gym.make_vec(env_id, num_envs=ENVS, autoreset_mode="SameStep", reward="relative")
     fields, actions = envs.single_observation_space.shape[0], int(envs.single_action_space.n)
     actor, critic = network(fields, actions), network(fields, 1)
     optimiser = torch.optim.Adam([*actor.parameters(), *critic.parameters()], RATE, eps=1e-5)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from against_myopic import ID, main
+from against_myopic import main
 from stable_baselines3 import PPO
 
 from wavegym.envs.sb3 import SB3VecEnv
 
 
-def train(steps: int, seed: int) -> Any:
+def train(env_id: str, steps: int, seed: int) -> Any:
     """The model after ``steps`` environment steps; the observations need no normalisation."""
-    envs = SB3VecEnv(ID, num_envs=64, reward="relative")
+    envs = SB3VecEnv(env_id, num_envs=64, reward="relative")
     model = PPO("MlpPolicy", envs, n_steps=50, batch_size=1600, gamma=0.9, seed=seed, device="cpu")
     return model.learn(steps)
 

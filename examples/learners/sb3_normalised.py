@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from against_myopic import ID, main
+from against_myopic import main
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecNormalize
@@ -13,9 +13,9 @@ from stable_baselines3.common.vec_env import VecNormalize
 import wavegym  # noqa: F401  (registers the environments)
 
 
-def train(steps: int, seed: int) -> Any:
+def train(env_id: str, steps: int, seed: int) -> Any:
     """A function of observations (env, fields) that returns the actions (env,) of the model after ``steps`` steps."""
-    envs = VecNormalize(make_vec_env(ID, n_envs=8, seed=seed))
+    envs = VecNormalize(make_vec_env(env_id, n_envs=8, seed=seed))
     model = PPO("MlpPolicy", envs, n_steps=min(2048, steps), seed=seed, device="cpu").learn(steps)
 
     def policy(observation: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import torch
-from against_myopic import ID, main
+from against_myopic import main
 from skrl.agents.torch.ppo import PPO
 from skrl.envs.wrappers.torch import wrap_env
 from skrl.memories.torch import RandomMemory
@@ -52,10 +52,10 @@ class Critic(DeterministicMixin, Model):
         return self.network(inputs["observations"]), {}
 
 
-def train(steps: int, seed: int) -> Any:
+def train(env_id: str, steps: int, seed: int) -> Any:
     """A function of observations (env, fields) that returns the likeliest actions (env,)."""
     set_seed(seed)
-    env = wrap_env(gym.make_vec(ID, num_envs=ENVS, autoreset_mode="SameStep", reward="relative"))
+    env = wrap_env(gym.make_vec(env_id, num_envs=ENVS, autoreset_mode="SameStep", reward="relative"))
     actor = Actor(env)
     settings = {
         "rollouts": ROLLOUT,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from against_myopic import ID, main
+from against_myopic import main
 from tensordict.nn import TensorDictModule
 from torch import nn
 from torch.distributions import Categorical
@@ -26,10 +26,10 @@ def network(inputs: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(inputs, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, outputs))
 
 
-def train(steps: int, seed: int) -> Any:
+def train(env_id: str, steps: int, seed: int) -> Any:
     """A function of observations (env, fields) that returns the likeliest actions (env,)."""
     torch.manual_seed(seed)
-    env = GymEnv(ID, reward="relative", categorical_action_encoding=True)
+    env = GymEnv(env_id, reward="relative", categorical_action_encoding=True)
     env.set_seed(seed)
     fields, actions = env.observation_spec["observation"].shape[-1], int(env.action_spec.space.n)
     logits = network(fields, actions)

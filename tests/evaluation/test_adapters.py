@@ -6,6 +6,7 @@ import sys
 import types
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from evaluation_systems import Uneven
@@ -247,3 +248,33 @@ def test_the_name_of_a_saved_agent_is_its_first_training_run():
     first = as_policy(Path(__file__).parents[2] / "results" / "runs" / "KershawEvansPosition" / "ppo" / "seed0", env_id)
     found = compare(env_id, {"named": named, "first": first}, worlds=3, jobs=1, progress=False)
     np.testing.assert_array_equal(found.cost("named"), found.cost("first"))
+
+
+class _OfFields:
+    """A model with an observation space of so many fields, which remembers how many steps it has seen."""
+
+    def __init__(self, fields):
+        self.observation_space = spaces.Box(-10.0, 10.0, (fields,), np.float32)
+        self.seen = []
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        steps = np.where(episode_start, 0, 0 if state is None else state) + 1
+        self.seen.append((observation.shape, steps))
+        return np.zeros(len(observation), np.int64), steps
+
+
+def test_a_model_of_measurements_plays_where_they_are_observed():
+    measured = gym.make("wavegym/KershawEvans-v0", observation="measurements").observation_space.shape[0]
+    model = _OfFields(measured)
+    compare("KershawEvans-v0", {"mine": model}, worlds=3, jobs=1, horizon=4, observation="measurements")
+    assert {shape for shape, _ in model.seen} <= {(1, measured), (3, measured)}
+    np.testing.assert_array_equal(model.seen[-1][1], [4, 4, 4])
+    with pytest.raises(InputError, match="observation='measurements'"):
+        compare("KershawEvans-v0", {"mine": _OfFields(measured)}, worlds=3, jobs=1, horizon=4)
+
+
+def test_a_model_of_beliefs_plays_where_measurements_are_observed():
+    own = gym.make("wavegym/KershawEvans-v0").observation_space.shape[0]
+    model = _OfFields(own)
+    compare("KershawEvans-v0", {"mine": model}, worlds=3, jobs=1, horizon=4, observation="measurements")
+    assert {shape[1] for shape, _ in model.seen} == {own}

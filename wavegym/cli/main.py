@@ -34,6 +34,7 @@ COMMANDS = {
     "train": Command("train an agent (extra: agents)", "train", "train"),
     "evaluate": Command("compare policies on the same worlds", "evaluate", "evaluate"),
     "tracks": Command("show what is in a recording of targets", "tracks", "tracks"),
+    "dataset": Command("write episodes of a policy as a Minari dataset (extra: minari)", "dataset", "dataset"),
     "export": Command("write a trained policy as an ONNX file (extra: onnx)", "export", "export"),
 }
 

@@ -22,6 +22,7 @@ import numpy as np
 from gymnasium import spaces
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import MeasurementObservation, offers
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -29,6 +30,7 @@ from wavegym.core.worlds import tuning_tapes
 from wavegym.envs.actions import action_reader
 from wavegym.evaluation import saved
 from wavegym.evaluation.task import Task, make_task
+from wavegym.observations.measured import MeasurementObserver
 from wavegym.observations.observer import Observer
 from wavegym.schedulers.registry import is_scheduler, make_policy
 
@@ -153,27 +155,37 @@ class _Adapted:
         Raises:
             InputError: the environment's observations, with forecasts or without, do not have ``fields`` elements.
         """
-        self._observer, own = Observer(system), len(system.observation_fields)
-        self._needs_forecasts = self.fields not in (None, own)
-        if self._needs_forecasts:
-            wanted, given = str(own), f"policy {self.name!r} takes observations of {self.fields} elements"
-            with suppress(InputError):  # a system whose actions have no forecasts
-                self._observer = Observer(system, forecasts=True)
-                wanted = f"{own}, or {len(self._observer.observation_fields)} with forecasts"
-            if self.fields != len(self._observer.observation_fields):
-                raise InputError(f"{given}, expected {wanted}")
+        self._observer: Observer | None = None  # of measurements, which the environment alone has
+        if self.fields in (None, len(system.observation_fields)):
+            self._observer = Observer(system)
+        elif self.fields != _measured_fields(system):
+            self._observer = self._with_forecasts(system)
         self._space = action_reader(system).space
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``.
 
         Raises:
-            InputError: the actions have the wrong shape or type.
+            InputError: the actions have the wrong shape or type, or the environment does not show what the policy sees.
         """
-        if observation is None or self._needs_forecasts:
+        if observation is None or self.fields not in (None, observation.shape[1]):
+            if self._observer is None:
+                wanted = "an environment with observation='measurements'"
+                raise InputError(f"policy {self.name!r} takes observations of measurements, expected {wanted}")
             observation, _ = self._observer(belief)
         chosen = self.answer(observation, belief, mask)
         return self._checked(chosen, len(observation))
+
+    def _with_forecasts(self, system: System) -> Observer:
+        """Observations with forecasts, which the policy was made for. InputError if it was not."""
+        own = len(system.observation_fields)
+        wanted = str(own)
+        with suppress(InputError):  # a system whose actions have no forecasts
+            observer = Observer(system, forecasts=True)
+            if self.fields == len(observer.observation_fields):
+                return observer
+            wanted = f"{own}, or {len(observer.observation_fields)} with forecasts"
+        raise InputError(f"policy {self.name!r} takes observations of {self.fields} elements, expected {wanted}")
 
     def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
         """Actions (env, ...) of observations (env, fields), unchecked."""
@@ -194,6 +206,11 @@ class _Adapted:
             wanted = f"{shape}: axis 0 = environment"
             raise InputError(f"policy {self.name!r} returned actions of the shape {array.shape}, expected {wanted}")
         return array
+
+
+def _measured_fields(system: System) -> int:
+    """The length of the observations of measurements; 0 where the system offers none."""
+    return len(MeasurementObserver(system).observation_fields) if offers(system, MeasurementObservation) else 0
 
 
 class FunctionPolicy(_Adapted):
