@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest test-learners site docs results leaderboard papers headroom benchmarks clean
+.PHONY: demo test lint test-oldest test-learners site docs animations results leaderboard papers headroom benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -62,6 +62,10 @@ site: $(READY)
 docs: $(READY)
 	$(BIN)/python -m wavegym.envs.pages docs/environments
 	$(MAKE) site
+
+# The animated pictures on the environments' pages, a few minutes each.
+animations: $(READY)
+	$(BIN)/python -m agents.animations $(IDS)
 
 # Train what is missing and rebuild every table under results/; EXPERIMENTS="SectorSetup" for one of them.
 results: $(READY)

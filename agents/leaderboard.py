@@ -29,11 +29,11 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
-from wavegym.evaluation.saved import LEARNERS, SAVED, stem
+from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
-from wavegym.registration import SYSTEMS
+from wavegym.registration import SYSTEMS, stem
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE, recorded
 
 ROOT = Path(__file__).parents[1]

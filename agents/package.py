@@ -13,14 +13,14 @@ from pathlib import Path
 from agents.experiment import run_folder
 from wavegym.core.command_line import Parser, guarded
 from wavegym.policies.pretrained import ALGORITHMS, FILES, FOLDER
-from wavegym.registration import SYSTEMS
+from wavegym.registration import SYSTEMS, stem
 
 SEED = "seed0"
 
 
 def sources() -> dict[Path, Path]:
     """The run folder in results/runs for each folder of the package."""
-    names = [env_id.rpartition("/")[2].rpartition("-v")[0] for env_id in SYSTEMS]
+    names = [stem(env_id) for env_id in SYSTEMS]
     pairs = {FOLDER / name / algo: run_folder(name, algo) / SEED for name in names for algo in ALGORITHMS}
     return {packaged: run for packaged, run in pairs.items() if run.is_dir()}
 

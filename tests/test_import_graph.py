@@ -29,7 +29,6 @@ ROOMS = (
     "wavegym.evaluation",
     "wavegym.integrations",
     "wavegym.learning",
-    "wavegym.integrations",
     "wavegym.cli",
     "wavegym",  # the package itself, and python -m wavegym
     "agents",

@@ -89,6 +89,11 @@ def list_envs() -> list[str]:
     return [id for id, spec in gym.registry.items() if "wavegym.envs" in str(spec.vector_entry_point)]
 
 
+def stem(env_id: str) -> str:
+    """The environment's name without namespace and version."""
+    return env_id.rpartition("/")[2].rpartition("-v")[0]
+
+
 def full_id(env_id: str) -> str:
     """The registered id of ``env_id``, with or without ``wavegym/``; ``package:id`` imports the package first.
 

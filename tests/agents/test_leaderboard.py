@@ -18,7 +18,7 @@ from wavegym.evaluation.account import Account
 from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
-from wavegym.registration import SYSTEMS
+from wavegym.registration import SYSTEMS, stem
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
 
@@ -139,7 +139,7 @@ def test_a_missing_ladder_is_named(folders: Path) -> None:
 
 @pytest.mark.parametrize("env_id", SYSTEMS)
 def test_every_saved_agent_can_be_played(env_id: str) -> None:
-    folders = [saved.SAVED / saved.stem(env_id) / algo for algo in saved.LEARNERS]
+    folders = [saved.SAVED / stem(env_id) / algo for algo in saved.LEARNERS]
     for folder in filter(Path.is_dir, folders):
         task = make_task(env_id, leaderboard.environment_of(folder))
         for policy in as_policies(folder, task, folder.name):

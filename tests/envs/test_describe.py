@@ -20,6 +20,7 @@ from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosit
 from wavegym.systems.urban.system import Urban
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "environments"
+PAGES = pages(COMMITTED.parent / "images")
 IDS = list(SYSTEMS)
 STEPS = 5  # of a short episode, whose account still pays a pulse
 
@@ -35,9 +36,9 @@ def chapter(page, heading):
     return "\n" + page.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
 
 
-@pytest.mark.parametrize("name", pages())
+@pytest.mark.parametrize("name", PAGES)
 def test_the_committed_page_is_what_the_environment_says(name):
-    assert (COMMITTED / name).read_text(encoding="utf-8") == pages()[name], "make them again: make docs"
+    assert (COMMITTED / name).read_text(encoding="utf-8") == PAGES[name], "make them again: make docs"
 
 
 def test_there_is_a_page_for_every_environment_and_no_other():
@@ -142,10 +143,20 @@ def test_an_unknown_environment_is_refused_with_the_nearest_named():
         wavegym.describe("CartPole-v1")
 
 
+def test_a_page_shows_its_picture_below_its_summary(tmp_path):
+    (tmp_path / "KershawEvans.webp").touch()
+    page = pages(tmp_path)["KershawEvans-v0.md"]
+    title, line, picture, *_ = page.split("\n\n")
+    assert title == "# wavegym/KershawEvans-v0"
+    assert line == summary(KershawEvans)
+    assert picture == "![an episode, step after step](../images/KershawEvans.webp)"
+    assert page.replace(f"{picture}\n\n", "") == pages(tmp_path / "none")["KershawEvans-v0.md"]
+
+
 def test_pages_are_written_by_one_command(tmp_path, capsys):
     assert main([str(tmp_path / "new" / "folder")]) == 0
     written = {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "new" / "folder").iterdir()}
-    assert written == pages()
+    assert written == pages(tmp_path / "no images")
     assert capsys.readouterr().out.count("\n") == len(written)
     assert main([]) == 2
     assert "usage" in capsys.readouterr().err

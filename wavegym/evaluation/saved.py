@@ -13,15 +13,11 @@ from wavegym.core.loading import load_object
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.policies.pretrained import pretrained_folder
+from wavegym.registration import stem
 
 SAVED = Path(__file__).parents[2] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.experiment makes them
 LEARNERS = ("ppo", "dqn")
 CODE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")  # package.module:factory
-
-
-def stem(env_id: str) -> str:
-    """The environment's name without namespace and version."""
-    return env_id.rpartition("/")[2].rpartition("-v")[0]
 
 
 def saved_agent(name: str, env_id: str) -> Path:

@@ -12,6 +12,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import POLICY, RUN, load_policy
+from wavegym.registration import stem
 
 FOLDER = Path(__file__).parent
 ALGORITHMS = ("ppo", "dqn")
@@ -25,7 +26,7 @@ def pretrained_folder(env_id: str, algo: str) -> Path | None:
         env_id: the full id.
         algo: "ppo" or "dqn".
     """
-    folder = FOLDER / env_id.rpartition("/")[2].rpartition("-v")[0] / algo
+    folder = FOLDER / stem(env_id) / algo
     if algo not in ALGORITHMS or not (folder / RUN).is_file() or read_run(folder / RUN)["env"] != env_id:
         return None
     return folder

@@ -1,0 +1,19 @@
+"""An animated picture of an episode: its frames, its end, its file."""
+
+from __future__ import annotations
+
+from PIL import Image
+
+from agents.animations import FRAMES, LAST_MS, WIDTH, frames, write
+
+
+def test_an_episode_becomes_an_animated_picture(tmp_path):
+    pictures = frames("wavegym/KershawEvans-v0")
+    assert FRAMES // 2 <= len(pictures) <= FRAMES + 1
+    file = tmp_path / "episode.webp"
+    write(pictures[-3:], file)
+    with Image.open(file) as read:
+        assert (read.n_frames, read.width) == (3, WIDTH)
+        read.seek(2)
+        read.load()
+        assert read.info["duration"] == LAST_MS
