@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest test-learners site docs animations results leaderboard papers headroom benchmarks clean
+.PHONY: demo test lint test-oldest test-learners site docs tutorial animations results leaderboard papers headroom benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -62,6 +62,14 @@ site: $(READY)
 docs: $(READY)
 	$(BIN)/python -m wavegym.envs.pages docs/environments
 	$(MAKE) site
+
+# Run the notebook of the tutorial and keep what it prints.
+tutorial: $(READY)
+	mkdir -p $(OUT)/tutorial
+	cp docs/tutorial.ipynb $(OUT)/tutorial/
+	$(BIN)/jupyter nbconvert --to notebook --execute --inplace --ExecutePreprocessor.record_timing=False \
+		$(OUT)/tutorial/tutorial.ipynb
+	cp $(OUT)/tutorial/tutorial.ipynb docs/
 
 # The animated pictures on the environments' pages, a few minutes each.
 animations: $(READY)

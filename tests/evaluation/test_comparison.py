@@ -28,6 +28,11 @@ def same(one, other):
             np.testing.assert_array_equal(a, b, strict=True)
 
 
+def test_a_comparison_in_a_notebook_says_what_was_compared():
+    shown = repr(compare(POSITION, ["random"], worlds=2, root=3, jobs=1, progress=False, **SMALL))
+    assert shown == "Comparison('wavegym/KershawEvansPosition-v0', ['myopic', 'random'], worlds=2, root=3)"
+
+
 @pytest.mark.parametrize("env_id", ["tests/Uneven-v0", POSITION])
 def test_the_number_of_jobs_changes_no_number(env_id):
     policies = {"random": None, "lookahead:2": None, "pair": [Fixed(0), RandomChoice()]}

@@ -25,7 +25,7 @@ FLOOR = "random"
 CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network's last bits depend on its batch
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Several policies' accounts of the same worlds.
 
@@ -40,6 +40,10 @@ class Comparison:
     root: int
     seeds: list[int]
     played: Mapping[str, Sequence[Played]]
+
+    def __repr__(self) -> str:
+        """What was compared, without its figures."""
+        return f"Comparison({self.task.env_id!r}, {list(self.played)}, worlds={len(self.seeds)}, root={self.root})"
 
     def cost(self, name: str) -> Array:
         """Mean cost per step, (member, world)."""
