@@ -60,7 +60,7 @@ site: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 docs: $(READY)
-	$(BIN)/python -m wavegym.envs.pages docs/environments
+	$(BIN)/python -m agents.pages
 	$(MAKE) site
 
 # Run the notebook of the tutorial and keep what it prints.

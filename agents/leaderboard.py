@@ -136,6 +136,33 @@ def table(entries: Sequence[Entry]) -> str:
     return tabulated(head, rows)
 
 
+def scores(e: Entry) -> str:
+    """What an environment's page shows: the best policy known, and the policies against the best simple heuristic."""
+    shown_as = _shown_as(e)
+    by_belief = {name: e.against(name, SIMPLE) for name in shown_as}
+    order = sorted(by_belief, key=lambda name: by_belief[name].value or 0.0)
+    better = [name for name in order if (ci := by_belief[name].ci) is not None and ci[1] < 0.0]
+    rows = []
+    for name in order:
+        mean = number(statistics.average(e.accounts[name].cost))
+        rows.append([shown_as[name], mean, *shown(by_belief[name]), *shown(e.error_against(name, SIMPLE))])
+    head = ["policy", "mean cost", "cost %", "95 %", "squared error by truth %", "95 %"]
+    best = shown_as[next(iter(better), SIMPLE)]
+    against_what = f"the best simple heuristic, {shown_as[SIMPLE]}, in the same {WORLDS} worlds"
+    return f"Best known: {best}. Policies against {against_what} (geometric means):\n\n{tabulated(head, rows)}"
+
+
+def _shown_as(e: Entry) -> dict[str, str]:
+    """What ``scores`` calls each policy; the one-step scheduler once, if it is the best simple heuristic."""
+    names = recorded(make_task(e.env_id, {}).system)
+    found = {name: f"`{name}`" for name in ("random", BASELINE) if name != names[SIMPLE]}
+    found |= {name: f"`{names[name]}`" for name in (SIMPLE, PLANNER)}
+    for algo in filter(e.accounts.__contains__, LEARNERS):
+        parameters = _given(environment_of(SAVED / stem(e.env_id) / algo))
+        found[algo] = f"`{algo}`, {parameters}" if parameters else f"`{algo}`"
+    return found
+
+
 def errors(entries: Sequence[Entry]) -> str:
     """One line for each environment: error by truth against the best simple heuristic, and tracks lost per episode."""
     played = (SIMPLE, PLANNER, *LEARNERS)
@@ -186,11 +213,15 @@ def libraries(entries: Sequence[Entry]) -> str:
     for e in entries:
         for algo in filter(e.accounts.__contains__, LEARNERS):
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
-                shown_parameters = ", ".join(f"{name}={value}" for name, value in parameters.items())
+                shown_parameters = _given(parameters)
                 there = signed(e.against(_rival(algo), SIMPLE).value)
                 own = [cell for comparer in COMPARERS for cell in shown(comparer(e, algo, _rival(algo)))]
                 rows.append([stem(e.env_id), algo.upper(), shown_parameters, there, *own])
     return tabulated(head, rows)
+
+
+def _given(parameters: dict[str, Any]) -> str:
+    return ", ".join(f"{name}={value}" for name, value in parameters.items())
 
 
 def _against_simple(e: Entry, comparer: Comparer) -> list[str]:

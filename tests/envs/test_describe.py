@@ -1,10 +1,9 @@
-"""The pages of the environments are right, and the committed pages are up to date."""
+"""What ``describe`` says of an environment is so."""
 
 import dataclasses
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -14,13 +13,10 @@ from small_systems import has_form
 import wavegym
 from wavegym.core.errors import InputError
 from wavegym.envs.describe import describe, section, summary
-from wavegym.envs.pages import main, pages
 from wavegym.registration import SYSTEMS
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.systems.urban.system import Urban
 
-COMMITTED = Path(__file__).parents[2] / "docs" / "environments"
-PAGES = pages(COMMITTED.parent / "images")
 IDS = list(SYSTEMS)
 STEPS = 5  # of a short episode, whose account still pays a pulse
 
@@ -34,15 +30,6 @@ def rows(page, first_heading):
 
 def chapter(page, heading):
     return "\n" + page.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_the_committed_page_is_what_the_environment_says(name):
-    assert (COMMITTED / name).read_text(encoding="utf-8") == PAGES[name], "make them again: make docs"
-
-
-def test_there_is_a_page_for_every_environment_and_no_other():
-    assert {path.name for path in COMMITTED.glob("*.md")} == {"index.md", *(f"{id.partition('/')[2]}.md" for id in IDS)}
 
 
 def test_a_page_with_parameters_is_that_environment_s():
@@ -141,25 +128,6 @@ def test_an_unknown_environment_is_refused_with_the_nearest_named():
         wavegym.describe("wavegym/KershawEvan-v0")
     with pytest.raises(InputError, match="environment is 'wavegym/CartPole-v1'"):
         wavegym.describe("CartPole-v1")
-
-
-def test_a_page_shows_its_picture_below_its_summary(tmp_path):
-    (tmp_path / "KershawEvans.webp").touch()
-    page = pages(tmp_path)["KershawEvans-v0.md"]
-    title, line, picture, *_ = page.split("\n\n")
-    assert title == "# wavegym/KershawEvans-v0"
-    assert line == summary(KershawEvans)
-    assert picture == "![an episode, step after step](../images/KershawEvans.webp)"
-    assert page.replace(f"{picture}\n\n", "") == pages(tmp_path / "none")["KershawEvans-v0.md"]
-
-
-def test_pages_are_written_by_one_command(tmp_path, capsys):
-    assert main([str(tmp_path / "new" / "folder")]) == 0
-    written = {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "new" / "folder").iterdir()}
-    assert written == pages(tmp_path / "no images")
-    assert capsys.readouterr().out.count("\n") == len(written)
-    assert main([]) == 2
-    assert "usage" in capsys.readouterr().err
 
 
 def test_importing_wavegym_stays_light():

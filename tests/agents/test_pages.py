@@ -1,0 +1,48 @@
+"""The committed pages of the environments are up to date, and begin with what a reader looks for."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from agents import pages as module
+from agents.pages import FOLDER, main, page, pages
+from wavegym.envs.describe import describe
+from wavegym.registration import SYSTEMS
+
+PAGES = pages()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_committed_page_is_what_the_environment_says(name):
+    assert (FOLDER / name).read_text(encoding="utf-8") == PAGES[name], "make them again: make docs"
+
+
+def test_there_is_a_page_for_every_environment_and_no_other():
+    names = {"index.md", *(f"{env_id.partition('/')[2]}.md" for env_id in SYSTEMS)}
+    assert {path.name for path in FOLDER.glob("*.md")} == set(PAGES) == names
+
+
+def test_a_page_begins_with_picture_and_best_scores():
+    text = page("wavegym/SectorSetup-v0")
+    picture, best, table = text.split("\n\n", 5)[2:5]
+    assert picture == "![an episode, step after step](../images/SectorSetup.webp)"
+    assert best.startswith("Best known: `rollout:20`. Policies against the best simple heuristic, `cost-of-delay`")
+    costs = [float(row.split("|")[2]) for row in table.splitlines()[2:]]
+    assert len(costs) == 6
+    assert costs == sorted(costs)
+    assert text.replace("\n\n".join([picture, best, table, ""]), "") == describe("wavegym/SectorSetup-v0")
+
+
+def test_a_page_without_picture_and_scores_is_what_describe_says(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "IMAGES", tmp_path)
+    monkeypatch.setattr(module, "HEADROOM", tmp_path)
+    assert page("wavegym/KershawEvans-v0") == describe("wavegym/KershawEvans-v0")
+
+
+def test_pages_are_written_by_one_command(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "FOLDER", tmp_path / "new" / "folder")
+    monkeypatch.setattr(sys, "argv", ["pages"])
+    main()
+    assert {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "new" / "folder").iterdir()} == PAGES
