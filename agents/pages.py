@@ -1,7 +1,7 @@
 """The pages of the suite's environments in the docs: ``python -m agents.pages``.
 
-A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best scores
-known (``python -m agents.leaderboard``), if there are any.
+A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best
+scores known (``python -m agents.leaderboard``), if there are any.
 """
 
 from __future__ import annotations
