@@ -9,12 +9,18 @@ from typing import ClassVar
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_int
 from wavegym.core.parameters import NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.urban_map import UrbanMap
-from wavegym.systems.sector_setup.state import World
-from wavegym.systems.sector_setup.system import Point, SectorSetup
+from wavegym.sensors.visibility import depth_map
+from wavegym.systems.sector_setup import kernels, prediction_kernels
+from wavegym.systems.sector_setup.state import Belief, World
+from wavegym.systems.sector_setup.system import NN, Point, SectorSetup
+from wavegym.systems.sector_setup.visibility_kernels import BLUR
+
+PLACES = 48  # of a target, at which it may be hidden
+FEW_PLACES = 12  # the same where many steps are foretold
 
 
 @system_parameters
@@ -103,10 +109,60 @@ class SectorSetupCity(SectorSetup):
         velocity = (self.speed[0] + (self.speed[1] - self.speed[0]) * speed)[..., None] * driven
         return np.stack([place[..., 0], velocity[..., 0], place[..., 1], velocity[..., 1]], axis=-1)
 
+    @cached_property
+    def _hiding(self) -> tuple[Array, Array, Array]:
+        if self.windows:
+            return super()._hiding
+        return depth_map(tuple(self._sites)).depth, spread_places(PLACES), spread_places(FEW_PLACES)
+
+    @property
+    def outcome_shape(self) -> tuple[int, ...]:
+        """A draw of the target's place, and one for each receiver."""
+        return super().outcome_shape if self.windows else (1 + len(self.receivers),)
+
     def _visible(self, world: World, true_states: Array) -> Array:
-        """Whether no building hides the targets on their filed routes, bool (env, H, target)."""
+        """Whether no building hides the targets at their true places at the end of each step, bool (env, H, target).
+
+        No action moves a target, so its whole path is known to the world from the start.
+        """
         if self.windows:
             return super()._visible(world, true_states)
-        t = self.dt * np.arange(1, self.horizon + 1)[:, None, None]
-        places = true_states[:, None, :, ::2] + t * true_states[:, None, :, 1::2]  # at the end of each step
-        return np.logical_and.reduce([site.directly_visible(places) for site in self._sites])
+        places = np.empty((len(true_states), self.horizon, *true_states.shape[1:]))
+        here, q, step = true_states, self._densities(world), np.zeros(len(true_states), np.int64)
+        for k in range(self.horizon):
+            after = np.empty(here.shape)
+            kernels.move(step + k, here, q, world.process, self.motion.noise_factor, self._radar, after, NN)
+            places[:, k] = here = after
+        return np.logical_and.reduce([site.directly_visible(places[..., ::2]) for site in self._sites])
+
+    def _known(self, world: World, true_states: Array, visible: Array) -> Array:
+        """Nobody is told when buildings hide a target: all True, unless ``windows`` give the times."""
+        return super()._known(world, true_states, visible) if self.windows else np.ones_like(visible)
+
+    def visible_ahead(self, belief: Belief, steps: int) -> Array:
+        """Probability that each target is visible in each of the next steps, (env, steps, target).
+
+        From the estimate, its covariance and the map; without further looks. 0 after the end of the episode.
+
+        Raises:
+            InputError: fewer than one step.
+        """
+        out = np.empty((len(belief.step), check_int("steps", steps, 1), belief.mean.shape[1]))
+        prediction_kernels.foretell(
+            belief.step, belief.mean, belief.covariance, belief.q, belief.visible, self._radar, out, NN
+        )
+        return out
+
+
+def spread_places(count: int) -> Array:
+    """Points (count, 2) of equal weight on a sunflower's spiral, for the kernels of ``visibility_kernels``.
+
+    Mean 0 and covariance 1 - BLUR times the identity: with the blur of each point they have the moments of a standard
+    normal distribution.
+    """
+    share, golden = (np.arange(count) + 0.5) / count, np.pi * (3.0 - np.sqrt(5.0))
+    angle, radius = golden * np.arange(count), np.sqrt(-2.0 * np.log1p(-share))
+    points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points -= points.mean(axis=0)
+    root = np.linalg.cholesky(points.T @ points / count)
+    return np.ascontiguousarray(np.sqrt(1.0 - BLUR) * np.linalg.solve(root, points.T).T)

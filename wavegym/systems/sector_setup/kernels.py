@@ -2,7 +2,7 @@
 
 Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by
 receiver, n = 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; after the last
-step none is. Arrays come one by one: Numba takes microseconds to look at each field of a NamedTuple.
+step none is. On a map the tracker is not told: see ``visibility_kernels.py``. Arrays come one by one: Numba takes microseconds to look at each field of a NamedTuple.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
+from wavegym.systems.sector_setup.visibility_kernels import condition_one, on_a_map, sight_one
 from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
 from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import sigma_points_one
@@ -38,6 +39,9 @@ class Radar(NamedTuple):
     turn_rate: float
     dead_steps: int
     iterations: int
+    depth: NDArray[np.float64]  # (1 + j, bin) of ``wavegym.sensors.depth_kernels``; no bin where the times are given
+    places: NDArray[np.float64]  # (p, 2) of ``visibility_kernels``
+    few: NDArray[np.float64]  # the same, fewer
 
 
 @inlined
@@ -161,6 +165,7 @@ class Scratch(NamedTuple):
     A: NDArray[np.float64]  # (n, n) Cholesky factor
     points: NDArray[np.float64]  # (2 n, n)
     Z: NDArray[np.float64]  # (2 n, a) measurements of the points
+    sight: NDArray[np.float64]  # (6,) moments of the visible places
 
 
 @inlined
@@ -169,7 +174,8 @@ def scratch(receivers, n):
     rows = 2 * receivers
     return Scratch(
         np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n),
-        np.empty((1, n)), np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n)), np.empty((2 * n, rows))
+        np.empty((1, n)), np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n)), np.empty((2 * n, rows)),
+        np.empty(6)
     )  # fmt: skip
 
 
@@ -224,7 +230,7 @@ def iterate_one(i, x, P, w, z, seen, radar, work, nn):
     Ends when the estimate moves by less than CONVERGED standard deviations, or after ``radar.iterations``, of which the
     first gave that estimate. Error variances are means over the estimate's spread, too.
     """
-    h, H, R, y, d, v, at, prior, A, points, Z = work
+    h, H, R, y, d, v, at, prior, A, points, Z, _ = work
     for _ in range(1, radar.iterations):
         sigma_points_one(0, at, P[i : i + 1], A, points, nn)
         R[:] = 0.0
@@ -262,9 +268,28 @@ def update_one(i, x, P, w, z, seen, radar, work, nn):
         x[i, a] = work.at[0, a]
 
 
+@kernel
+def notice_one(i, x, P, found, radar, work, nn):
+    """Update x[i], P[i] with what a look says about the place: in sight of all sites if ``found``, perhaps hidden if not.
+
+    A look that finds nothing has the likelihood 1 - Pd v: Pd of any receiver, at the predicted place.
+    """
+    sight_one(i, x, P, radar, work.sight)
+    if found:
+        condition_one(i, x, P, work.sight, 0.0, 1.0, nn)
+        return
+    missed = 1.0
+    for j in range(len(radar.sites) - 1):
+        missed *= 1.0 - probability(look_one(i, x, j, radar, work.h, work.H), radar)
+    condition_one(i, x, P, work.sight, 1.0, missed - 1.0, nn)
+
+
 @inlined
-def track_one(e, t, w, mean, P, q, z, seen, radar, x, P_out, work, nn):
-    """x[e], P_out[e]: all targets of environment e one step on, and target t updated where a receiver detects it."""
+def track_one(e, t, w, sent, mean, P, q, z, seen, radar, x, P_out, work, nn):
+    """x[e], P_out[e]: all targets of environment e one step on, and target t updated where a receiver detects it.
+
+    ``sent``: whether the target was illuminated, which on a map says something even where no receiver detects it.
+    """
     for i in range(x.shape[1]):
         coast_mean_one(i, mean[e], radar.dt, radar.turn_rate, i, x[e])
         coast_one(i, P[e], radar.dt, radar.turn_rate, q[e, i], i, P_out[e])
@@ -273,6 +298,8 @@ def track_one(e, t, w, mean, P, q, z, seen, radar, x, P_out, work, nn):
         detections += seen[e, j]
     if detections > 0:
         update_one(t, x[e], P_out[e], w, z[e], seen[e], radar, work, nn)
+    if sent and on_a_map(radar):
+        notice_one(t, x[e], P_out[e], detections > 0, radar, work, nn)
 
 
 @kernel
@@ -303,8 +330,8 @@ def track(
     work = scratch(seen.shape[1], len(nn))
     for e in range(len(target)):
         t, w = target[e], waveform[e]
-        pointed_out[e], dead_out[e], _ = turn(pointed[e], dead[e], t, radar.dead_steps)
-        track_one(e, t, w, mean, P, q, z, seen, radar, x, P_out, work, nn)
+        pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
+        track_one(e, t, w, sent, mean, P, q, z, seen, radar, x, P_out, work, nn)
 
 
 @kernel
@@ -320,4 +347,4 @@ def transition(
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
         silent[e] = not sent
         measure_one(e, k, t, w, sent, targets_out, visible, uniform, error, radar, z, seen, work.H)
-        track_one(e, t, w, mean, P, q, z, seen, assumed, x, P_out, work, nn)
+        track_one(e, t, w, sent, mean, P, q, z, seen, assumed, x, P_out, work, nn)

@@ -20,7 +20,15 @@ from wavegym.systems.sector_setup.kernels import (
     shrink_by,
     turn,
 )
-from wavegym.trackers.rank_one_kernels import spread_one
+from wavegym.systems.sector_setup.visibility_kernels import (
+    chance_one,
+    condition_one,
+    condition_worth,
+    drawn_place,
+    on_a_map,
+    sight_one,
+)
+from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
 
 FAINT = 1e-6  # least observed standard deviation: keeps log10 finite
 
@@ -32,6 +40,15 @@ def workspace(receivers, n):
     return (
         np.empty(receivers), np.empty(receivers), np.empty(rows), np.empty((rows, n)), np.empty((1, n, n)), np.empty(n)
     )  # fmt: skip
+
+
+@inlined
+def none_detects(pd):
+    """Probability that no receiver detects a visible target."""
+    missed = 1.0
+    for j in range(len(pd)):
+        missed *= 1.0 - pd[j]
+    return missed
 
 
 @inlined
@@ -52,22 +69,65 @@ def look_all(i, x, radar, work):
 
 
 @kernel
-def expect(i, P, w, radar, work, o, P_out, nn):
-    """P_out[o]: mean of P[i] over all combinations of receivers that detect waveform w."""
+def expect(i, P, w, radar, clear, P_missed, work, o, P_out, nn):
+    """P_out[o]: mean of P[i] over all combinations of receivers that detect waveform w; P_missed[i]: if none does.
+
+    ``clear``: probability that the target is visible.
+    """
     eta, pd, _, H, V, v = work
     P_out[o] = 0.0
     for combination in range(1 << len(eta)):
-        copy_one(i, P, 0, V, nn)
-        chance = 1.0
+        copy_one(i, P if combination else P_missed, 0, V, nn)
+        chance = clear
         for j in range(len(eta)):
             if combination >> j & 1:
                 chance *= pd[j]
                 shrink_by(0, j, V, H, w, radar, eta[j], v, nn)
             else:
                 chance *= 1.0 - pd[j]
+        if combination == 0:
+            chance += 1.0 - clear
         for a in range(len(nn)):
             for b in range(len(nn)):
                 P_out[o, a, b] += chance * V[0, a, b]
+
+
+@inlined
+def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
+    """Update x[i], P[i] with waveform w at the receivers whose bit is set, as if x + ``truth`` were measured exactly.
+
+    The mean of what a detection says: the estimate goes where the target is. d (n,) is scratch space.
+    """
+    eta, _, _, H, _, v = work
+    for a in range(len(nn)):
+        d[a] = 0.0
+    for row in range(2 * len(eta)):
+        if detected >> (row // 2) & 1:
+            y = 0.0
+            for a in range(len(nn)):
+                y += H[row, a] * truth[a]
+            s = gain_one(i, P, H, row, v, nn, ALL) + radar.accuracy[w, row % 2] / eta[row // 2]
+            correct_one(d, H, row, v, s, y, nn)
+            shrink_one(i, P, v, s, nn)
+    for a in range(len(nn)):
+        x[i, a] += d[a]
+
+
+@kernel
+def draw_one(i, x, P, w, draws, radar, work, d, sight, truth, nn):
+    """Update x[i], P[i] with the look that draws (1 + j,) decide: a place of the target, and the receivers' detections.
+
+    The target is seen where its place is visible. A look that finds nothing changes the estimate as in the tracker.
+    """
+    detected = 0
+    if drawn_place(i, x, P, draws[0], radar, truth, nn):
+        for j in range(len(work[1])):
+            detected += (draws[1 + j] < work[1][j]) << j
+    if detected:
+        absorb_place(i, x, P, detected, w, radar, work, d, truth, nn)
+        return
+    sight_one(i, x, P, radar, sight)
+    condition_one(i, x, P, sight, 1.0, none_detects(work[1]) - 1.0, nn)
 
 
 @kernel
@@ -77,10 +137,13 @@ def predict(
 ):  # fmt: skip
     """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out (e, c).
 
-    target, waveform (e or 1, c); draws (e, c or 1, j) uniform, or (e, c or 1, 0) for the expected outcome.
+    target, waveform (e or 1, c); draws (e, c or 1, j) uniform, on a map (e, c or 1, 1 + j), or (e, c or 1, 0) for the
+    expected outcome.
     """
     (count, candidates, targets, n), receivers = x_out.shape, len(radar.sites) - 1
     ahead, V, work = np.empty((targets, n)), np.empty((targets, n, n)), workspace(receivers, n)
+    x_missed, V_missed = np.zeros((targets, n)), np.empty((targets, n, n))
+    d, sight, truth, clear = np.empty(n), np.zeros(6), np.empty(n), 1.0
     for e in range(count):
         own = e if len(target) > 1 else 0
         for t in range(targets):
@@ -99,10 +162,18 @@ def predict(
             if t != last:
                 look_all(t, ahead, radar, work)
                 last = t
+                if draws.shape[2] == 0:
+                    copy_one(t, V, t, V_missed, nn)
+                    if on_a_map(radar):
+                        clear = sight_one(t, ahead, V, radar, sight)
+                        condition_one(t, x_missed, V_missed, sight, 1.0, none_detects(work[1]) - 1.0, nn)
             if draws.shape[2] == 0:
-                expect(t, V, w, radar, work, t, P_out[e, c], nn)
+                expect(t, V, w, radar, clear, V_missed, work, t, P_out[e, c], nn)
                 continue
             given = draws[e, c if draws.shape[1] > 1 else 0]
+            if on_a_map(radar):
+                draw_one(t, x_out[e, c], P_out[e, c], w, given, radar, work, d, sight, truth, nn)
+                continue
             for j in range(receivers):
                 if given[j] < work[1][j]:
                     shrink_by(t, j, P_out[e, c], work[3], w, radar, work[0][j], work[5], nn)
@@ -176,6 +247,7 @@ def gain(step, mean, P, q, visible, target, waveform, wait, M, radar, out, nn, m
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
     U, G, B = np.empty((len(mm), n)), np.empty((len(mm), len(mm))), np.empty((len(mm), len(mm)))
     S, D = np.empty((len(mm), len(mm))), np.empty((len(mm), len(mm)))
+    sight, clear, learned = np.zeros(6), 1.0, 0.0
     for e in range(len(step)):
         own = e if len(wait) > 1 else 0
         last, late = -1, -1
@@ -196,9 +268,50 @@ def gain(step, mean, P, q, visible, target, waveform, wait, M, radar, out, nn, m
                     coast_mean_one(0, ahead, tau, radar.turn_rate, 0, ahead)
                     coast_one(0, V, tau, radar.turn_rate, q[e, t], 0, V)
                 look_all(0, ahead, radar, work)
-                project_one(V, M[min(len(M), horizon - k) - 1], work[3], U, G, B, nn, mm)
+                weights = M[min(len(M), horizon - k) - 1]
+                project_one(V, weights, work[3], U, G, B, nn, mm)
                 last, late = t, delay
-            out[e, c] = expected_worth(G, B, waveform[c], radar.accuracy, work[0], work[1], S, D, mm)
+                if on_a_map(radar):
+                    clear, found = sight_one(0, ahead, V, radar, sight), 1.0 - none_detects(work[1])
+                    learned = (1.0 - clear * found) * condition_worth(0, V, sight, 1.0, -found, weights, nn)
+            if clear > 0.0:
+                worth = expected_worth(G, B, waveform[c], radar.accuracy, work[0], work[1], S, D, mm)
+                out[e, c] = clear * worth + learned
+
+
+@inlined
+def foretell_one(e, k, t, ahead, V, q, visible, radar, shown, x, P, nn):
+    """Fill shown (s,): probability that target t is visible in steps k, k + 1 ...; ahead[0], V[0]: after step k.
+
+    x (1, n) and P (1, n, n) are scratch space.
+    """
+    for s in range(len(shown)):
+        shown[s] = is_visible(e, k + s, t, visible)
+    if not on_a_map(radar):
+        return
+    for s in range(len(shown)):
+        if s == 0:
+            shown[0] *= chance_one(0, ahead, V, radar, radar.places)
+            coast_mean_one(0, ahead, radar.dt, radar.turn_rate, 0, x)
+            coast_one(0, V, radar.dt, radar.turn_rate, q, 0, P)
+        elif shown[s] > 0.0:
+            shown[s] *= chance_one(0, x, P, radar, radar.few)
+            coast_mean_one(0, x, radar.dt, radar.turn_rate, 0, x)
+            coast_one(0, P, radar.dt, radar.turn_rate, q, 0, P)
+
+
+@kernel
+def foretell(step, mean, P, q, visible, radar, out, nn):
+    """out (e, s, t): the probability that each target is visible in the next steps; 0 after the last step."""
+    ahead, V = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn)))
+    x, P_later, shown = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn))), np.empty(out.shape[1])
+    for e in range(len(step)):
+        for t in range(mean.shape[1]):
+            coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
+            coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
+            foretell_one(e, step[e], t, ahead, V, q[e, t], visible, radar, shown, x, P_later, nn)
+            for s in range(len(shown)):
+                out[e, s, t] = shown[s]
 
 
 @kernel
@@ -207,10 +320,12 @@ def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
 
     Time left, dead steps left; for every target: whether set up, visible in this step, steps until that changes (up to
     ``soon``), fraction of the next ``soon`` steps in which it is visible, q, variances of position and velocity one
-    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate.
+    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate. On a map, a
+    probability stands for whether it is visible, and changes where it passes 1/2.
     """
-    n, receivers, horizon = len(nn), len(radar.sites) - 1, visible.shape[1]
+    n, receivers, horizon, shown = len(nn), len(radar.sites) - 1, visible.shape[1], np.empty(soon)
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
+    later, P_later = np.empty((1, n)), np.empty((1, n, n))
     for e in range(len(step)):
         k = step[e]
         out[e, 0], out[e, 1] = (horizon - k) / horizon, dead[e]
@@ -219,12 +334,12 @@ def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
             coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
             look_all(0, ahead, radar, work)
-            now, change, share = is_visible(e, k, t, visible), soon, 0
-            for later in range(soon - 1, -1, -1):
-                later_visible = is_visible(e, k + later, t, visible)
-                share += later_visible
-                if later_visible != now:
-                    change = later
+            foretell_one(e, k, t, ahead, V, q[e, t], visible, radar, shown, later, P_later, nn)
+            now, change, share = shown[0], soon, 0.0
+            for s in range(soon - 1, -1, -1):
+                share += shown[s]
+                if (shown[s] >= 0.5) != (now >= 0.5):
+                    change = s
             out[e, column], out[e, column + 1] = pointed[e] == t, now
             out[e, column + 2], out[e, column + 3] = change, share / soon
             out[e, column + 4], out[e, column + 5] = q[e, t], V[0, 0, 0] + V[0, 2, 2]

@@ -175,7 +175,13 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         accuracy = self.reference_snr * np.square(np.array(self.waveforms))
         sites, strength = np.array([self.illuminator, *self.receivers]), self.reference_snr * self.reference_range**4
         law = (strength, self.nearest_range, math.log(self.false_alarm))
-        return kernels.Radar(sites, accuracy, *law, self.dt, self.turn_rate, self.dead_steps, self.iterations)
+        settings = (self.dt, self.turn_rate, self.dead_steps, self.iterations)
+        return kernels.Radar(sites, accuracy, *law, *settings, *self._hiding)
+
+    @cached_property
+    def _hiding(self) -> tuple[Array, Array, Array]:
+        """Depth map, places and few places of the kernels; no direction where the times of visibility are given."""
+        return np.empty((1 + len(self.receivers), 0)), np.empty((0, 2)), np.empty((0, 2))
 
     @cached_property
     def _weights(self) -> Array:
@@ -206,10 +212,9 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         mean = true_states + np.sqrt(real.prior_variance) * world.start
         covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
         zero, silent = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-        visible, q = self._visible(world, true_states), self._densities(world)
-        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), q, visible)
-        if real is not self:
-            visible, q = real._visible(world, true_states), real._densities(world)
+        visible, q = real._visible(world, true_states), real._densities(world)
+        known, known_q = self._known(world, true_states, visible), q if real is self else self._densities(world)
+        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), known_q, known)
         return State(Truth(true_states, q, visible, zero.copy(), silent, window), belief)
 
     def _densities(self, world: World) -> Array:
@@ -225,6 +230,10 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
     def _visible(self, world: World, true_states: Array) -> Array:
         """Whether targets that start at ``true_states`` are visible in each step, bool (env, H, target)."""
         return visibility(self, world.window, true_states.shape[1])
+
+    def _known(self, world: World, true_states: Array, visible: Array) -> Array:
+        """When targets are expected to be visible, bool (env, H, target); ``visible``: when they are."""
+        return visible if self.truth_model is self else self._visible(world, true_states)
 
     def _split(self, actions: Array) -> tuple[Array, Array]:
         """Target and waveform of each action."""

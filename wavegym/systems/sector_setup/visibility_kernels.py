@@ -1,0 +1,136 @@
+"""Kernels of a target that buildings may hide: is it visible, and what does a look say that finds it or does not.
+
+The position is Gaussian with covariance L L'. Places x + L u are tried at points u of equal weight, ``radar.places``
+(p, 2); v(u) is 1 where all sites see the place. The density of the state is multiplied by the likelihood of the look,
+``base`` + ``slope`` v, and replaced by the Gaussian of the same mean and covariance. A point stands for a small Gaussian
+of variance ``BLUR``, so a covariance never collapses to a few points. Shapes and arguments as in ``kernels.py``.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.depth_kernels import is_clear
+
+BLUR = 0.05  # of a variance of 1: half the mean distance of 48 points, squared
+UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model: it changes nothing
+FLAT = 1e-12  # least share of a variance that is left in the other coordinate
+
+
+@inlined
+def on_a_map(radar):
+    """Whether buildings hide targets; otherwise the times are given."""
+    return radar.depth.shape[1] > 0
+
+
+@inlined
+def root_one(i, P):
+    """L = [[a, 0], [b, c]] of the position."""
+    a = np.sqrt(P[i, 0, 0])
+    b = P[i, 2, 0] / a
+    return a, b, np.sqrt(max(P[i, 2, 2] - b * b, FLAT * P[i, 2, 2]))
+
+
+@inlined
+def place_is_clear(i, x, a, b, c, p, radar, places):
+    """Whether the place of point p is visible."""
+    u, w = places[p, 0], places[p, 1]
+    return is_clear(x[i, 0] + a * u, x[i, 2] + b * u + c * w, radar.sites, radar.depth)
+
+
+@kernel
+def chance_one(i, x, P, radar, places):
+    """Probability that target i is visible."""
+    a, b, c = root_one(i, P)
+    clear = 0
+    for p in range(len(places)):
+        clear += place_is_clear(i, x, a, b, c, p, radar, places)
+    return clear / len(places)
+
+
+@kernel
+def sight_one(i, x, P, radar, sight):
+    """Fill sight (6,) with the means of v, v u and v u u' over all points; returns the mean of v."""
+    a, b, c = root_one(i, P)
+    sight[:] = 0.0
+    for p in range(len(radar.places)):
+        if place_is_clear(i, x, a, b, c, p, radar, radar.places):
+            u, w = radar.places[p, 0], radar.places[p, 1]
+            sight[0] += 1.0
+            sight[1] += u
+            sight[2] += w
+            sight[3] += u * u
+            sight[4] += u * w
+            sight[5] += w * w
+    for m in range(6):
+        sight[m] /= len(radar.places)
+    return sight[0]
+
+
+@inlined
+def moments_of(sight, base, slope):
+    """Mean (m, n) of u after a look, and its covariance less 1, [[f, g], [g, h]]; 0 where nothing is learned."""
+    left = base + slope * sight[0]
+    if sight[0] == 0.0 or sight[0] == 1.0 or not left > UNLIKELY:
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    scale, own = slope / left, base / left
+    m, n = scale * sight[1], scale * sight[2]
+    rest = own * (1.0 - BLUR) + BLUR - 1.0  # of the points' own variance, and the blur
+    return m, n, rest + scale * sight[3] - m * m, scale * sight[4] - m * n, rest + scale * sight[5] - n * n
+
+
+@inlined
+def slopes_one(i, P, k, a, b, c):
+    """Regression (g, h) of element k of the state on u."""
+    g = P[i, k, 0] / a
+    return g, (P[i, k, 2] - b * g) / c
+
+
+@inlined
+def condition_one(i, x, P, sight, base, slope, nn):
+    """Update x[i], P[i] with a look of the likelihood base + slope v."""
+    m, n, f, g, h = moments_of(sight, base, slope)
+    if f == 0.0 and h == 0.0:
+        return
+    a, b, c = root_one(i, P)
+    slopes = (
+        slopes_one(i, P, 0, a, b, c), slopes_one(i, P, 1, a, b, c), slopes_one(i, P, 2, a, b, c),
+        slopes_one(i, P, 3, a, b, c),
+    )  # fmt: skip
+    for j in range(len(nn)):
+        first, second = slopes[j]
+        x[i, j] += first * m + second * n
+        left, right = first * f + second * g, first * g + second * h
+        for k in range(j + 1):
+            P[i, j, k] += left * slopes[k][0] + right * slopes[k][1]
+            P[i, k, j] = P[i, j, k]
+
+
+@inlined
+def condition_worth(i, P, sight, base, slope, M, nn):
+    """trace(M (P[i] - P')) of ``condition_one``."""
+    _, _, f, g, h = moments_of(sight, base, slope)
+    if f == 0.0 and h == 0.0:
+        return 0.0
+    a, b, c = root_one(i, P)
+    total = 0.0
+    for j in range(len(nn)):
+        first, second = slopes_one(i, P, j, a, b, c)
+        left, right = first * f + second * g, first * g + second * h
+        for k in range(len(nn)):
+            there, aside = slopes_one(i, P, k, a, b, c)
+            total -= M[j, k] * (left * there + right * aside)
+    return total
+
+
+@inlined
+def drawn_place(i, x, P, draw, radar, d, nn):
+    """Fill d (n,): a place of target i less its mean, picked by a uniform draw; returns whether it is visible."""
+    a, b, c = root_one(i, P)
+    p = min(int(draw * len(radar.places)), len(radar.places) - 1)
+    for k in range(len(nn)):
+        g, h = slopes_one(i, P, k, a, b, c)
+        d[k] = g * radar.places[p, 0] + h * radar.places[p, 1]
+    return place_is_clear(i, x, a, b, c, p, radar, radar.places)
