@@ -148,9 +148,7 @@ class SectorSetupCity(SectorSetup):
             InputError: fewer than one step.
         """
         out = np.empty((len(belief.step), check_int("steps", steps, 1), belief.mean.shape[1]))
-        prediction_kernels.foretell(
-            belief.step, belief.mean, belief.covariance, belief.q, belief.visible, self._radar, out, NN
-        )
+        prediction_kernels.foretell(*belief, self._radar, out, NN)
         return out
 
 

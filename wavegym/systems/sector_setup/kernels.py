@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
-from wavegym.systems.sector_setup.visibility_kernels import condition_one, on_a_map, sight_one
+from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, on_a_map, sight_one
 from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
 from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import sigma_points_one
@@ -269,14 +269,15 @@ def update_one(i, x, P, w, z, seen, radar, work, nn):
 
 
 @kernel
-def notice_one(i, x, P, found, radar, work, nn):
+def notice_one(i, x, P, found, again, radar, work, nn):
     """Update x[i], P[i] with what a look says about the place: in sight of all sites if ``found``, perhaps hidden if not.
 
-    A look that finds nothing has the likelihood 1 - Pd v: Pd of any receiver, at the predicted place.
+    A look that finds nothing has the likelihood 1 - Pd v: Pd of any receiver, at the predicted place. ``again``: the
+    last step's look at this target found nothing either.
     """
-    sight_one(i, x, P, radar, work.sight)
+    sight_one(i, x, P, again and not found, radar, work.sight)
     if found:
-        condition_one(i, x, P, work.sight, 0.0, 1.0, nn)
+        condition_one(i, x, P, work.sight, DOUBT, 1.0 - DOUBT, nn)
         return
     missed = 1.0
     for j in range(len(radar.sites) - 1):
@@ -285,10 +286,11 @@ def notice_one(i, x, P, found, radar, work, nn):
 
 
 @inlined
-def track_one(e, t, w, sent, mean, P, q, z, seen, radar, x, P_out, work, nn):
+def track_one(e, t, w, sent, again, mean, P, q, z, seen, radar, x, P_out, work, nn):
     """x[e], P_out[e]: all targets of environment e one step on, and target t updated where a receiver detects it.
 
-    ``sent``: whether the target was illuminated, which on a map says something even where no receiver detects it.
+    ``sent``: whether the target was illuminated, which on a map says something even where no receiver detects it;
+    ``again``: whether the last step's look at it found nothing. Returns whether this step's does.
     """
     for i in range(x.shape[1]):
         coast_mean_one(i, mean[e], radar.dt, radar.turn_rate, i, x[e])
@@ -299,7 +301,8 @@ def track_one(e, t, w, sent, mean, P, q, z, seen, radar, x, P_out, work, nn):
     if detections > 0:
         update_one(t, x[e], P_out[e], w, z[e], seen[e], radar, work, nn)
     if sent and on_a_map(radar):
-        notice_one(t, x[e], P_out[e], detections > 0, radar, work, nn)
+        notice_one(t, x[e], P_out[e], detections > 0, again, radar, work, nn)
+    return sent and detections == 0
 
 
 @kernel
@@ -324,20 +327,21 @@ def measure(
 
 @kernel
 def track(
-    mean, P, pointed, dead, q, target, waveform, z, seen, radar, x, P_out, pointed_out, dead_out, nn
+    mean, P, pointed, dead, q, missed, target, waveform, z, seen, radar, x, P_out, pointed_out, dead_out, missed_out, nn
 ):  # fmt: skip
     """Fill the belief one step later from z (e, a) and seen (e, j). ``radar`` is the one that the tracker assumes."""
     work = scratch(seen.shape[1], len(nn))
     for e in range(len(target)):
         t, w = target[e], waveform[e]
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
-        track_one(e, t, w, sent, mean, P, q, z, seen, radar, x, P_out, work, nn)
+        again = missed[e] and pointed[e] == t
+        missed_out[e] = track_one(e, t, w, sent, again, mean, P, q, z, seen, radar, x, P_out, work, nn)
 
 
 @kernel
 def transition(
-    step, mean, P, pointed, dead, q, targets, true_q, visible, target, waveform, process, uniform, error, L, radar,
-    assumed, targets_out, z, seen, silent, x, P_out, pointed_out, dead_out, nn
+    step, mean, P, pointed, dead, q, missed, targets, true_q, visible, target, waveform, process, uniform, error, L,
+    radar, assumed, targets_out, z, seen, silent, x, P_out, pointed_out, dead_out, missed_out, nn
 ):  # fmt: skip
     """``move``, ``measure`` and ``track`` in one pass; ``radar`` is the world's, ``assumed`` the tracker's."""
     work = scratch(seen.shape[1], len(nn))
@@ -347,4 +351,5 @@ def transition(
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
         silent[e] = not sent
         measure_one(e, k, t, w, sent, targets_out, visible, uniform, error, radar, z, seen, work.H)
-        track_one(e, t, w, sent, mean, P, q, z, seen, assumed, x, P_out, work, nn)
+        again = missed[e] and pointed[e] == t
+        missed_out[e] = track_one(e, t, w, sent, again, mean, P, q, z, seen, assumed, x, P_out, work, nn)

@@ -114,28 +114,30 @@ def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
 
 
 @kernel
-def draw_one(i, x, P, w, draws, radar, work, d, sight, truth, nn):
+def draw_one(i, x, P, w, draws, again, radar, work, d, sight, truth, nn):
     """Update x[i], P[i] with the look that draws (1 + j,) decide: a place of the target, and the receivers' detections.
 
     The target is seen where its place is visible. A look that finds nothing changes the estimate as in the tracker.
+    Returns whether the look finds nothing.
     """
     detected = 0
-    if drawn_place(i, x, P, draws[0], radar, truth, nn):
+    if drawn_place(i, x, P, draws[0], again, radar, truth, nn):
         for j in range(len(work[1])):
             detected += (draws[1 + j] < work[1][j]) << j
     if detected:
         absorb_place(i, x, P, detected, w, radar, work, d, truth, nn)
-        return
-    sight_one(i, x, P, radar, sight)
+        return False
+    sight_one(i, x, P, again, radar, sight)
     condition_one(i, x, P, sight, 1.0, none_detects(work[1]) - 1.0, nn)
+    return True
 
 
 @kernel
 def predict(
-    step, mean, P, pointed, dead, q, visible, target, waveform, draws, radar, x_out, P_out, pointed_out,
-    dead_out, nn
+    step, mean, P, pointed, dead, q, visible, missed, target, waveform, draws, radar, x_out, P_out, pointed_out,
+    dead_out, missed_out, nn
 ):  # fmt: skip
-    """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out (e, c).
+    """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out, missed_out (e, c).
 
     target, waveform (e or 1, c); draws (e, c or 1, j) uniform, on a map (e, c or 1, 1 + j), or (e, c or 1, 0) for the
     expected outcome.
@@ -153,6 +155,7 @@ def predict(
         for c in range(candidates):
             t, w = target[own, c], waveform[own, c]
             pointed_out[e, c], dead_out[e, c], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
+            missed_out[e, c], again = False, missed[e] and pointed[e] == t
             for i in range(targets):
                 copy_one(i, V, i, P_out[e, c], nn)
                 for a in range(n):
@@ -165,14 +168,17 @@ def predict(
                 if draws.shape[2] == 0:
                     copy_one(t, V, t, V_missed, nn)
                     if on_a_map(radar):
-                        clear = sight_one(t, ahead, V, radar, sight)
+                        clear = sight_one(t, ahead, V, again, radar, sight)
                         condition_one(t, x_missed, V_missed, sight, 1.0, none_detects(work[1]) - 1.0, nn)
             if draws.shape[2] == 0:
                 expect(t, V, w, radar, clear, V_missed, work, t, P_out[e, c], nn)
+                missed_out[e, c] = clear * (1.0 - none_detects(work[1])) < 0.5
                 continue
             given = draws[e, c if draws.shape[1] > 1 else 0]
             if on_a_map(radar):
-                draw_one(t, x_out[e, c], P_out[e, c], w, given, radar, work, d, sight, truth, nn)
+                missed_out[e, c] = draw_one(
+                    t, x_out[e, c], P_out[e, c], w, given, again, radar, work, d, sight, truth, nn
+                )  # fmt: skip
                 continue
             for j in range(receivers):
                 if given[j] < work[1][j]:
@@ -237,7 +243,7 @@ def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
 
 
 @kernel
-def gain(step, mean, P, q, visible, target, waveform, wait, M, radar, out, nn, mm):
+def gain(step, mean, P, pointed, q, visible, missed, target, waveform, wait, M, radar, out, nn, mm):
     """out (e, c): trace(M[l - 1] (P_without - P_with)) of the candidate's target, one look after ``wait`` steps.
 
     target, waveform (c,), candidates of one target adjacent; wait (e or 1, c or 1); l: number of steps counted, up
@@ -272,7 +278,8 @@ def gain(step, mean, P, q, visible, target, waveform, wait, M, radar, out, nn, m
                 project_one(V, weights, work[3], U, G, B, nn, mm)
                 last, late = t, delay
                 if on_a_map(radar):
-                    clear, found = sight_one(0, ahead, V, radar, sight), 1.0 - none_detects(work[1])
+                    again = missed[e] and pointed[e] == t and delay == 0
+                    clear, found = sight_one(0, ahead, V, again, radar, sight), 1.0 - none_detects(work[1])
                     learned = (1.0 - clear * found) * condition_worth(0, V, sight, 1.0, -found, weights, nn)
             if clear > 0.0:
                 worth = expected_worth(G, B, waveform[c], radar.accuracy, work[0], work[1], S, D, mm)
@@ -280,7 +287,7 @@ def gain(step, mean, P, q, visible, target, waveform, wait, M, radar, out, nn, m
 
 
 @inlined
-def foretell_one(e, k, t, ahead, V, q, visible, radar, shown, x, P, nn):
+def foretell_one(e, k, t, ahead, V, q, visible, again, radar, shown, x, P, nn):
     """Fill shown (s,): probability that target t is visible in steps k, k + 1 ...; ahead[0], V[0]: after step k.
 
     x (1, n) and P (1, n, n) are scratch space.
@@ -291,17 +298,17 @@ def foretell_one(e, k, t, ahead, V, q, visible, radar, shown, x, P, nn):
         return
     for s in range(len(shown)):
         if s == 0:
-            shown[0] *= chance_one(0, ahead, V, radar, radar.places)
+            shown[0] *= chance_one(0, ahead, V, again, radar, radar.places)
             coast_mean_one(0, ahead, radar.dt, radar.turn_rate, 0, x)
             coast_one(0, V, radar.dt, radar.turn_rate, q, 0, P)
         elif shown[s] > 0.0:
-            shown[s] *= chance_one(0, x, P, radar, radar.few)
+            shown[s] *= chance_one(0, x, P, False, radar, radar.few)
             coast_mean_one(0, x, radar.dt, radar.turn_rate, 0, x)
             coast_one(0, P, radar.dt, radar.turn_rate, q, 0, P)
 
 
 @kernel
-def foretell(step, mean, P, q, visible, radar, out, nn):
+def foretell(step, mean, P, pointed, dead, q, visible, missed, radar, out, nn):
     """out (e, s, t): the probability that each target is visible in the next steps; 0 after the last step."""
     ahead, V = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn)))
     x, P_later, shown = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn))), np.empty(out.shape[1])
@@ -309,13 +316,14 @@ def foretell(step, mean, P, q, visible, radar, out, nn):
         for t in range(mean.shape[1]):
             coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
-            foretell_one(e, step[e], t, ahead, V, q[e, t], visible, radar, shown, x, P_later, nn)
+            again = missed[e] and pointed[e] == t
+            foretell_one(e, step[e], t, ahead, V, q[e, t], visible, again, radar, shown, x, P_later, nn)
             for s in range(len(shown)):
                 out[e, s, t] = shown[s]
 
 
 @kernel
-def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
+def observe(step, mean, P, pointed, dead, q, visible, missed, radar, soon, out, nn):
     """out (e, field), in the order of ``SectorSetup.observation_fields``; variances where the field is a deviation.
 
     Time left, dead steps left; for every target: whether set up, visible in this step, steps until that changes (up to
@@ -334,7 +342,8 @@ def observe(step, mean, P, pointed, dead, q, visible, radar, soon, out, nn):
             coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
             look_all(0, ahead, radar, work)
-            foretell_one(e, k, t, ahead, V, q[e, t], visible, radar, shown, later, P_later, nn)
+            again = missed[e] and pointed[e] == t
+            foretell_one(e, k, t, ahead, V, q[e, t], visible, again, radar, shown, later, P_later, nn)
             now, change, share = shown[0], soon, 0.0
             for s in range(soon - 1, -1, -1):
                 share += shown[s]

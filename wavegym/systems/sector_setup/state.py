@@ -53,6 +53,7 @@ class Belief(NamedTuple):
     dead: Array  # (env,) int: remaining set-up steps without sensing
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
     visible: Array  # (env, H, target) bool: whether the target is expected to be visible from step k to k + 1
+    missed: Array  # (env,) bool: whether the last step's pulse found nothing
 
 
 def report_fields(receivers: int, reference_range: float, speed: float) -> tuple[ObservationField, ...]:

@@ -16,6 +16,7 @@ from wavegym.sensors.depth_kernels import is_clear
 
 BLUR = 0.05  # of a variance of 1: half the mean distance of 48 points, squared
 UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model: it changes nothing
+DOUBT = 0.1  # weight of a hidden place after a detection: the estimate is no exact posterior near the edge of a shadow
 FLAT = 1e-12  # least share of a variance that is left in the other coordinate
 
 
@@ -34,30 +35,47 @@ def root_one(i, P):
 
 
 @inlined
-def place_is_clear(i, x, a, b, c, p, radar, places):
-    """Whether the place of point p is visible."""
-    u, w = places[p, 0], places[p, 1]
-    return is_clear(x[i, 0] + a * u, x[i, 2] + b * u + c * w, radar.sites, radar.depth)
+def slopes_one(i, P, k, a, b, c):
+    """Regression (g, h) of element k of the state on u."""
+    g = P[i, k, 0] / a
+    return g, (P[i, k, 2] - b * g) / c
+
+
+@inlined
+def place_is_clear(i, x, P, a, b, c, u, w, again, radar):
+    """Whether the place of the point (u, w) is visible; and was not a step ago, if a look found nothing then.
+
+    Each look counts once: the part of the Gaussian that was visible a step ago stands for hidden places by now.
+    """
+    px, py = x[i, 0] + a * u, x[i, 2] + b * u + c * w
+    if not is_clear(px, py, radar.sites, radar.depth):
+        return False
+    if not again:
+        return True
+    (g, h), (m, n) = slopes_one(i, P, 1, a, b, c), slopes_one(i, P, 3, a, b, c)
+    px -= radar.dt * (x[i, 1] + g * u + h * w)
+    py -= radar.dt * (x[i, 3] + m * u + n * w)
+    return not is_clear(px, py, radar.sites, radar.depth)
 
 
 @kernel
-def chance_one(i, x, P, radar, places):
-    """Probability that target i is visible."""
+def chance_one(i, x, P, again, radar, places):
+    """Probability that target i is visible; ``again``: the last step's look at it found nothing."""
     a, b, c = root_one(i, P)
     clear = 0
     for p in range(len(places)):
-        clear += place_is_clear(i, x, a, b, c, p, radar, places)
+        clear += place_is_clear(i, x, P, a, b, c, places[p, 0], places[p, 1], again, radar)
     return clear / len(places)
 
 
 @kernel
-def sight_one(i, x, P, radar, sight):
+def sight_one(i, x, P, again, radar, sight):
     """Fill sight (6,) with the means of v, v u and v u u' over all points; returns the mean of v."""
     a, b, c = root_one(i, P)
     sight[:] = 0.0
     for p in range(len(radar.places)):
-        if place_is_clear(i, x, a, b, c, p, radar, radar.places):
-            u, w = radar.places[p, 0], radar.places[p, 1]
+        u, w = radar.places[p, 0], radar.places[p, 1]
+        if place_is_clear(i, x, P, a, b, c, u, w, again, radar):
             sight[0] += 1.0
             sight[1] += u
             sight[2] += w
@@ -79,13 +97,6 @@ def moments_of(sight, base, slope):
     m, n = scale * sight[1], scale * sight[2]
     rest = own * (1.0 - BLUR) + BLUR - 1.0  # of the points' own variance, and the blur
     return m, n, rest + scale * sight[3] - m * m, scale * sight[4] - m * n, rest + scale * sight[5] - n * n
-
-
-@inlined
-def slopes_one(i, P, k, a, b, c):
-    """Regression (g, h) of element k of the state on u."""
-    g = P[i, k, 0] / a
-    return g, (P[i, k, 2] - b * g) / c
 
 
 @inlined
@@ -126,11 +137,12 @@ def condition_worth(i, P, sight, base, slope, M, nn):
 
 
 @inlined
-def drawn_place(i, x, P, draw, radar, d, nn):
+def drawn_place(i, x, P, draw, again, radar, d, nn):
     """Fill d (n,): a place of target i less its mean, picked by a uniform draw; returns whether it is visible."""
     a, b, c = root_one(i, P)
     p = min(int(draw * len(radar.places)), len(radar.places) - 1)
+    u, w = radar.places[p, 0], radar.places[p, 1]
     for k in range(len(nn)):
         g, h = slopes_one(i, P, k, a, b, c)
-        d[k] = g * radar.places[p, 0] + h * radar.places[p, 1]
-    return place_is_clear(i, x, a, b, c, p, radar, radar.places)
+        d[k] = g * u + h * w
+    return place_is_clear(i, x, P, a, b, c, u, w, again, radar)
