@@ -8,8 +8,9 @@ import shapely
 
 from wavegym.core.errors import InputError
 from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.sight_kernels import is_clear
 from wavegym.sensors.urban_map import Road, UrbanMap
-from wavegym.sensors.visibility import Grid, in_junctions, metres_to_road, visibility_map
+from wavegym.sensors.visibility import Grid, in_junctions, metres_to_road, sight_table, visibility_map
 
 CROSSING = UrbanMap.load("intersection")
 ANTENNA = Antenna(CROSSING, (2085.0, 1470.5))
@@ -61,3 +62,31 @@ def test_roads_and_junctions() -> None:
 def test_mistakes() -> None:
     with pytest.raises(InputError, match=r"cell is 0\.0 m"):
         Grid.over(CROSSING, cell=0.0)
+
+
+def test_a_sight_table_has_the_visibility_of_the_centres_of_its_cells() -> None:
+    """Half a metre wide where that is possible; roads are prolonged by the reach, and what lies beyond is clamped."""
+    urban_map = UrbanMap.load("promenade")
+    antennas = tuple(Antenna(urban_map, place) for place in ((0.0, 0.0), (-80.0, 0.0)))
+    table, rng = sight_table(antennas, 100.0, 20.0), np.random.default_rng(0)
+    assert table.per_metre == 2.0
+    assert table.west == -150.0 - 100.0 - 30.0
+    assert table.clear.shape[0] == 2 * 560
+    place = rng.integers(table.clear.shape, size=(4000, 2))
+    centres = np.array([table.west, table.south]) + (place + 0.5) / 2.0
+    exact = np.logical_and.reduce([antenna.directly_visible(centres) for antenna in antennas])
+    assert 0.2 < exact.mean() < 0.9
+    np.testing.assert_array_equal(table.clear[place[:, 0], place[:, 1]], exact)
+    points = centres + rng.uniform(-0.24, 0.24, centres.shape)
+    np.testing.assert_array_equal([is_clear(x, y, table) for x, y in points], exact)
+    assert is_clear(-1e9, 1e9, table) == table.clear[0, -1]
+    assert is_clear(np.nan, np.inf, table) in (True, False)
+    assert sight_table(antennas, 100.0, 20.0) is table
+    assert sight_table(antennas, 1e7, 20.0).clear.size < 1.1e6
+
+
+@pytest.mark.parametrize(("reach", "margin"), [(-1.0, 0.0), (np.inf, 0.0), (1.0, np.nan)])
+def test_a_sight_table_of_no_size_is_refused(reach: float, margin: float) -> None:
+    antennas = (Antenna(UrbanMap.load("promenade"), (0.0, 0.0)),)
+    with pytest.raises(InputError, match="reach|margin"):
+        sight_table(antennas, reach, margin)

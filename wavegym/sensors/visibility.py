@@ -1,4 +1,4 @@
-"""Tables of an urban map: distance to roads, junctions and visible images on a grid, and walls by direction.
+"""Tables on a grid over an urban map: distance to roads, junctions, visible images of an antenna, sight of several.
 
 Each table is computed once and shared by all callers: do not write to it.
 """
@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.array_checks import check_last_axes
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_int, check_positive
-from wavegym.sensors import depth_kernels
+from wavegym.core.errors import InputError, check_non_negative, check_positive
 from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.sight_kernels import SightTable
 from wavegym.sensors.urban_map import UrbanMap
 
 MOST_CELLS = 10_000_000
 BEYOND = 10.0  # m, margin of a grid around everything on the map
-BINS = 8192  # directions of a depth map: 3.7 to 7.3 cm wide at 75 m
+FINE, MANY = 0.5, 1_000_000  # m, cells: a sight table has wider cells only where it would have more of them
 
 
 @dataclass(frozen=True)
@@ -118,49 +118,26 @@ def in_junctions(urban_map: UrbanMap, grid: Grid) -> NDArray[np.bool_]:
     return np.asarray(shapely.contains_xy(whole, grid.centres[..., 0], grid.centres[..., 1]))
 
 
-@dataclass(frozen=True)
-class DepthMap:
-    """How far each of several sites sees in every direction, on a map whose walls are opaque.
-
-    A point has the visibility of the middle of its bin of directions. So it is exact except within half a bin of the
-    edge of a shadow (``wavegym.sensors.depth_kernels`` says how directions are counted).
-
-    Args:
-        sites: positions (x, y) in m, (site, 2).
-        depth: squared distance to the first wall in m^2, (site, bin); infinite without a wall.
-    """
-
-    sites: Array
-    depth: Array
-
-    def clear(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Whether points (..., 2) in m are in sight of every site, (...). InputError for a wrong shape."""
-        points = check_last_axes("points", points, 2)
-        out = np.empty(points.shape[:-1], np.bool_)
-        flat = np.array(points.reshape(-1, 2), np.float64, order="C")
-        depth_kernels.all_clear(flat, self.sites, self.depth, out.reshape(-1))
-        return out
-
-
 @lru_cache(maxsize=16)
-def depth_map(antennas: tuple[Antenna, ...], bins: int = BINS) -> DepthMap:
-    """The ``DepthMap`` of antennas on one map. InputError: fewer than one bin."""
-    turn = 4.0 * (np.arange(check_int("bins", bins, 1)) + 0.5) / bins - 1.0
-    up = np.where(turn <= 1.0, turn, 2.0 - turn)
-    along = np.stack([np.where(turn <= 1.0, 1.0, -1.0) * (1.0 - np.abs(up)), up])
-    along /= np.linalg.norm(along, axis=0)
-    return DepthMap(
-        np.array([antenna.position for antenna in antennas], np.float64),
-        np.stack([_first_wall(antenna, along) ** 2 for antenna in antennas]),
-    )
+def sight_table(antennas: tuple[Antenna, ...], reach: float, margin: float) -> SightTable:
+    """From where all antennas on one map with roads are directly visible.
 
+    The table covers all roads, prolonged by ``reach``, and ``margin`` around them (m).
 
-def _first_wall(antenna: Antenna, along: Array) -> Array:
-    """Distance (bin,) from an antenna to the first wall along unit vectors (2, bin); infinite without a wall."""
-    nearest, (dx, dy) = np.full(along.shape[1], np.inf), along
-    for x, y, u, v in antenna.urban_map.walls - np.tile(antenna.position, 2):
-        across = dx * (v - y) - dy * (u - x)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            far, part = (x * (v - y) - y * (u - x)) / across, (x * dy - y * dx) / across
-        nearest = np.where((far > 0.0) & (part >= 0.0) & (part <= 1.0), np.minimum(nearest, far), nearest)
-    return nearest
+    Raises:
+        InputError: a reach or margin that is negative or not finite.
+    """
+    check_non_negative("reach", reach), check_non_negative("margin", margin)
+    ends = []
+    for road in antennas[0].urban_map.roads:
+        centre = np.array(road.centre, np.float64)
+        for a, b in ((centre[1:], centre[:-1]), (centre[:-1], centre[1:])):
+            length = np.linalg.norm(b - a, axis=1, keepdims=True)
+            ends.append(b + reach * np.divide(b - a, length, out=np.zeros_like(a), where=length > 0.0))
+    every = np.concatenate(ends)
+    low, high = every.min(axis=0) - margin - BEYOND, every.max(axis=0) + margin + BEYOND
+    cell = max(FINE, float(np.sqrt(np.prod(high - low) / MANY)))
+    columns, rows = np.ceil((high - low) / cell).astype(int)
+    grid = Grid((float(low[0]), float(low[1])), cell, (int(columns), int(rows)))
+    clear = np.logical_and.reduce([antenna.directly_visible(grid.centres) for antenna in antennas])
+    return SightTable(*grid.corner, 1.0 / cell, clear)

@@ -1,16 +1,22 @@
-"""The sector set-up on an urban map: starts on roads, and visibility against shapely."""
+"""The sector set-up on an urban map: starts on roads, true visibility against shapely, and how it is foretold."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 import oracles
 import pytest
+import sector_setup_oracle as plain
 import shapely
+from scipy.stats import kstest
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.sensors import Antenna
-from wavegym.systems.sector_setup.city import SectorSetupCity
+from wavegym.systems.sector_setup.city import SectorSetupCity, spread_places
+from wavegym.systems.sector_setup.state import Measurements
+from wavegym.systems.sector_setup.visibility_kernels import BLUR
 
 SYSTEM = SectorSetupCity()
 
@@ -29,17 +35,220 @@ def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
         assert abs(part.mean() - 0.5) < 5 * 0.5 / np.sqrt(len(truth))
 
 
-def test_buildings_hide_targets():
-    """Straight lines from the filed positions of some targets to the three antennas, by shapely."""
-    belief, truth = (lambda s: (s.belief, s.truth.targets))(SYSTEM.initial(oracles.worlds(SYSTEM, 4)))
-    built = shapely.union_all([shapely.Polygon(each.corners) for each in SYSTEM.map.buildings])
-    for e in range(4):
-        for k in range(0, SYSTEM.horizon, 3):
-            for t in range(SYSTEM.targets):
-                place = truth[e, t, ::2] + SYSTEM.dt * (k + 1) * truth[e, t, 1::2]
-                lines = [shapely.LineString([place, site]) for site in (SYSTEM.illuminator, *SYSTEM.receivers)]
-                assert belief.visible[e, k, t] == (not any(line.crosses(built) for line in lines))
-    assert 0.3 < belief.visible.mean() < 0.7
+def hidden_by_shapely(system, places):
+    """Whether a building crosses a straight line from places (n, 2) to one of the antennas."""
+    built = shapely.union_all([shapely.Polygon(each.corners) for each in system.map.buildings])
+    lines = [
+        shapely.linestrings(np.stack([places, np.broadcast_to(site, places.shape)], axis=1))
+        for site in (system.illuminator, *system.receivers)
+    ]
+    return np.any([shapely.crosses(each, built) | shapely.within(each, built) for each in lines], axis=0)
+
+
+def wander(system, count, seed=1):
+    """Any target and waveform, changed once in five steps."""
+    rng, last = np.random.default_rng(seed), np.zeros(count, np.int64)
+    while True:
+        drawn = rng.integers(len(system.actions), size=count)
+        last = np.where(rng.random(count) < 0.2, drawn, last)
+        yield last
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "change", [{}, {"truth": {"q": (0.05, 0.5), "turn_rate": 0.02}}], ids=["default", "other world"]
+)
+def test_buildings_hide_targets_where_they_truly_are(change, count):
+    """Every step of every target against shapely, and no detection of a hidden target.
+
+    The straight course from the true start, taken for the truth, is wrong in a fifth of the late steps.
+    """
+    system = make_checked(SectorSetupCity, change)
+    worlds = oracles.worlds(system, count)
+    state, rows = system.initial(worlds), np.arange(count)
+    start, wrong, detections = state.truth.targets, [], 0
+    for k, action in zip(range(system.horizon), wander(system, count), strict=False):
+        state = system.transition(state, action, worlds)
+        hidden = hidden_by_shapely(system, state.truth.targets[..., ::2].reshape(-1, 2)).reshape(count, -1)
+        np.testing.assert_array_equal(state.truth.visible[:, k], ~hidden)
+        assert (state.truth.detections[hidden[rows, action // 2]] == 0).all()
+        detections += state.truth.detections.sum()
+        course = start[..., ::2] + system.dt * (k + 1) * start[..., 1::2]
+        wrong.append(hidden_by_shapely(system, course.reshape(-1, 2)) != hidden.ravel())
+    assert 0.3 < state.truth.visible.mean() < 0.7
+    assert detections > 5 * count
+    assert np.mean(wrong[-20:]) > 0.15
+
+
+def test_visibility_is_foretold_as_often_as_it_comes():
+    """300 worlds with looks now and then: shares by decile of the probability, 1, 6 and 16 steps ahead.
+
+    The bound is five standard errors of the mean over worlds, and .06 for the few places that are tried.
+    """
+    worlds, ahead = oracles.worlds(SYSTEM, 300), (1, 6, 16)
+    state, told, came = SYSTEM.initial(worlds), [], []
+    for k, action in zip(range(SYSTEM.horizon - max(ahead)), wander(SYSTEM, 300), strict=False):
+        probability = SYSTEM.visible_ahead(state.belief, max(ahead))
+        assert (probability >= 0).all()
+        assert (probability <= 1).all()
+        told.append(probability[:, [n - 1 for n in ahead]])
+        came.append(state.truth.visible[:, [k + n - 1 for n in ahead]])
+        state = SYSTEM.transition(state, action, worlds)
+    told, came = np.array(told), np.array(came)
+    for n in range(len(ahead)):
+        for low in np.arange(0.0, 1.0, 0.2):
+            chosen = (told[:, :, n] >= low) & (told[:, :, n] <= low + 0.2)
+            error = np.where(chosen, came[:, :, n] - told[:, :, n], 0.0).sum(axis=(0, 2))
+            spread = 5 * np.sqrt(np.square(error).sum()) / chosen.sum()
+            assert abs(error.sum() / chosen.sum()) < spread + 0.06
+    assert SYSTEM.visible_ahead(state.belief._replace(step=np.full(300, 58)), 4)[:, 2:].max() == 0.0
+
+
+def many_places(system, x, P, count=200_000):
+    """States drawn from a Gaussian, and whether they are visible."""
+    rng = np.random.default_rng(3)
+    states = x + rng.standard_normal((count, 4)) @ np.linalg.cholesky(P).T
+    return states, np.logical_and.reduce([site.directly_visible(states[:, ::2]) for site in system._sites])
+
+
+def wide(system, count, spread=12.0, seed=5):
+    """Beliefs about targets on the roads with wide priors, set up for target 0."""
+    worlds = oracles.worlds(system, count, seed)
+    state = system.initial(worlds)
+    P = np.tile(np.diag([spread**2, 4.0, spread**2, 4.0]), (count, system.targets, 1, 1))
+    P[..., 0, 1] = P[..., 1, 0] = P[..., 2, 3] = P[..., 3, 2] = spread
+    zero = np.zeros(count, np.int64)
+    return worlds, state.belief._replace(mean=state.truth.targets, covariance=P, pointed=zero, dead=zero)
+
+
+def test_a_look_that_finds_nothing_has_the_moments_of_the_hidden_places():
+    """Against 2 10^5 drawn places, in 40 cases: the mean to .2 standard deviations, the covariance to 15 %, typically.
+
+    The probability itself to .04 typically: 48 places are tried.
+    """
+    _, belief = wide(SYSTEM, 40)
+    chance = SYSTEM.visible_ahead(belief, 1)[:, 0, 0]
+    count, zero = len(chance), np.zeros(len(chance), np.int64)
+    nothing = Measurements(np.zeros((count, 2, 2)), np.zeros((count, 2), np.bool_), np.zeros(count, np.bool_))
+    after, before = SYSTEM.track(belief, zero, nothing), SYSTEM.predict(belief, zero + 2)
+    assert after.missed.all()
+    off = []
+    for e in range(count):
+        x, P = before.mean[e, 0], before.covariance[e, 0]
+        states, clear = many_places(SYSTEM, x, P)
+        found = 1 - np.prod(1 - plain.detection(SYSTEM, plain.measure(SYSTEM, x)[1]))
+        weight = 1 - found * clear
+        weight /= weight.sum()
+        mean = weight @ states
+        covariance = (weight[:, None] * (states - mean)).T @ (states - mean)
+        sigma = np.sqrt(np.diag(P))
+        share = np.trace(after.covariance[e, 0]) / np.trace(covariance)
+        off.append((chance[e] - clear.mean(), np.abs((after.mean[e, 0] - mean) / sigma).max(), np.log(share)))
+    typical = np.sqrt(np.square(off).mean(axis=0))
+    assert typical[0] < 0.04
+    assert typical[1] < 0.2
+    assert typical[2] < 0.15
+    np.testing.assert_array_equal(after.mean[:, 1:], before.mean[:, 1:])
+
+
+def test_a_look_at_a_target_that_cannot_hide_says_nothing():
+    """All places visible: a miss is a failed detection, and leaves the estimate as predicted."""
+    _, belief = wide(SYSTEM, 5, spread=0.5)
+    zero = np.zeros(5, np.int64)
+    road = np.stack([np.arange(-100.0, 100.0), np.full(200, 110.0)], axis=1)
+    hidden = hidden_by_shapely(SYSTEM, road)
+    (middle,) = np.flatnonzero(~np.convolve(hidden, np.ones(11), "same").astype(bool))[:1]
+    belief = belief._replace(mean=np.tile([road[middle, 0], 0.0, 110.0, 0.0], (5, 4, 1)))
+    assert (SYSTEM.visible_ahead(belief, 1) == 1.0).all()
+    nothing = Measurements(np.zeros((5, 2, 2)), np.zeros((5, 2), np.bool_), np.zeros(5, np.bool_))
+    after, coasted = SYSTEM.track(belief, zero, nothing), SYSTEM.predict(belief, zero + 2)
+    np.testing.assert_array_equal(after.mean, coasted.mean)
+    np.testing.assert_array_equal(after.covariance, coasted.covariance)
+
+
+def test_a_predicted_miss_is_the_trackers():
+    """A draw of a hidden place gives the mean, covariance and memory that the tracker has after such a step."""
+    _, belief = wide(SYSTEM, 60)
+    zero, misses = np.zeros(60, np.int64), 0
+    nothing = Measurements(np.zeros((60, 2, 2)), np.zeros((60, 2), np.bool_), np.zeros(60, np.bool_))
+    for _ in range(2):  # the second after a miss
+        predicted = SYSTEM.predict(belief, zero, np.full((60, 3), 0.999))
+        after = SYSTEM.track(belief, zero, nothing)
+        assert predicted.missed.all()  # draws of .999 are no detections
+        for name in ("mean", "covariance", "missed", "pointed", "dead"):
+            np.testing.assert_allclose(getattr(predicted, name), getattr(after, name), rtol=1e-9, atol=1e-9)
+        misses += (
+            np.abs(after.covariance - SYSTEM.predict(belief, zero + 2).covariance).max(axis=(1, 2, 3)) > 1e-6
+        ).sum()
+        belief = after
+    assert misses > 60
+
+
+def test_the_expected_outcome_is_the_mean_of_drawn_ones():
+    """10^4 draws for each of 6 beliefs: mean covariance and detections within five standard errors."""
+    _, belief = wide(SYSTEM, 6)
+    rng, zero = np.random.default_rng(0), np.zeros(10_000, np.int64)
+    for e in range(6):
+        one = oracles.rows(belief, slice(e, e + 1))
+        many = oracles.rows(belief, np.full(10_000, e))
+        drawn = SYSTEM.predict(many, zero, rng.random((10_000, 3)))
+        want = SYSTEM.predict(one, zero[:1])
+        traces = np.trace(drawn.covariance[:, 0], axis1=1, axis2=2)
+        assert abs(traces.mean() - np.trace(want.covariance[0, 0])) < 5 * traces.std() / 100 + 1e-9
+        coasted = SYSTEM.predict(one, zero[:1] + 2).mean[0, 0]
+        eta = plain.measure(SYSTEM, coasted)[1]
+        share = SYSTEM.visible_ahead(one, 1)[0, 0, 0] * (1 - np.prod(1 - plain.detection(SYSTEM, eta)))
+        assert abs((~drawn.missed).mean() - share) < 5 * np.sqrt(share * (1 - share) / 10_000) + 1e-9
+
+
+def test_gain_is_what_a_look_takes_off_the_costs_to_come():
+    """Against ``predict`` and beliefs without further looks, for the targets of which nothing hides the radar."""
+    _, belief = wide(SYSTEM, 10)
+    belief = belief._replace(dead=np.zeros(10, np.int64))
+    gain = SYSTEM.gain(belief, 0, 8)
+    for c in (0, 1):
+        here, there = SYSTEM.predict(belief, np.full(10, c)), SYSTEM.predict(belief, np.full(10, 2))
+        total = np.zeros(10)
+        for _ in range(8):
+            total += SYSTEM.cost(there) - SYSTEM.cost(here)
+            dark = [b._replace(pointed=np.full(10, -1)) for b in (here, there)]
+            here, there = (SYSTEM.predict(b, np.full(10, 2)) for b in dark)
+        np.testing.assert_allclose(gain[:, c], total, rtol=1e-9, atol=1e-6)
+    assert (gain[:, :2] > 0).any()
+
+
+def test_a_batch_is_its_elements_bit_for_bit():
+    worlds = oracles.worlds(SYSTEM, 4)
+    whole = SYSTEM.initial(worlds)
+    parts = [SYSTEM.initial(oracles.rows(worlds, slice(e, e + 1))) for e in range(4)]
+    draws = np.random.default_rng(2).random((4, 3))
+    asked = (SYSTEM.observe, SYSTEM.cost, partial(SYSTEM.gain, wait=2, ahead=7), partial(SYSTEM.gain, wait=0, ahead=7))
+    for _, action in zip(range(30), wander(SYSTEM, 4), strict=False):
+        whole = SYSTEM.transition(whole, action, worlds)
+        together = SYSTEM.predict(whole.belief, action, draws)
+        for e in range(4):
+            row = slice(e, e + 1)
+            parts[e] = SYSTEM.transition(parts[e], action[row], oracles.rows(worlds, row))
+            alone = SYSTEM.predict(parts[e].belief, action[row], draws[row])
+            for ones, many in ((parts[e].belief, whole.belief), (parts[e].truth, whole.truth), (alone, together)):
+                for one, each in zip(ones, many, strict=True):
+                    assert one is None or np.array_equal(one[0], each[e])
+            for ask in (*asked, partial(SYSTEM.visible_ahead, steps=12)):
+                np.testing.assert_array_equal(ask(parts[e].belief)[0], ask(whole.belief)[e])
+
+
+def test_the_steps_foretold_are_counted():
+    belief = SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief
+    with pytest.raises(InputError, match="steps is 0"):
+        SYSTEM.visible_ahead(belief, 0)
+
+
+def test_places_have_the_moments_of_a_normal_distribution():
+    points = spread_places(48)
+    np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(points.T @ points / 48 + BLUR * np.eye(2), np.eye(2), atol=1e-12)
+    radius = np.linalg.norm(points, axis=1) / np.sqrt(1 - BLUR)
+    assert kstest(radius, "rayleigh").pvalue > 0.5
 
 
 def test_direct_visibility_is_that_of_the_first_image():
@@ -50,8 +259,11 @@ def test_direct_visibility_is_that_of_the_first_image():
 
 
 def test_given_windows_replace_those_of_the_map():
-    visible = SectorSetupCity(windows=((1, 5, 9),)).initial(oracles.worlds(SYSTEM, 2)).belief.visible
-    assert visible.sum() == visible.size - 2 * 5
+    system = SectorSetupCity(windows=((1, 5, 9),))
+    state = system.initial(oracles.worlds(SYSTEM, 2))
+    for visible in state.belief.visible, state.truth.visible, system.visible_ahead(state.belief, 60):
+        assert visible.sum() == visible.size - 2 * 5
+    assert system.outcome_shape == (2,)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
-"""The sector set-up on an urban map: targets drive along roads, and buildings hide them."""
+"""The sector set-up on an urban map: targets drive along roads, and buildings hide them from time to time."""
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -11,28 +12,33 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.parameters import NonNegative, Positive, changed_default, parameter, system_parameters
+from wavegym.core.system import ObservationField
 from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.sight_kernels import SightTable
 from wavegym.sensors.urban_map import UrbanMap
-from wavegym.sensors.visibility import depth_map
+from wavegym.sensors.visibility import sight_table
 from wavegym.systems.sector_setup import kernels, prediction_kernels
-from wavegym.systems.sector_setup.state import Belief, World
+from wavegym.systems.sector_setup.state import Belief, World, sector_fields
 from wavegym.systems.sector_setup.system import NN, Point, SectorSetup
 from wavegym.systems.sector_setup.visibility_kernels import BLUR
 
 PLACES = 48  # of a target, at which it may be hidden
-FEW_PLACES = 12  # the same where many steps are foretold
+FEW_PLACES = 24  # the same where many steps are foretold
+FARTHEST = 1e7  # m: where the map of targets that drive on ends
 
 
 @system_parameters
 class SectorSetupCity(SectorSetup):
-    """One illuminator serves several targets on an urban map; buildings hide them at times known from the start.
+    """One illuminator serves several targets on an urban map; buildings hide them, at times that must be foretold.
 
     Description
         As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
-        the centre line, and drive along them. Each target has filed its route: its exact start and a constant velocity.
-        A target is hidden when, on its filed route, a building stands between it and the illuminator or a receiver;
-        otherwise it is visible, even if manoeuvres or a turn rate have taken it off the route. These times depend on
-        the true start: schedulers can use them, the tracker does not.
+        the centre line, and drive along them; manoeuvres take them off their course. A target is visible in a step if
+        no building stands between its true place at the end of the step and the illuminator or a receiver. A hidden
+        target is not detected. Tracker and schedulers know the map and the estimates, not the true places. They
+        foretell the probability that a target is visible from its estimate and covariance, anew in each step. The
+        tracker learns from every look: a detection says that the target was visible, and a look that finds nothing
+        that it was probably hidden. With ``windows`` the times are known from the start, and buildings hide nothing.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -110,10 +116,18 @@ class SectorSetupCity(SectorSetup):
         return np.stack([place[..., 0], velocity[..., 0], place[..., 1], velocity[..., 1]], axis=-1)
 
     @cached_property
-    def _hiding(self) -> tuple[Array, Array, Array]:
+    def _hiding(self) -> tuple[SightTable, Array, Array]:
         if self.windows:
             return super()._hiding
-        return depth_map(tuple(self._sites)).depth, spread_places(PLACES), spread_places(FEW_PLACES)
+        seconds = self.dt * self.horizon
+        astray = 2.0 * math.sqrt(self.q[1] * seconds**3 / 3.0)  # standard deviations, at the end of the episode
+        table = sight_table(tuple(self._sites), min(self.speed[1] * seconds, FARTHEST), min(astray, FARTHEST))
+        return table, spread_places(PLACES), spread_places(FEW_PLACES)
+
+    @cached_property
+    def observation_fields(self) -> tuple[ObservationField, ...]:
+        """As in SectorSetup; a probability tells whether a target is visible."""
+        return sector_fields(self.targets, len(self.receivers), self.dead_steps, foretold=not self.windows)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:

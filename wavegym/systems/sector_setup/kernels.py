@@ -2,7 +2,8 @@
 
 Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by
 receiver, n = 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; after the last
-step none is. On a map the tracker is not told: see ``visibility_kernels.py``. Arrays come one by one: Numba takes microseconds to look at each field of a NamedTuple.
+step none is. On a map the tracker is not told (``visibility_kernels.py``). Arrays come one by one: Numba takes
+microseconds to look at each field of a NamedTuple.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
+from wavegym.sensors.sight_kernels import SightTable
 from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, on_a_map, sight_one
 from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
 from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
@@ -39,7 +41,7 @@ class Radar(NamedTuple):
     turn_rate: float
     dead_steps: int
     iterations: int
-    depth: NDArray[np.float64]  # (1 + j, bin) of ``wavegym.sensors.depth_kernels``; no bin where the times are given
+    table: SightTable  # of what buildings hide; no columns where the times are given
     places: NDArray[np.float64]  # (p, 2) of ``visibility_kernels``
     few: NDArray[np.float64]  # the same, fewer
 
@@ -270,7 +272,7 @@ def update_one(i, x, P, w, z, seen, radar, work, nn):
 
 @kernel
 def notice_one(i, x, P, found, again, radar, work, nn):
-    """Update x[i], P[i] with what a look says about the place: in sight of all sites if ``found``, perhaps hidden if not.
+    """Update x[i], P[i] with what a look says of the place: in sight of all sites if ``found``, perhaps hidden if not.
 
     A look that finds nothing has the likelihood 1 - Pd v: Pd of any receiver, at the predicted place. ``again``: the
     last step's look at this target found nothing either.

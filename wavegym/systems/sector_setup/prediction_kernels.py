@@ -22,6 +22,7 @@ from wavegym.systems.sector_setup.kernels import (
 )
 from wavegym.systems.sector_setup.visibility_kernels import (
     chance_one,
+    condition_covariance,
     condition_one,
     condition_worth,
     drawn_place,
@@ -115,21 +116,40 @@ def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
 
 @kernel
 def draw_one(i, x, P, w, draws, again, radar, work, d, sight, truth, nn):
-    """Update x[i], P[i] with the look that draws (1 + j,) decide: a place of the target, and the receivers' detections.
+    """Update x[i], P[i] with the look that uniform draws decide: a receiver detects where its draw is below Pd.
 
-    The target is seen where its place is visible. A look that finds nothing changes the estimate as in the tracker.
-    Returns whether the look finds nothing.
+    On a map the first draw picks a place of the target, which is seen where its place is visible. A look that finds
+    nothing changes the estimate as in the tracker. Returns whether it finds nothing.
     """
-    detected = 0
-    if drawn_place(i, x, P, draws[0], again, radar, truth, nn):
+    first, detected = len(draws) - len(work[1]), 0
+    if first == 0 or drawn_place(i, x, P, draws[0], again, radar, truth, nn):
         for j in range(len(work[1])):
-            detected += (draws[1 + j] < work[1][j]) << j
-    if detected:
+            detected += (draws[first + j] < work[1][j]) << j
+    if first == 0:
+        for j in range(len(work[1])):
+            if detected >> j & 1:
+                shrink_by(i, j, P, work[3], w, radar, work[0][j], work[5], nn)
+    elif detected:
         absorb_place(i, x, P, detected, w, radar, work, d, truth, nn)
-        return False
-    sight_one(i, x, P, again, radar, sight)
-    condition_one(i, x, P, sight, 1.0, none_detects(work[1]) - 1.0, nn)
-    return True
+    else:
+        sight_one(i, x, P, again, radar, sight)
+        condition_one(i, x, P, sight, 1.0, none_detects(work[1]) - 1.0, nn)
+    return detected == 0
+
+
+@inlined
+def look_ahead(t, x, P, again, radar, work, sight, P_missed, nn):
+    """Write a look at target t to ``work``, and to P_missed[t] the covariance if it finds nothing.
+
+    Returns the probability that the target is visible.
+    """
+    look_all(t, x, radar, work)
+    copy_one(t, P, t, P_missed, nn)
+    if not on_a_map(radar):
+        return 1.0
+    clear = sight_one(t, x, P, again, radar, sight)
+    condition_covariance(t, P_missed, sight, 1.0, none_detects(work[1]) - 1.0, nn)
+    return clear
 
 
 @kernel
@@ -137,15 +157,14 @@ def predict(
     step, mean, P, pointed, dead, q, visible, missed, target, waveform, draws, radar, x_out, P_out, pointed_out,
     dead_out, missed_out, nn
 ):  # fmt: skip
-    """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n), pointed_out, dead_out, missed_out (e, c).
+    """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n); pointed_out ... missed_out (e, c).
 
     target, waveform (e or 1, c); draws (e, c or 1, j) uniform, on a map (e, c or 1, 1 + j), or (e, c or 1, 0) for the
     expected outcome.
     """
     (count, candidates, targets, n), receivers = x_out.shape, len(radar.sites) - 1
     ahead, V, work = np.empty((targets, n)), np.empty((targets, n, n)), workspace(receivers, n)
-    x_missed, V_missed = np.zeros((targets, n)), np.empty((targets, n, n))
-    d, sight, truth, clear = np.empty(n), np.zeros(6), np.empty(n), 1.0
+    V_missed, d, sight, truth, clear = np.empty((targets, n, n)), np.empty(n), np.zeros(6), np.empty(n), 1.0
     for e in range(count):
         own = e if len(target) > 1 else 0
         for t in range(targets):
@@ -161,28 +180,21 @@ def predict(
                 for a in range(n):
                     x_out[e, c, i, a] = ahead[i, a]
             if not (sent and is_visible(e, step[e], t, visible)):
-                continue
-            if t != last:
-                look_all(t, ahead, radar, work)
-                last = t
-                if draws.shape[2] == 0:
-                    copy_one(t, V, t, V_missed, nn)
-                    if on_a_map(radar):
-                        clear = sight_one(t, ahead, V, again, radar, sight)
-                        condition_one(t, x_missed, V_missed, sight, 1.0, none_detects(work[1]) - 1.0, nn)
-            if draws.shape[2] == 0:
-                expect(t, V, w, radar, clear, V_missed, work, t, P_out[e, c], nn)
-                missed_out[e, c] = clear * (1.0 - none_detects(work[1])) < 0.5
+                missed_out[e, c] = sent
                 continue
             given = draws[e, c if draws.shape[1] > 1 else 0]
-            if on_a_map(radar):
+            if len(given) == 0:
+                if t != last:
+                    clear = look_ahead(t, ahead, V, again, radar, work, sight, V_missed, nn)
+                expect(t, V, w, radar, clear, V_missed, work, t, P_out[e, c], nn)
+                missed_out[e, c] = clear * (1.0 - none_detects(work[1])) < 0.5
+            else:
+                if t != last:
+                    look_all(t, ahead, radar, work)
                 missed_out[e, c] = draw_one(
                     t, x_out[e, c], P_out[e, c], w, given, again, radar, work, d, sight, truth, nn
                 )  # fmt: skip
-                continue
-            for j in range(receivers):
-                if given[j] < work[1][j]:
-                    shrink_by(t, j, P_out[e, c], work[3], w, radar, work[0][j], work[5], nn)
+            last = t
 
 
 @inlined

@@ -52,7 +52,7 @@ class Belief(NamedTuple):
     pointed: Array  # (env,) int: target for which the illuminator is set up, -1 for none
     dead: Array  # (env,) int: remaining set-up steps without sensing
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
-    visible: Array  # (env, H, target) bool: whether the target is expected to be visible from step k to k + 1
+    visible: Array  # (env, H, target) bool: visible from step k to k + 1 as known from the start; on a map all True
     missed: Array  # (env,) bool: whether the last step's pulse found nothing
 
 
@@ -93,8 +93,22 @@ def illuminator_fields(targets: int, dead_steps: int) -> tuple[ObservationField,
     return (*listed, ObservationField("dead_steps", "step", half, half, "remaining set-up steps"))
 
 
-def sector_fields(targets: int, receivers: int, dead_steps: int) -> tuple[ObservationField, ...]:
-    """Observation fields, in the order in which the kernel ``observe`` writes them."""
+def sector_fields(
+    targets: int, receivers: int, dead_steps: int, foretold: bool = False
+) -> tuple[ObservationField, ...]:
+    """Observation fields, in the order in which the kernel ``observe`` writes them.
+
+    Args:
+        targets: their number.
+        receivers: their number.
+        dead_steps: of a set-up.
+        foretold: whether visibility is a probability, in place of known times.
+    """
+    is_visible, passes, share = (
+        ("probability that target {} is visible", "probability passes 1/2", "mean probability, over the next {} steps,")
+        if foretold
+        else ("whether target {} is visible", "visibility changes", "fraction of the next {} steps in which")
+    )
     listed = [
         ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),
         ObservationField("dead_steps", "step", 0.5 * dead_steps, max(0.5 * dead_steps, 1.0), "remaining set-up steps"),
@@ -105,12 +119,12 @@ def sector_fields(targets: int, receivers: int, dead_steps: int) -> tuple[Observ
             ObservationField(
                 f"set_up_{t}", "1", 0.5, 0.5, f"whether the illuminator is set up, or being set up, for target {t}"
             ),
-            ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"whether target {t} is visible in the next step"),
+            ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"{is_visible.format(t)} in the next step"),
             ObservationField(
-                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until its visibility changes, at most {SOON}"
+                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until its {passes}, at most {SOON}"
             ),
             ObservationField(
-                f"soon_visible_{t}", "1", 0.5, 0.3, f"fraction of the next {SOON} steps in which it is visible"
+                f"soon_visible_{t}", "1", 0.5, 0.3, f"{share.format(SOON)} {'that ' if foretold else ''}it is visible"
             ),
             ObservationField(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
             ObservationField(f"log10_sigma_position_{t}", "log10(m)", 1.5, 0.5, f"RMS position uncertainty {of}"),

@@ -17,6 +17,7 @@ from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.sensors.sight_kernels import SightTable
 from wavegym.systems.recorded_targets import (
     PlaysRecordings,
     drawn_windows,
@@ -179,9 +180,9 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         return kernels.Radar(sites, accuracy, *law, *settings, *self._hiding)
 
     @cached_property
-    def _hiding(self) -> tuple[Array, Array, Array]:
-        """Depth map, places and few places of the kernels; no direction where the times of visibility are given."""
-        return np.empty((1 + len(self.receivers), 0)), np.empty((0, 2)), np.empty((0, 2))
+    def _hiding(self) -> tuple[SightTable, Array, Array]:
+        """Sight table, places and few places of the kernels; an empty table where the times of visibility are given."""
+        return SightTable(0.0, 0.0, 1.0, np.empty((0, 1), np.bool_)), np.empty((0, 2)), np.empty((0, 2))
 
     @cached_property
     def _weights(self) -> Array:

@@ -2,8 +2,8 @@
 
 The position is Gaussian with covariance L L'. Places x + L u are tried at points u of equal weight, ``radar.places``
 (p, 2); v(u) is 1 where all sites see the place. The density of the state is multiplied by the likelihood of the look,
-``base`` + ``slope`` v, and replaced by the Gaussian of the same mean and covariance. A point stands for a small Gaussian
-of variance ``BLUR``, so a covariance never collapses to a few points. Shapes and arguments as in ``kernels.py``.
+``base`` + ``slope`` v, and replaced by the Gaussian of the same mean and covariance. A point stands for a small
+Gaussian of variance ``BLUR``, so a covariance never collapses to a few points. Shapes as in ``kernels.py``.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.depth_kernels import is_clear
+from wavegym.sensors.sight_kernels import is_clear
 
 BLUR = 0.05  # of a variance of 1: half the mean distance of 48 points, squared
 UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model: it changes nothing
@@ -23,7 +23,7 @@ FLAT = 1e-12  # least share of a variance that is left in the other coordinate
 @inlined
 def on_a_map(radar):
     """Whether buildings hide targets; otherwise the times are given."""
-    return radar.depth.shape[1] > 0
+    return radar.table.clear.shape[0] > 0
 
 
 @inlined
@@ -42,49 +42,56 @@ def slopes_one(i, P, k, a, b, c):
 
 
 @inlined
-def place_is_clear(i, x, P, a, b, c, u, w, again, radar):
-    """Whether the place of the point (u, w) is visible; and was not a step ago, if a look found nothing then.
+def place_one(i, x, P, a, b, c, u, w, again, radar):
+    """Whether the place of the point (u, w) is visible, and whether it counts as a place of the target.
 
-    Each look counts once: the part of the Gaussian that was visible a step ago stands for hidden places by now.
+    If a look found nothing a step ago (``again``), places that were visible then have no target in them, although the
+    Gaussian reaches there. So they do not count.
     """
     px, py = x[i, 0] + a * u, x[i, 2] + b * u + c * w
-    if not is_clear(px, py, radar.sites, radar.depth):
-        return False
+    clear = is_clear(px, py, radar.table)
     if not again:
-        return True
+        return clear, True
     (g, h), (m, n) = slopes_one(i, P, 1, a, b, c), slopes_one(i, P, 3, a, b, c)
     px -= radar.dt * (x[i, 1] + g * u + h * w)
     py -= radar.dt * (x[i, 3] + m * u + n * w)
-    return not is_clear(px, py, radar.sites, radar.depth)
+    counts = not is_clear(px, py, radar.table)
+    return clear and counts, counts
 
 
 @kernel
 def chance_one(i, x, P, again, radar, places):
     """Probability that target i is visible; ``again``: the last step's look at it found nothing."""
     a, b, c = root_one(i, P)
-    clear = 0
+    visible, count = 0, 0
     for p in range(len(places)):
-        clear += place_is_clear(i, x, P, a, b, c, places[p, 0], places[p, 1], again, radar)
-    return clear / len(places)
+        clear, counts = place_one(i, x, P, a, b, c, places[p, 0], places[p, 1], again, radar)
+        visible += clear
+        count += counts
+    return visible / max(count, 1)
 
 
 @kernel
 def sight_one(i, x, P, again, radar, sight):
-    """Fill sight (6,) with the means of v, v u and v u u' over all points; returns the mean of v."""
+    """Fill sight (6,) with the means of v, v u and v u u' over all points; returns ``chance_one``."""
     a, b, c = root_one(i, P)
+    count = 0
     sight[:] = 0.0
     for p in range(len(radar.places)):
         u, w = radar.places[p, 0], radar.places[p, 1]
-        if place_is_clear(i, x, P, a, b, c, u, w, again, radar):
+        clear, counts = place_one(i, x, P, a, b, c, u, w, again, radar)
+        count += counts
+        if clear:
             sight[0] += 1.0
             sight[1] += u
             sight[2] += w
             sight[3] += u * u
             sight[4] += u * w
             sight[5] += w * w
+    visible = sight[0]
     for m in range(6):
         sight[m] /= len(radar.places)
-    return sight[0]
+    return visible / max(count, 1)
 
 
 @inlined
@@ -100,9 +107,9 @@ def moments_of(sight, base, slope):
 
 
 @inlined
-def condition_one(i, x, P, sight, base, slope, nn):
-    """Update x[i], P[i] with a look of the likelihood base + slope v."""
-    m, n, f, g, h = moments_of(sight, base, slope)
+def condition_covariance(i, P, sight, base, slope, nn):
+    """Update P[i] with a look of the likelihood base + slope v."""
+    _, _, f, g, h = moments_of(sight, base, slope)
     if f == 0.0 and h == 0.0:
         return
     a, b, c = root_one(i, P)
@@ -112,11 +119,21 @@ def condition_one(i, x, P, sight, base, slope, nn):
     )  # fmt: skip
     for j in range(len(nn)):
         first, second = slopes[j]
-        x[i, j] += first * m + second * n
         left, right = first * f + second * g, first * g + second * h
         for k in range(j + 1):
             P[i, j, k] += left * slopes[k][0] + right * slopes[k][1]
             P[i, k, j] = P[i, j, k]
+
+
+@inlined
+def condition_one(i, x, P, sight, base, slope, nn):
+    """Update x[i], P[i] with a look of the likelihood base + slope v."""
+    m, n, _, _, _ = moments_of(sight, base, slope)
+    a, b, c = root_one(i, P)
+    for k in range(len(nn)):
+        g, h = slopes_one(i, P, k, a, b, c)
+        x[i, k] += g * m + h * n
+    condition_covariance(i, P, sight, base, slope, nn)
 
 
 @inlined
@@ -141,8 +158,13 @@ def drawn_place(i, x, P, draw, again, radar, d, nn):
     """Fill d (n,): a place of target i less its mean, picked by a uniform draw; returns whether it is visible."""
     a, b, c = root_one(i, P)
     p = min(int(draw * len(radar.places)), len(radar.places) - 1)
-    u, w = radar.places[p, 0], radar.places[p, 1]
+    clear, counts = False, False
+    for _ in range(len(radar.places)):
+        clear, counts = place_one(i, x, P, a, b, c, radar.places[p, 0], radar.places[p, 1], again, radar)
+        if counts:
+            break
+        p = (p + 1) % len(radar.places)
     for k in range(len(nn)):
         g, h = slopes_one(i, P, k, a, b, c)
-        d[k] = g * u + h * w
-    return place_is_clear(i, x, P, a, b, c, u, w, again, radar)
+        d[k] = g * radar.places[p, 0] + h * radar.places[p, 1]
+    return clear
