@@ -82,11 +82,11 @@ def test_a_sight_table_has_the_visibility_of_the_centres_of_its_cells() -> None:
     assert is_clear(-1e9, 1e9, table) == table.clear[0, -1]
     assert is_clear(np.nan, np.inf, table) in (True, False)
     assert sight_table(antennas, 100.0, 20.0) is table
-    assert sight_table(antennas, 1e7, 20.0).clear.size < 1.1e6
+    assert sight_table(antennas, 1e7, 20.0).clear.size < 2e6
 
 
 @pytest.mark.parametrize(("reach", "margin"), [(-1.0, 0.0), (np.inf, 0.0), (1.0, np.nan)])
 def test_a_sight_table_of_no_size_is_refused(reach: float, margin: float) -> None:
     antennas = (Antenna(UrbanMap.load("promenade"), (0.0, 0.0)),)
-    with pytest.raises(InputError, match="reach|margin"):
+    with pytest.raises(InputError, match=r"reach|margin"):
         sight_table(antennas, reach, margin)

@@ -157,7 +157,7 @@ def test_a_look_at_a_target_that_cannot_hide_says_nothing():
     zero = np.zeros(5, np.int64)
     road = np.stack([np.arange(-100.0, 100.0), np.full(200, 110.0)], axis=1)
     hidden = hidden_by_shapely(SYSTEM, road)
-    (middle,) = np.flatnonzero(~np.convolve(hidden, np.ones(11), "same").astype(bool))[:1]
+    (middle,) = np.flatnonzero(~np.convolve(hidden, np.ones(25), "same").astype(bool))[:1]
     belief = belief._replace(mean=np.tile([road[middle, 0], 0.0, 110.0, 0.0], (5, 4, 1)))
     assert (SYSTEM.visible_ahead(belief, 1) == 1.0).all()
     nothing = Measurements(np.zeros((5, 2, 2)), np.zeros((5, 2), np.bool_), np.zeros(5, np.bool_))
