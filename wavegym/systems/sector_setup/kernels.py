@@ -18,7 +18,7 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.sight_kernels import SightTable
-from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, on_a_map, sight_one
+from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, of_a_miss, on_a_map, sight_one
 from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
 from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import sigma_points_one
@@ -284,7 +284,7 @@ def notice_one(i, x, P, found, again, radar, work, nn):
     missed = 1.0
     for j in range(len(radar.sites) - 1):
         missed *= 1.0 - probability(look_one(i, x, j, radar, work.h, work.H), radar)
-    condition_one(i, x, P, work.sight, 1.0, missed - 1.0, nn)
+    condition_one(i, x, P, work.sight, 1.0, of_a_miss(missed), nn)
 
 
 @inlined

@@ -26,6 +26,7 @@ from wavegym.systems.sector_setup.visibility_kernels import (
     condition_one,
     condition_worth,
     drawn_place,
+    of_a_miss,
     on_a_map,
     sight_one,
 )
@@ -133,7 +134,7 @@ def draw_one(i, x, P, w, draws, again, radar, work, d, sight, truth, nn):
         absorb_place(i, x, P, detected, w, radar, work, d, truth, nn)
     else:
         sight_one(i, x, P, again, radar, sight)
-        condition_one(i, x, P, sight, 1.0, none_detects(work[1]) - 1.0, nn)
+        condition_one(i, x, P, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
     return detected == 0
 
 
@@ -148,7 +149,7 @@ def look_ahead(t, x, P, again, radar, work, sight, P_missed, nn):
     if not on_a_map(radar):
         return 1.0
     clear = sight_one(t, x, P, again, radar, sight)
-    condition_covariance(t, P_missed, sight, 1.0, none_detects(work[1]) - 1.0, nn)
+    condition_covariance(t, P_missed, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
     return clear
 
 
@@ -292,7 +293,9 @@ def gain(step, mean, P, pointed, q, visible, missed, target, waveform, wait, M, 
                 if on_a_map(radar):
                     again = missed[e] and pointed[e] == t and delay == 0
                     clear, found = sight_one(0, ahead, V, again, radar, sight), 1.0 - none_detects(work[1])
-                    learned = (1.0 - clear * found) * condition_worth(0, V, sight, 1.0, -found, weights, nn)
+                    learned = (1.0 - clear * found) * condition_worth(
+                        0, V, sight, 1.0, of_a_miss(1.0 - found), weights, nn
+                    )
             if clear > 0.0:
                 worth = expected_worth(G, B, waveform[c], radar.accuracy, work[0], work[1], S, D, mm)
                 out[e, c] = clear * worth + learned

@@ -16,7 +16,7 @@ from wavegym.sensors.sight_kernels import is_clear
 
 BLUR = 0.05  # of a variance of 1: half the mean distance of 48 points, squared
 UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model: it changes nothing
-DOUBT = 0.1  # weight of a hidden place after a detection: the estimate is no exact posterior near the edge of a shadow
+DOUBT = 0.1  # least weight of a place that a look contradicts: the density is not quite Gaussian, and its tails decide
 FLAT = 1e-12  # least share of a variance that is left in the other coordinate
 
 
@@ -104,6 +104,12 @@ def moments_of(sight, base, slope):
     m, n = scale * sight[1], scale * sight[2]
     rest = own * (1.0 - BLUR) + BLUR - 1.0  # of the points' own variance, and the blur
     return m, n, rest + scale * sight[3] - m * m, scale * sight[4] - m * n, rest + scale * sight[5] - n * n
+
+
+@inlined
+def of_a_miss(undetected):
+    """The slope of the likelihood of a look that finds nothing; ``undetected``: its probability if all is visible."""
+    return max(undetected, DOUBT) - 1.0
 
 
 @inlined
