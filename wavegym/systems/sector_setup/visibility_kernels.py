@@ -17,6 +17,7 @@ from wavegym.sensors.sight_kernels import is_clear
 BLUR = 0.05  # of a variance of 1: half the mean distance of 48 points, squared
 UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model: it changes nothing
 DOUBT = 0.1  # least weight of a place that a look contradicts: the density is not quite Gaussian, and its tails decide
+AGAIN = 0.3  # weight of a place that was visible when the last look found nothing; calibrated
 FLAT = 1e-12  # least share of a variance that is left in the other coordinate
 
 
@@ -43,55 +44,54 @@ def slopes_one(i, P, k, a, b, c):
 
 @inlined
 def place_one(i, x, P, a, b, c, u, w, again, radar):
-    """Whether the place of the point (u, w) is visible, and whether it counts as a place of the target.
+    """Whether the place of the point (u, w) is visible, and the weight of the point.
 
-    If a look found nothing a step ago (``again``), places that were visible then have no target in them, although the
-    Gaussian reaches there. So they do not count.
+    If a look found nothing a step ago (``again``), a place that was visible then probably has no target in it, although
+    the Gaussian reaches there: it has the weight ``AGAIN``.
     """
     px, py = x[i, 0] + a * u, x[i, 2] + b * u + c * w
     clear = is_clear(px, py, radar.table)
     if not again:
-        return clear, True
+        return clear, 1.0
     (g, h), (m, n) = slopes_one(i, P, 1, a, b, c), slopes_one(i, P, 3, a, b, c)
     px -= radar.dt * (x[i, 1] + g * u + h * w)
     py -= radar.dt * (x[i, 3] + m * u + n * w)
-    counts = not is_clear(px, py, radar.table)
-    return clear and counts, counts
+    return clear, AGAIN if is_clear(px, py, radar.table) else 1.0
 
 
 @kernel
 def chance_one(i, x, P, again, radar, places):
     """Probability that target i is visible; ``again``: the last step's look at it found nothing."""
     a, b, c = root_one(i, P)
-    visible, count = 0, 0
+    visible, total = 0.0, 0.0
     for p in range(len(places)):
-        clear, counts = place_one(i, x, P, a, b, c, places[p, 0], places[p, 1], again, radar)
-        visible += clear
-        count += counts
-    return visible / max(count, 1)
+        clear, weight = place_one(i, x, P, a, b, c, places[p, 0], places[p, 1], again, radar)
+        visible += weight if clear else 0.0
+        total += weight
+    return visible / total
 
 
 @kernel
 def sight_one(i, x, P, again, radar, sight):
     """Fill sight (6,) with the means of v, v u and v u u' over all points; returns ``chance_one``."""
     a, b, c = root_one(i, P)
-    count = 0
+    total = 0.0
     sight[:] = 0.0
     for p in range(len(radar.places)):
         u, w = radar.places[p, 0], radar.places[p, 1]
-        clear, counts = place_one(i, x, P, a, b, c, u, w, again, radar)
-        count += counts
+        clear, weight = place_one(i, x, P, a, b, c, u, w, again, radar)
+        total += weight
         if clear:
-            sight[0] += 1.0
-            sight[1] += u
-            sight[2] += w
-            sight[3] += u * u
-            sight[4] += u * w
-            sight[5] += w * w
+            sight[0] += weight
+            sight[1] += weight * u
+            sight[2] += weight * w
+            sight[3] += weight * u * u
+            sight[4] += weight * u * w
+            sight[5] += weight * w * w
     visible = sight[0]
     for m in range(6):
         sight[m] /= len(radar.places)
-    return visible / max(count, 1)
+    return visible / total
 
 
 @inlined
@@ -163,13 +163,14 @@ def condition_worth(i, P, sight, base, slope, M, nn):
 def drawn_place(i, x, P, draw, again, radar, d, nn):
     """Fill d (n,): a place of target i less its mean, picked by a uniform draw; returns whether it is visible."""
     a, b, c = root_one(i, P)
-    p = min(int(draw * len(radar.places)), len(radar.places) - 1)
-    clear, counts = False, False
-    for _ in range(len(radar.places)):
-        clear, counts = place_one(i, x, P, a, b, c, radar.places[p, 0], radar.places[p, 1], again, radar)
-        if counts:
+    count = len(radar.places)
+    p = min(int(draw * count), count - 1)
+    rest, clear = draw * count - p, False
+    for _ in range(count):
+        clear, weight = place_one(i, x, P, a, b, c, radar.places[p, 0], radar.places[p, 1], again, radar)
+        if rest < weight:
             break
-        p = (p + 1) % len(radar.places)
+        p = (p + 1) % count
     for k in range(len(nn)):
         g, h = slopes_one(i, P, k, a, b, c)
         d[k] = g * radar.places[p, 0] + h * radar.places[p, 1]
