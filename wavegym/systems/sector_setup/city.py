@@ -1,11 +1,11 @@
-"""The sector set-up on an urban map: targets drive along roads, and buildings hide them from time to time."""
+"""The sector set-up on an urban map: targets drive along roads, and buildings hide them."""
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -29,16 +29,21 @@ FARTHEST = 1e7  # m: where the map of targets that drive on ends
 
 @system_parameters
 class SectorSetupCity(SectorSetup):
-    """One illuminator serves several targets on an urban map; buildings hide them, at times that must be foretold.
+    """One illuminator serves several targets on an urban map; buildings hide them at times known from the start.
 
     Description
         As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
-        the centre line, and drive along them; manoeuvres take them off their course. A target is visible in a step if
-        no building stands between its true place at the end of the step and the illuminator or a receiver. A hidden
-        target is not detected. Tracker and schedulers know the map and the estimates, not the true places. They
-        foretell the probability that a target is visible from its estimate and covariance, anew in each step. The
-        tracker learns from every look: a detection says that the target was visible, and a look that finds nothing
-        that it was probably hidden. With ``windows`` the times are known from the start, and buildings hide nothing.
+        the centre line, and drive along them. Each target has filed its route: its exact start and a constant velocity.
+        A target is hidden when, on its filed route, a building stands between it and the illuminator or a receiver;
+        otherwise it is visible, even if manoeuvres or a turn rate have taken it off the route. These times depend on
+        the true start: schedulers can use them, the tracker does not. In about a fifth of the target-steps late in an
+        episode, when targets have manoeuvred, visibility from the true place is different.
+
+        ``visibility="foretold"`` takes it from the true place at the end of each step. Tracker and schedulers know the
+        map and the estimates, and foretell the probability that a target is visible, anew in each step. The tracker
+        learns from every look: a detection says that the target was visible, and a look that finds nothing that it was
+        probably hidden. This identifier will move to it when its planner and agents are made anew. With ``windows`` the
+        times are those given, and buildings hide nothing.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -58,6 +63,12 @@ class SectorSetupCity(SectorSetup):
         "an urban map of wavegym, or a TOML file, with roads; region, shown and hidden are not used",
         unit="",
         truth=True,
+    )
+    visibility: Literal["filed", "foretold"] = parameter(
+        "filed",
+        "where targets are when buildings hide them: 'filed', on straight routes known from the start, or 'foretold', at "
+        "their true places, which nobody knows; not used with windows",
+        unit="",
     )
     dt: float = changed_default(SectorSetup, "dt", 0.5)
     illuminator: Point = changed_default(SectorSetup, "illuminator", (0.0, 0.0))
@@ -115,9 +126,14 @@ class SectorSetupCity(SectorSetup):
         velocity = (self.speed[0] + (self.speed[1] - self.speed[0]) * speed)[..., None] * driven
         return np.stack([place[..., 0], velocity[..., 0], place[..., 1], velocity[..., 1]], axis=-1)
 
+    @property
+    def _times_are_known(self) -> bool:
+        """Whether the times of visibility are known from the start: filed, or given by ``windows``."""
+        return bool(self.windows) or self.visibility == "filed"
+
     @cached_property
     def _hiding(self) -> tuple[SightTable, Array, Array]:
-        if self.windows:
+        if self._times_are_known:
             return super()._hiding
         seconds = self.dt * self.horizon
         astray = 2.0 * math.sqrt(self.q[1] * seconds**3 / 3.0)  # standard deviations, at the end of the episode
@@ -126,32 +142,43 @@ class SectorSetupCity(SectorSetup):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """As in SectorSetup; a probability tells whether a target is visible."""
-        return sector_fields(self.targets, len(self.receivers), self.dead_steps, foretold=not self.windows)
+        """As in SectorSetup; where visibility is foretold, a probability stands for it."""
+        known = self._times_are_known
+        return sector_fields(self.targets, len(self.receivers), self.dead_steps, foretold=not known)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
-        """A draw of the target's place, and one for each receiver."""
-        return super().outcome_shape if self.windows else (1 + len(self.receivers),)
+        """As in SectorSetup; where visibility is foretold, with a draw of the target's place before the others."""
+        return super().outcome_shape if self._times_are_known else (1 + len(self.receivers),)
 
     def _visible(self, world: World, true_states: Array) -> Array:
-        """Whether no building hides the targets at their true places at the end of each step, bool (env, H, target).
+        """Whether no building hides the targets at the end of each step, bool (env, H, target)."""
+        if self.windows:
+            return super()._visible(world, true_states)
+        places = self._filed(true_states) if self.visibility == "filed" else self._driven(world, true_states)
+        return np.logical_and.reduce([site.directly_visible(places) for site in self._sites])
+
+    def _filed(self, true_states: Array) -> Array:
+        """Places on the filed routes at the end of each step, (env, H, target, 2)."""
+        t = self.dt * np.arange(1, self.horizon + 1)[:, None, None]
+        return true_states[:, None, :, ::2] + t * true_states[:, None, :, 1::2]
+
+    def _driven(self, world: World, true_states: Array) -> Array:
+        """True places at the end of each step, (env, H, target, 2).
 
         No action moves a target, so its whole path is known to the world from the start.
         """
-        if self.windows:
-            return super()._visible(world, true_states)
-        places = np.empty((len(true_states), self.horizon, *true_states.shape[1:]))
+        states = np.empty((len(true_states), self.horizon, *true_states.shape[1:]))
         here, q, step = true_states, self._densities(world), np.zeros(len(true_states), np.int64)
         for k in range(self.horizon):
             after = np.empty(here.shape)
             kernels.move(step + k, here, q, world.process, self.motion.noise_factor, self._radar, after, NN)
-            places[:, k] = here = after
-        return np.logical_and.reduce([site.directly_visible(places[..., ::2]) for site in self._sites])
+            states[:, k] = here = after
+        return states[..., ::2]
 
     def _known(self, world: World, true_states: Array, visible: Array) -> Array:
-        """Nobody is told when buildings hide a target: all True, unless ``windows`` give the times."""
-        return super()._known(world, true_states, visible) if self.windows else np.ones_like(visible)
+        """As in SectorSetup; where visibility is foretold, nobody is told when buildings hide a target: all True."""
+        return super()._known(world, true_states, visible) if self._times_are_known else np.ones_like(visible)
 
     def visible_ahead(self, belief: Belief, steps: int) -> Array:
         """Probability that each target is visible in each of the next steps, (env, steps, target).
