@@ -1,4 +1,4 @@
-"""The sector set-up on an urban map: starts on roads, true visibility against shapely, and how it is foretold."""
+"""The sector set-up on an urban map: starts on roads, visibility against shapely, and how it is foretold."""
 
 from __future__ import annotations
 
@@ -15,10 +15,13 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.sensors import Antenna
 from wavegym.systems.sector_setup.city import SectorSetupCity, spread_places
-from wavegym.systems.sector_setup.state import Measurements
+from wavegym.systems.sector_setup.state import Measurements, sector_fields
 from wavegym.systems.sector_setup.visibility_kernels import BLUR
+from wavegym.testing import check_vector_env
+from wavegym.testing.capability_check import capability_defect
 
-SYSTEM = SectorSetupCity()
+FILED = SectorSetupCity()
+SYSTEM = SectorSetupCity(visibility="foretold")
 
 
 def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
@@ -54,16 +57,75 @@ def wander(system, count, seed=1):
         yield last
 
 
+def test_filed_windows_are_those_of_the_straight_course():
+    """Straight lines from the filed positions of some targets to the three antennas, by shapely; everybody is told."""
+    worlds = oracles.worlds(FILED, 4)
+    state = FILED.initial(worlds)
+    start = state.truth.targets
+    for k in range(FILED.horizon):
+        course = start[..., ::2] + FILED.dt * (k + 1) * start[..., 1::2]
+        hidden = hidden_by_shapely(FILED, course.reshape(-1, 2)).reshape(4, -1)
+        np.testing.assert_array_equal(state.belief.visible[:, k], ~hidden)
+    assert 0.3 < state.belief.visible.mean() < 0.7
+    for told in state.truth.visible, FILED.visible_ahead(state.belief, FILED.horizon):
+        np.testing.assert_array_equal(told, state.belief.visible)
+
+
+def test_of_filed_targets_only_the_times_are_used():
+    """As SectorSetup: no table, no draw of a place, fields that tell whether, and a miss says nothing of the place."""
+    worlds = oracles.worlds(FILED, 20)
+    state = FILED.initial(worlds)
+    assert FILED.outcome_shape == (2,)
+    assert FILED.observation_fields == sector_fields(4, 2, 3)
+    assert FILED._radar.table.clear.size == 0
+    unset, zero = np.zeros((20, 2, 2)), np.zeros(20, np.int64)
+    nothing = Measurements(unset, np.zeros((20, 2), np.bool_), np.zeros(20, np.bool_))
+    belief = state.belief._replace(pointed=zero)
+    after, coasted = FILED.track(belief, zero, nothing), FILED.predict(belief, zero + 2)
+    np.testing.assert_array_equal(after.mean, coasted.mean)
+    np.testing.assert_array_equal(after.covariance, coasted.covariance)
+    hidden = ~state.truth.visible[:, 0, 0]
+    assert hidden.any()
+    after = FILED.transition(state._replace(belief=belief), zero, worlds)
+    assert (after.truth.detections[hidden] == 0).all()
+
+
+def test_worlds_are_the_same_in_both_modes():
+    """Starts and paths; visibility is the same in the first step, except where a manoeuvre crosses an edge."""
+    worlds = oracles.worlds(FILED, 50)
+    filed, foretold = FILED.initial(worlds), SYSTEM.initial(worlds)
+    np.testing.assert_array_equal(filed.truth.targets, foretold.truth.targets)
+    assert (filed.truth.visible[:, 0] == foretold.truth.visible[:, 0]).mean() > 0.97
+    assert (filed.truth.visible != foretold.truth.visible)[:, -20:].mean() > 0.15
+    assert foretold.belief.visible.all()
+    zero = np.zeros(50, np.int64)
+    for _ in range(5):
+        filed, foretold = (s.transition(at, zero, worlds) for s, at in ((FILED, filed), (SYSTEM, foretold)))
+    np.testing.assert_array_equal(filed.truth.targets, foretold.truth.targets)
+
+
+def test_an_unknown_visibility_is_refused():
+    with pytest.raises(InputError, match="visibility") as error:
+        make_checked(SectorSetupCity, {"visibility": "told"})
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("visibility", ["filed", "foretold"])
+def test_the_environment_conforms_and_its_capabilities_agree(visibility):
+    check_vector_env("wavegym/SectorSetupCity-v0", visibility=visibility, horizon=6)
+    assert capability_defect(SectorSetupCity(visibility=visibility, horizon=12)) is None
+
+
 @pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    "change", [{}, {"truth": {"q": (0.05, 0.5), "turn_rate": 0.02}}], ids=["default", "other world"]
+    "change", [{}, {"truth": {"q": (0.05, 0.5), "turn_rate": 0.02}}], ids=["as assumed", "other world"]
 )
 def test_buildings_hide_targets_where_they_truly_are(change, count):
     """Every step of every target against shapely, and no detection of a hidden target.
 
     The straight course from the true start, taken for the truth, is wrong in a fifth of the late steps.
     """
-    system = make_checked(SectorSetupCity, change)
+    system = make_checked(SectorSetupCity, {"visibility": "foretold", **change})
     worlds = oracles.worlds(system, count)
     state, rows = system.initial(worlds), np.arange(count)
     start, wrong, detections = state.truth.targets, [], 0
@@ -259,8 +321,9 @@ def test_direct_visibility_is_that_of_the_first_image():
     assert antenna.directly_visible((0.0, 50.0)).shape == ()
 
 
-def test_given_windows_replace_those_of_the_map():
-    system = SectorSetupCity(windows=((1, 5, 9),))
+@pytest.mark.parametrize("visibility", ["filed", "foretold"])
+def test_given_windows_replace_those_of_the_map(visibility):
+    system = SectorSetupCity(windows=((1, 5, 9),), visibility=visibility)
     state = system.initial(oracles.worlds(SYSTEM, 2))
     for visible in state.belief.visible, state.truth.visible, system.visible_ahead(state.belief, 60):
         assert visible.sum() == visible.size - 2 * 5

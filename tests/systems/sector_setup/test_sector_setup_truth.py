@@ -14,8 +14,12 @@ from wavegym.schedulers.heuristics.index_policies import CostOfDelay
 from wavegym.systems.sector_setup.city import SectorSetupCity
 from wavegym.systems.sector_setup.system import SectorSetup
 
-SYSTEMS = {"plain": SectorSetup(), "city": SectorSetupCity()}
-BOTH = pytest.mark.parametrize("name", SYSTEMS)
+SYSTEMS = {
+    "plain": SectorSetup(),
+    "city": SectorSetupCity(),
+    "foretold": SectorSetupCity(visibility="foretold"),
+}
+EVERY = pytest.mark.parametrize("name", SYSTEMS)
 WORLD = (
     "q", "turn_rate", "prior_variance", "region", "speed", "reference_snr", "reference_range", "nearest_range",
     "false_alarm", "windows",
@@ -36,7 +40,7 @@ def nees(system, states):
     return np.mean([system.state_info(state)["nees"] for state in states[1:]])
 
 
-@BOTH
+@EVERY
 def test_a_truth_equal_to_the_assumptions_changes_nothing(name):
     system = SYSTEMS[name]
     told = replace(system, truth={each: getattr(system, each) for each in WORLD})
@@ -46,7 +50,7 @@ def test_a_truth_equal_to_the_assumptions_changes_nothing(name):
             np.testing.assert_array_equal(a, b)
 
 
-@BOTH
+@EVERY
 def test_the_tracker_is_not_told_of_manoeuvres(name):
     """Four times the process noise: until the first look it knows nothing of them, and then its errors are too great.
 
@@ -64,14 +68,14 @@ def test_the_tracker_is_not_told_of_manoeuvres(name):
         )
     assert here.truth.detections.sum() > 200
     for field in ("covariance", "q", "visible"):
-        seen = field == "covariance" and name == "city"  # of target 0 it is known where it is visible
+        seen = field == "covariance" and name == "foretold"  # of target 0 it is known where it is visible
         one, other = (getattr(each.belief, field)[:, 1 if seen else 0 :] for each in (here, there))
         np.testing.assert_array_equal(one, other)
     assert np.abs(here.belief.mean - there.belief.mean).max() > 0.01
     assert nees(mistaken, play(mistaken, worlds)) > nees(system, play(system, worlds)) + 0.5
 
 
-@BOTH
+@EVERY
 @pytest.mark.parametrize("parameter", ["turn_rate", "prior_variance"])
 def test_other_mistakes_raise_the_errors_too(name, parameter):
     """A turn of 3 degrees a second, and first errors three times as great; a tracker that is told is consistent."""
@@ -82,7 +86,7 @@ def test_other_mistakes_raise_the_errors_too(name, parameter):
     assert abs(nees(told, play(told, worlds)) - 4.0) < 4 * np.sqrt(8 / 400)
 
 
-@BOTH
+@EVERY
 def test_a_weaker_radar_detects_less_than_schedulers_expect(name):
     system = SYSTEMS[name]
     mistaken, worlds = (
@@ -93,7 +97,7 @@ def test_a_weaker_radar_detects_less_than_schedulers_expect(name):
     assert detections[1] < 0.8 * detections[0]
 
 
-@BOTH
+@EVERY
 def test_targets_hide_where_nobody_expects_it(name):
     """Windows of the truth stop detections; those of the belief are what schedulers see."""
     system = SYSTEMS[name]
@@ -112,7 +116,7 @@ def test_what_is_no_law_of_the_world_may_not_differ(truth):
     assert "\n" not in str(error.value)
 
 
-@BOTH
+@EVERY
 @pytest.mark.parametrize("k", [10, 30])
 def test_losing_a_track_never_pays(name, k):
     """Pairs of worlds, in one of which target 1 is not detected from step k on: the mean cost of no step falls.

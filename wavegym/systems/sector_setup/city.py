@@ -66,8 +66,8 @@ class SectorSetupCity(SectorSetup):
     )
     visibility: Literal["filed", "foretold"] = parameter(
         "filed",
-        "where targets are when buildings hide them: 'filed', on straight routes known from the start, or 'foretold', at "
-        "their true places, which nobody knows; not used with windows",
+        "where buildings hide targets: 'filed', on straight routes known from the start, or 'foretold', at their true "
+        "places, which nobody knows; not used with windows",
         unit="",
     )
     dt: float = changed_default(SectorSetup, "dt", 0.5)
