@@ -2,7 +2,7 @@
 
 Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by
 receiver, n = 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; after the last
-step none is. On a map the tracker is not told (``visibility_kernels.py``). Arrays come one by one: Numba takes
+step none is. Where visibility is foretold, the tracker is not told (``visibility_kernels.py``). Arrays come one by one: Numba takes
 microseconds to look at each field of a NamedTuple.
 """
 
@@ -18,7 +18,7 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.sight_kernels import SightTable
-from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, of_a_miss, on_a_map, sight_one
+from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, of_a_miss, is_foretold, sight_one
 from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
 from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import sigma_points_one
@@ -41,7 +41,7 @@ class Radar(NamedTuple):
     turn_rate: float
     dead_steps: int
     iterations: int
-    table: SightTable  # of what buildings hide; no columns where the times are given
+    table: SightTable  # of what buildings hide; no columns where the times are known
     places: NDArray[np.float64]  # (p, 2) of ``visibility_kernels``
     few: NDArray[np.float64]  # the same, fewer
 
@@ -291,7 +291,7 @@ def notice_one(i, x, P, found, again, radar, work, nn):
 def track_one(e, t, w, sent, again, mean, P, q, z, seen, radar, x, P_out, work, nn):
     """x[e], P_out[e]: all targets of environment e one step on, and target t updated where a receiver detects it.
 
-    ``sent``: whether the target was illuminated, which on a map says something even where no receiver detects it;
+    ``sent``: whether the target was illuminated, which says something of its place where visibility is foretold;
     ``again``: whether the last step's look at it found nothing. Returns whether this step's does.
     """
     for i in range(x.shape[1]):
@@ -302,7 +302,7 @@ def track_one(e, t, w, sent, again, mean, P, q, z, seen, radar, x, P_out, work, 
         detections += seen[e, j]
     if detections > 0:
         update_one(t, x[e], P_out[e], w, z[e], seen[e], radar, work, nn)
-    if sent and on_a_map(radar):
+    if sent and is_foretold(radar):
         notice_one(t, x[e], P_out[e], detections > 0, again, radar, work, nn)
     return sent and detections == 0
 

@@ -27,7 +27,7 @@ from wavegym.systems.sector_setup.visibility_kernels import (
     condition_worth,
     drawn_place,
     of_a_miss,
-    on_a_map,
+    is_foretold,
     sight_one,
 )
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
@@ -119,7 +119,7 @@ def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
 def draw_one(i, x, P, w, draws, again, radar, work, d, sight, truth, nn):
     """Update x[i], P[i] with the look that uniform draws decide: a receiver detects where its draw is below Pd.
 
-    On a map the first draw picks a place of the target, which is seen where its place is visible. A look that finds
+    Where visibility is foretold, the first draw picks a place of the target, seen if it is visible. A look that finds
     nothing changes the estimate as in the tracker. Returns whether it finds nothing.
     """
     first, detected = len(draws) - len(work[1]), 0
@@ -146,7 +146,7 @@ def look_ahead(t, x, P, again, radar, work, sight, P_missed, nn):
     """
     look_all(t, x, radar, work)
     copy_one(t, P, t, P_missed, nn)
-    if not on_a_map(radar):
+    if not is_foretold(radar):
         return 1.0
     clear = sight_one(t, x, P, again, radar, sight)
     condition_covariance(t, P_missed, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
@@ -160,8 +160,8 @@ def predict(
 ):  # fmt: skip
     """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n); pointed_out ... missed_out (e, c).
 
-    target, waveform (e or 1, c); draws (e, c or 1, j) uniform, on a map (e, c or 1, 1 + j), or (e, c or 1, 0) for the
-    expected outcome.
+    target, waveform (e or 1, c); draws (e, c or 1, j) uniform, where visibility is foretold (e, c or 1, 1 + j), or
+    (e, c or 1, 0) for the expected outcome.
     """
     (count, candidates, targets, n), receivers = x_out.shape, len(radar.sites) - 1
     ahead, V, work = np.empty((targets, n)), np.empty((targets, n, n)), workspace(receivers, n)
@@ -290,7 +290,7 @@ def gain(step, mean, P, pointed, q, visible, missed, target, waveform, wait, M, 
                 weights = M[min(len(M), horizon - k) - 1]
                 project_one(V, weights, work[3], U, G, B, nn, mm)
                 last, late = t, delay
-                if on_a_map(radar):
+                if is_foretold(radar):
                     again = missed[e] and pointed[e] == t and delay == 0
                     clear, found = sight_one(0, ahead, V, again, radar, sight), 1.0 - none_detects(work[1])
                     learned = (1.0 - clear * found) * condition_worth(
@@ -309,7 +309,7 @@ def foretell_one(e, k, t, ahead, V, q, visible, again, radar, shown, x, P, nn):
     """
     for s in range(len(shown)):
         shown[s] = is_visible(e, k + s, t, visible)
-    if not on_a_map(radar):
+    if not is_foretold(radar):
         return
     for s in range(len(shown)):
         if s == 0:
@@ -343,8 +343,8 @@ def observe(step, mean, P, pointed, dead, q, visible, missed, radar, soon, out, 
 
     Time left, dead steps left; for every target: whether set up, visible in this step, steps until that changes (up to
     ``soon``), fraction of the next ``soon`` steps in which it is visible, q, variances of position and velocity one
-    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate. On a map, a
-    probability stands for whether it is visible, and changes where it passes 1/2.
+    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate. Where
+    visibility is foretold, a probability stands for whether it is visible, and changes where it passes 1/2.
     """
     n, receivers, horizon, shown = len(nn), len(radar.sites) - 1, visible.shape[1], np.empty(soon)
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)

@@ -52,7 +52,7 @@ class Belief(NamedTuple):
     pointed: Array  # (env,) int: target for which the illuminator is set up, -1 for none
     dead: Array  # (env,) int: remaining set-up steps without sensing
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
-    visible: Array  # (env, H, target) bool: visible from step k to k + 1 as known from the start; on a map all True
+    visible: Array  # (env, H, target) bool: visible from step k to k + 1 as known from the start; all True if foretold
     missed: Array  # (env,) bool: whether the last step's pulse found nothing
 
 

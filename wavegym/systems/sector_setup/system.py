@@ -181,7 +181,7 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
 
     @cached_property
     def _hiding(self) -> tuple[SightTable, Array, Array]:
-        """Sight table, places and few places of the kernels; an empty table where the times of visibility are given."""
+        """Sight table, places and few places of the kernels; an empty table where the times are known."""
         return SightTable(0.0, 0.0, 1.0, np.empty((0, 1), np.bool_)), np.empty((0, 2)), np.empty((0, 2))
 
     @cached_property

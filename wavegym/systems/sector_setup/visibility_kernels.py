@@ -22,8 +22,8 @@ FLAT = 1e-12  # least share of a variance that is left in the other coordinate
 
 
 @inlined
-def on_a_map(radar):
-    """Whether buildings hide targets; otherwise the times are given."""
+def is_foretold(radar):
+    """Whether buildings hide targets at times that nobody knows."""
     return radar.table.clear.shape[0] > 0
 
 
