@@ -183,9 +183,15 @@ class InnovationCovariance(Capability, members=("innovation_covariance",), short
 
 
 class ClosedForm(Capability, members=("predicted",), shortcut_for=("predict", "cost")):
-    """Kershaw and Evans's loop, of which the best Gaussian chirp is known in closed form."""
+    """Kershaw and Evans's loop, of which the best Gaussian chirp is known in closed form.
+
+    Attributes:
+        carrier_hz: carrier frequency, Hz.
+        eclipsing: whether an echo may lose its first part to the radar's own pulse; there is no closed form then.
+    """
 
     carrier_hz: float
+    eclipsing: bool
 
     @abstractmethod
     def predicted(self, belief: Any) -> tuple[Array, Array]:
