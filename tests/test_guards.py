@@ -74,6 +74,7 @@ SIX = np.array([2000.0, -1000.0, -10.0, 8.0, 0.1, 0.1])
 Z = np.array([15033.0, 804.9])
 CHIRP = waveforms.GaussianChirp(duration=1e-6, chirp_rate=1e12)
 TRAIN = waveforms.PulseTrain(CHIRP, count=4, interval=1e-3)
+TIMING = waveforms.PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=4)
 LAW = waveforms.chirp_law("pfm")
 TRANSITION = Argument("distribution", np.array([[0.9, 0.1], [0.2, 0.8]]))
 MU = Argument("distribution", np.array([0.25, 0.75]))
@@ -263,6 +264,13 @@ GOOD: dict[str, dict[str, Argument]] = {
     "measurement_covariances": {
         "library": given_as(waveforms.gaussian_chirp_library((1e-6,), (0.0,))), "carrier_hz": positive(1e10),
     },
+    "transmitted_interval": {"waveform": given_as(CHIRP), "energy": Argument("probability", 0.99)},
+    "PulseTiming": {
+        "duration": positive(1e-5), "carrier_hz": positive(1e10), "interval": positive(1e-3),
+        "count": Argument("count", 4), "recovery": non_negative(1e-6), "max_duty": Argument("probability", 0.1),
+    },
+    "time_left": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
+    "check_dwells": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
     "ambiguity": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2)), "dopplers": finite(np.zeros(2))},
     "zero_delay_cut": {"waveform": given_as(CHIRP), "dopplers": finite(np.zeros(2))},
     "zero_doppler_cut": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2))},
@@ -291,6 +299,8 @@ ANY_LENGTH = {  # arguments that fit after the loss of an element
     ("fov_penalty", "x"),
     ("systematic_resample", "weights"),
     ("FisherFactors", "spread"),
+    ("time_left", "dwells"),
+    ("check_dwells", "dwells"),
     ("gaussian_fisher_factors", "signed_chirp_rate"),
     ("joint_association", "likelihood"),  # fewer measurements
     ("lmipda", "likelihood"),
@@ -416,6 +426,9 @@ IMAGE = RECEIVER.image(SAMPLES)
         (targets.ScriptedPath((0.0, 0.0), (1.0, 0.0)).sample, (np.ones(3),), ("times",)),
         (CHIRP.measurement_covariance, (1e10, 10.0), ("carrier_hz", "snr")),
         (CHIRP.fisher_factors().measurement_covariance, (1e10,), ("carrier_hz",)),
+        (TIMING.range_blind_zones, (1e6,), ("farthest",)),
+        (TIMING.velocity_blind_zones, (1.0, 100.0), ("notch", "fastest")),
+        (TIMING.time_on_target, (1e5,), ("farthest",)),
     ],
     ids=lambda value: getattr(value, "__qualname__", None),
 )
