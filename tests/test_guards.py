@@ -75,6 +75,7 @@ Z = np.array([15033.0, 804.9])
 CHIRP = waveforms.GaussianChirp(duration=1e-6, chirp_rate=1e12)
 TRAIN = waveforms.PulseTrain(CHIRP, count=4, interval=1e-3)
 TIMING = waveforms.PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=4)
+ECLIPSED = sensors.EclipsedPulse(CHIRP)
 LAW = waveforms.chirp_law("pfm")
 TRANSITION = Argument("distribution", np.array([[0.9, 0.1], [0.2, 0.8]]))
 MU = Argument("distribution", np.array([0.25, 0.75]))
@@ -187,6 +188,10 @@ GOOD: dict[str, dict[str, Argument]] = {
         "range_m": non_negative(np.array([1e4, 2e4])), "reference_range": positive(5e4),
         "nearest_range": positive(100.0),
     },
+    "EclipsedPulse": {
+        "waveform": given_as(CHIRP), "interval": positive(1e-3), "energy": Argument("probability", 0.99),
+        "recovery": non_negative(1e-6),
+    },
     "range_and_rate": {"state": finite(PLANAR), "sensor": finite(TX)},
     "range_and_rate_jacobian": {"state": finite(PLANAR), "sensor": finite(TX)},
     "multistatic_range_and_rate": {"state": finite(PLANAR), "transmitter": finite(TX), "receiver": finite(RX)},
@@ -284,6 +289,7 @@ NO_NUMBERS = {
     "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
     "Siap", "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
     # made of objects that are checked themselves, of text or of files, which have tests of their own
+    "EclipsedLibrary", "EclipsePulses", "EclipseTables", "eclipse_tables",
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
     "plot_ambiguity", "SPEED_OF_LIGHT",
 }  # fmt: skip
@@ -426,6 +432,10 @@ IMAGE = RECEIVER.image(SAMPLES)
         (targets.ScriptedPath((0.0, 0.0), (1.0, 0.0)).sample, (np.ones(3),), ("times",)),
         (CHIRP.measurement_covariance, (1e10, 10.0), ("carrier_hz", "snr")),
         (CHIRP.fisher_factors().measurement_covariance, (1e10,), ("carrier_hz",)),
+        (ECLIPSED.visible_share, (1e3,), ("range_m",)),
+        (ECLIPSED.snr_factor, (1e3,), ("range_m",)),
+        (ECLIPSED.fisher_factors, (1e3,), ("range_m",)),
+        (ECLIPSED.measurement_covariance, (1e3, 1e10), ("range_m", "carrier_hz")),
         (TIMING.range_blind_zones, (1e6,), ("farthest",)),
         (TIMING.velocity_blind_zones, (1.0, 100.0), ("notch", "fastest")),
         (TIMING.time_on_target, (1e5,), ("farthest",)),

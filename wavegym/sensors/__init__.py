@@ -18,10 +18,23 @@ False returns also fall into the tracker's validation gate, here of four standar
 >>> clutter = union_clutter(key=1, centre=[(r, rdot)], S=[S], gate=4.0, density=1e-4)  # 2.5 expected
 >>> bool(inside_gate(clutter - [r, rdot], S, gate=4.0).all())
 True
+
+A monostatic receiver is closed while its radar transmits. A chirp of 100 us is whole from 15 km on; nearer, its visible
+share is less, and so is its information (``docs/waveform_timing.md``):
+
+>>> from wavegym.sensors import EclipsedPulse
+>>> from wavegym.waveforms import TrapezoidChirp
+>>> eclipsed = EclipsedPulse(TrapezoidChirp(kind="hfm", duration=100e-6, sweep=15e6), energy=1.0)
+>>> print(eclipsed.visible_share([3e3, 8e3, 20e3]).round(3))
+[0.179 0.536 1.   ]
+>>> R = eclipsed.measurement_covariance([3e3, 8e3, 20e3], carrier_hz=10.4e9)
+>>> print(np.sqrt(R[:, 0, 0]).round(1), "m at SNR 1")
+[2931.4  265.3   25.5] m at SNR 1
 """
 
 from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
+from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse, EclipsePulses, EclipseTables, eclipse_tables
 from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
 from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
 from wavegym.sensors.multipath import Antenna
@@ -38,12 +51,17 @@ __all__ = [
     "ArrayReceiver",
     "Building",
     "Echoes",
+    "EclipsePulses",
+    "EclipseTables",
+    "EclipsedLibrary",
+    "EclipsedPulse",
     "Multistatic",
     "Peaks",
     "Road",
     "UrbanMap",
     "View",
     "detection_probability",
+    "eclipse_tables",
     "energy_detection_probability",
     "fov_penalty",
     "gate_probability",
