@@ -24,6 +24,7 @@ SCALARS = {  # kind: values that no element may have
     "log": (NAN, INF),
     "key": (NAN, -1, 1.5, 2**64),
     "positive": (NAN, INF, -INF, 0.0, -1.0),
+    "width": (NAN, -INF, 0.0, -1.0),
     "non-negative": (NAN, INF, -INF, -1.0),
     "variance": (NAN, -INF, 0.0, -1.0),
     "probability": (NAN, INF, -0.1, 1.1),
@@ -90,6 +91,12 @@ MODELS = {"mean": finite(np.ones((2, 6))), "covariance": covariance(np.stack([P6
 WAVEFORM = {"duration": positive(1e-5), "carrier_hz": positive(1e10)}
 STEP = {"dt": positive(1.0)}
 WHITE = STEP | {"q": non_negative(1.0)}
+WIDTH = Argument("width", 3.0)
+PRFS = {"widths": positive(np.array([2.0, 3.0])), "variance": positive(np.array([0.1, 0.1]))}
+PAIR_FOLD = {
+    "measurement": finite(np.ones(2)), "predicted": finite(np.ones(2)), "S": definite(P2),
+    "widths": Argument("width", np.array([3.0, 4.0])), "size": positive(4.0),
+}  # fmt: skip
 
 GOOD: dict[str, dict[str, Argument]] = {
     # trackers
@@ -192,6 +199,25 @@ GOOD: dict[str, dict[str, Argument]] = {
         "waveform": given_as(CHIRP), "interval": positive(1e-3), "energy": Argument("probability", 0.99),
         "recovery": non_negative(1e-6),
     },
+    "fold_range": {"range_m": non_negative(np.ones(3)), "unambiguous_range": WIDTH},
+    "fold_velocity": {"range_rate": finite(np.ones(3)), "unambiguous_velocity": WIDTH},
+    "unfold": {"apparent": finite(np.ones(3)), "fold": finite(1.0), "width": WIDTH},
+    "fold_update": {
+        "measurement": finite(np.ones(3)), "predicted": finite(9.0), "variance": positive(2.0), "width": WIDTH,
+        "size": positive(4.0),
+    },
+    "fold_pair_update": PAIR_FOLD,
+    "fold_hypotheses": PAIR_FOLD,
+    "agreeing_combinations": {"apparent": finite(((1.0, 2.0), (1.0, 3.0))), "low": finite(0.0), "high": finite(9.0)}
+    | PRFS,
+    "resolve_folds": {"apparent": finite(np.array([1.0, 2.0])), "low": finite(0.0), "high": finite(9.0)} | PRFS,
+    "combined_interval": {"widths": positive(np.array([2.0, 3.0])), "tolerance": non_negative(0.1),
+                          "farthest": positive(9.0)},
+    "outside_notch": {"range_rate": finite(np.ones(3)), "unambiguous_velocity": WIDTH, "notch": non_negative(0.5)},
+    "outside_notch_probability": {
+        "predicted": finite(np.ones(3)), "variance": non_negative(0.2), "unambiguous_velocity": WIDTH,
+        "notch": non_negative(0.5),
+    },
     "range_and_rate": {"state": finite(PLANAR), "sensor": finite(TX)},
     "range_and_rate_jacobian": {"state": finite(PLANAR), "sensor": finite(TX)},
     "multistatic_range_and_rate": {"state": finite(PLANAR), "transmitter": finite(TX), "receiver": finite(RX)},
@@ -287,7 +313,8 @@ ROOMS = (trackers, sensors, targets, waveforms)
 NO_NUMBERS = {
     # results, which functions of this package make
     "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
-    "Siap", "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
+    "Siap", "Agreements", "Folded", "FoldHypotheses", "FoldUpdate", "PairUpdate",
+    "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
     # made of objects that are checked themselves, of text or of files, which have tests of their own
     "EclipsedLibrary", "EclipsePulses", "EclipseTables", "eclipse_tables",
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
@@ -306,6 +333,13 @@ ANY_LENGTH = {  # arguments that fit after the loss of an element
     ("systematic_resample", "weights"),
     ("FisherFactors", "spread"),
     ("time_left", "dwells"),
+    ("fold_range", "range_m"),
+    ("fold_velocity", "range_rate"),
+    ("unfold", "apparent"),
+    ("fold_update", "measurement"),
+    ("outside_notch", "range_rate"),
+    ("outside_notch_probability", "predicted"),
+    ("combined_interval", "widths"),
     ("check_dwells", "dwells"),
     ("gaussian_fisher_factors", "signed_chirp_rate"),
     ("joint_association", "likelihood"),  # fewer measurements

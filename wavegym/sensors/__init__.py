@@ -35,6 +35,24 @@ share is less, and so is its information (``docs/waveform_timing.md``):
 from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse, EclipsePulses, EclipseTables, eclipse_tables
+from wavegym.sensors.folding import (
+    Agreements,
+    Folded,
+    FoldHypotheses,
+    FoldUpdate,
+    PairUpdate,
+    agreeing_combinations,
+    combined_interval,
+    fold_hypotheses,
+    fold_pair_update,
+    fold_range,
+    fold_update,
+    fold_velocity,
+    outside_notch,
+    outside_notch_probability,
+    resolve_folds,
+    unfold,
+)
 from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
 from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
 from wavegym.sensors.multipath import Antenna
@@ -47,6 +65,7 @@ from wavegym.sensors.snr import range_law_snr
 from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [
+    "Agreements",
     "Antenna",
     "ArrayReceiver",
     "Building",
@@ -55,24 +74,39 @@ __all__ = [
     "EclipseTables",
     "EclipsedLibrary",
     "EclipsedPulse",
+    "FoldHypotheses",
+    "FoldUpdate",
+    "Folded",
     "Multistatic",
+    "PairUpdate",
     "Peaks",
     "Road",
     "UrbanMap",
     "View",
+    "agreeing_combinations",
+    "combined_interval",
     "detection_probability",
     "eclipse_tables",
     "energy_detection_probability",
+    "fold_hypotheses",
+    "fold_pair_update",
+    "fold_range",
+    "fold_update",
+    "fold_velocity",
     "fov_penalty",
     "gate_probability",
     "gate_volume",
     "inside_gate",
     "multistatic_range_and_rate",
+    "outside_notch",
+    "outside_notch_probability",
     "platform_jacobian",
     "platform_measurement",
     "platform_view",
     "range_and_rate",
     "range_and_rate_jacobian",
     "range_law_snr",
+    "resolve_folds",
+    "unfold",
     "union_clutter",
 ]
