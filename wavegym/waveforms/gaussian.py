@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import erfinv
 
 from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
 from wavegym.core.arrays import FloatArray
@@ -88,6 +89,18 @@ class GaussianChirp(Waveform):
     def fisher_factors(self) -> FisherFactors:
         """Closed form (see ``gaussian_fisher_factors``)."""
         return gaussian_fisher_factors(self.duration, self.signed_chirp_rate)
+
+    def energy_interval(self, energy: float) -> tuple[float, float]:
+        """Closed form: +-k erfinv(energy), at most the support; 99 % of the energy lie in 3.643 k."""
+        return self._within_support(self.duration * float(erfinv(energy)))
+
+    def level_interval(self, ratio: float) -> tuple[float, float]:
+        """Closed form: +-k sqrt(-2 ln ratio), at most the support; a ratio of 1/1000 gives ``effective_length``."""
+        return self._within_support(self.duration * float(np.sqrt(-2.0 * np.log(ratio))))
+
+    def _within_support(self, half: float) -> tuple[float, float]:
+        half = min(half, self.support[1])
+        return (-half, half)
 
 
 def gaussian_fisher_factors(duration: ArrayLike, signed_chirp_rate: ArrayLike) -> FisherFactors:
