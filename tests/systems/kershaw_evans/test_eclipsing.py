@@ -75,3 +75,12 @@ def test_what_is_eclipsed_is_not_worth_sending(action):
             policy.begin(of, 3, np.random.default_rng(0))
             chosen.append(of.unit_covariance(policy.act(belief._replace(covariance=TIGHT), None, None))[:, 0, 0])
         assert (chosen[0] < 0.5 * chosen[1]).all()  # c^2 k^2 / 2
+
+
+def test_pulses_of_ones_own_are_eclipsed_by_their_tables():
+    """Gaussian chirps, given as a library, lose what the closed form says, as far as the tables are exact."""
+    built_in = KershawEvansPosition(durations=(30e-6, K), start_range=(20e3, 60e3), reference_range=50e3)
+    own = KershawEvansPosition(library=built_in.actions, start_range=(20e3, 60e3), reference_range=50e3)
+    belief = built_in.initial(oracles.worlds(built_in, 5)).belief
+    S, expected = (s.innovation_covariance(belief, s.candidates()[None]) for s in (own, built_in))
+    np.testing.assert_allclose(S, expected, rtol=1e-6)

@@ -10,6 +10,7 @@ import numpy as np
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse
 from wavegym.systems.kershaw_evans.eclipsing import visible_information
 from wavegym.waveforms import gaussian_chirp_library, measurement_covariances
 from wavegym.waveforms.fisher import unchecked_covariance
@@ -58,6 +59,11 @@ class GaussianActions:
         return self.box if self.continuous else self.library
 
     @cached_property
+    def _eclipsed_pulses(self) -> EclipsedLibrary:
+        """The given pulses as seen by their own radar."""
+        return EclipsedLibrary([EclipsedPulse(pulse) for pulse in self.library])
+
+    @cached_property
     def _distinct_durations(self) -> tuple[Array, Array]:
         """The durations (d,) in s, and which of them each pulse of the library has, (A,) int."""
         return np.array(self.durations), np.repeat(np.arange(len(self.durations)), len(self.sweeps))
@@ -96,6 +102,8 @@ class GaussianActions:
         ``actions`` are (env or 1, candidate), in a box (env or 1, candidate, 2). The first axis is that of ``actions``
         without eclipsing. With it the information of a Gaussian chirp falls as a whole; see ``visible_information``.
         """
+        if self.eclipsing and self.own:
+            return self._eclipsed_pulses.measurement_covariance(actions, abs(ranges)[:, None], self.carrier_hz)
         C = self.unit_covariance(actions)
         if not self.eclipsing:
             return C

@@ -1,4 +1,7 @@
-"""What a receiver that is off during transmission sees of a Gaussian chirp's echo."""
+"""What a receiver that is off during transmission sees of a Gaussian chirp's echo, in closed form.
+
+``wavegym.sensors.eclipsing`` has the same for any waveform, from tables of its moments.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from scipy.special import erfc, erfcx, erfinv
 
 from wavegym.core.arrays import Array
 from wavegym.waveforms import SPEED_OF_LIGHT
-ENERGY = 0.99
+from wavegym.waveforms.timing import ENERGY
 
 LEAST_VISIBLE = 1e-9
 """A pulse that is wholly eclipsed keeps this share of its information: its errors are 3e4 times as large."""
