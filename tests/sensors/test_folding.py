@@ -232,7 +232,7 @@ def test_noisy_folds_are_resolved_by_maximum_likelihood(seed, value):
 
 
 def test_two_targets_and_two_prfs_make_ghosts_and_a_third_prf_removes_them():
-    targets, cells = np.array([12.0, 30.0]), np.array([7.0, 8.0])
+    targets, cells = np.array([12.0, 31.0]), np.array([7.0, 8.0])
     two = agreeing_combinations([fold_range(targets, w).apparent for w in cells], cells, [1e-4, 1e-4], 0.0, 56.0)
     brute = [x for x in range(56) if all(np.any(np.isclose(x % w, targets % w)) for w in cells)]
     assert sorted(np.rint(two.value).astype(int)) == brute
@@ -240,7 +240,7 @@ def test_two_targets_and_two_prfs_make_ghosts_and_a_third_prf_removes_them():
     third = agreeing_combinations(
         [fold_range(targets, w).apparent for w in INTERVALS], INTERVALS, np.full(3, 1e-4), 0, 56
     )
-    assert sorted(third.value) == pytest.approx([12.0, 30.0])
+    assert sorted(third.value) == pytest.approx([12.0, 31.0])
     assert third.detection.tolist() in ([[0, 0, 0], [1, 1, 1]], [[1, 1, 1], [0, 0, 0]])
 
 

@@ -64,8 +64,7 @@ class EclipsedPulse:
 
     The receiver opens when the transmitted interval ends and the recovery time is over. It closes when the next pulse
     begins, so echoes are cut at both ends of the receive window and around every multiple of the interval. A pulse
-    without an interval is followed by silence. The table of the waveform is made at the first use; a range then costs
-    about 0.2 us.
+    without an interval is followed by silence. The table of the waveform is made at the first use.
 
     Args:
         waveform: a pulse, or a ``PulseTrain``, whose interval counts.
