@@ -1,7 +1,7 @@
 """Branch and bound over waveform schedules in compiled form; ``optimum.py`` proves the dominance rule.
 
-Shapes: e environments, n states, m measurements, A actions, H steps, N nodes. F, Q (1, n, n), M (1, m, n), R (H, A, m, m)
-measurement covariances.
+Shapes: e environments, n states, m measurements, A actions, H steps, N nodes. F, Q (1, n, n), M (1, m, n), R
+(H, A, m, m) measurement covariances.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -86,7 +86,7 @@ def eliminates(b, B, a, A, factor, Z, nn):
 
 @kernel
 def branch(nodes, count, model, weights, R, room, children, nn, mm):
-    """Every action, R (A, m, m), at each of the first ``count`` nodes; returns how many children cost less than ``room``.
+    """Every action, of R (A, m, m), at each of the first ``count`` nodes; how many children cost less than ``room``.
 
     Leaves the predicted covariance in ``nodes.P``.
     """

@@ -82,7 +82,7 @@ from wavegym.waveforms.library import gaussian_chirp_library, measurement_covari
 from wavegym.waveforms.numeric import numeric_fisher_information
 from wavegym.waveforms.picture import plot_ambiguity
 from wavegym.waveforms.pulse_train import PulseTrain
-from wavegym.waveforms.timing import PulseTiming, check_dwells, time_left, transmitted_interval
+from wavegym.waveforms.timing import PulseTiming, check_dwells, pulse_timings, time_left, transmitted_interval
 from wavegym.waveforms.trapezoid import (
     ChirpLaw,
     TrapezoidChirp,
@@ -114,6 +114,7 @@ __all__ = [
     "numeric_fisher_information",
     "parse_law",
     "plot_ambiguity",
+    "pulse_timings",
     "sweep_for_chirp_rate",
     "time_left",
     "transmitted_interval",

@@ -7,6 +7,7 @@ Processing, 2nd ed. 2014, chapter 5. ``docs/waveform_timing.md`` derives each qu
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -216,6 +217,11 @@ class PulseTiming:
         check_non_negative("farthest", farthest, "m")
         between = 0.0 if self.interval is None else (self.count - 1) * self.interval
         return between + self.duration + farthest / _HALF_C
+
+
+def pulse_timings(waveforms: Iterable[Waveform], carrier_hz: float) -> dict[str, PulseTiming]:
+    """The timing of every waveform (``PulseTiming.of``) by its label. Carrier in Hz; errors are those of the class."""
+    return {waveform.label: PulseTiming.of(waveform, carrier_hz) for waveform in waveforms}
 
 
 def time_left(dwells: ArrayLike, step: ArrayLike, switching: ArrayLike = 0.0) -> FloatArray:

@@ -1,8 +1,9 @@
 """The Kershaw-Evans loop in compiled form: one pass over the batch for each function of the system.
 
 Shapes: e environments, c candidates, H steps, n states (r, rdot[, rddot]), m = 2 measurements (r, rdot); C is the
-measurement covariance at unit SNR, of what the receiver sees of the pulse; R = C / eta. M (1, 2, n) is the measurement matrix [I 0]. F and Q come as (1, n, n);
-what predicts takes them as (e, n, n), too, for a tracker whose process noise differs from environment to environment.
+measurement covariance at unit SNR, of what the receiver sees of the pulse; R = C / eta. M (1, 2, n) is the measurement
+matrix [I 0]. F and Q come as (1, n, n); what predicts takes them as (e, n, n), too, for a tracker whose process noise
+differs from environment to environment.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False

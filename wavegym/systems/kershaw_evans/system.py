@@ -23,6 +23,7 @@ from wavegym.core.capabilities import (
     LinearCost,
     MeasurementObservation,
     RecordedTargets,
+    TimedPulses,
 )
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
@@ -53,6 +54,7 @@ from wavegym.targets.recorded_paths import recorded_paths
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
+from wavegym.waveforms import PulseTiming, pulse_timings
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -71,6 +73,7 @@ class KershawEvans(
     ClosedForm,
     MeasurementObservation,
     RecordedTargets,
+    TimedPulses,
 ):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
@@ -219,6 +222,15 @@ class KershawEvans(
     def actions(self) -> Library | ParameterBox:
         """The library, or the box that it spans."""
         return self.action_set.actions
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """One pulse in a step: nothing folds."""
+        return pulse_timings(self.action_set.library, self.carrier_hz)
+
+    def target_ranges(self, world: World) -> Array:
+        """The paths, (env, H + 1, 2)."""
+        return self.initial(world).truth.path[..., :MEASURED]
 
     def candidates(self) -> Array:
         """The pulses of the library: indices (A,), or their points of the box (A, 2)."""
@@ -501,8 +513,8 @@ class KershawEvansPosition(KershawEvans):
         -trace(Lambda P) with Lambda = diag(1, 0): minus the variance of range in m^2.
 
     Starting state
-        Range (``start_range``) 170 to 195 km and range-rate (``start_speed``) 0 to 300 m/s outbound, both uniform, as is
-        ``start_acceleration`` with ``model="ca"``; the first estimate is drawn around the truth with covariance
+        Range (``start_range``) 170 to 195 km and range-rate (``start_speed``) 0 to 300 m/s outbound, both uniform, as
+        is ``start_acceleration`` with ``model="ca"``; the first estimate is drawn around the truth with covariance
         diag(1e4 m^2, 1e4 m^2/s^2) (``prior_variance``), each entry times 10^U(-1, 1) (``start_covariance="random"``).
     """
 
