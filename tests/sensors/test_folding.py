@@ -65,7 +65,8 @@ def wrapped(z, predicted, deviation, width, size):
 @given(z=st.floats(0, 1), predicted=st.floats(-20, 20), deviation=deviations, size=st.floats(1.0, 6.0))
 def test_the_likelihood_is_the_sum_over_the_folds(z, predicted, deviation, size):
     density, n, y, p = wrapped(z, predicted, deviation, 1.0, size)
-    assume(np.abs(np.abs(y) - size * deviation).min() > 1e-9)
+    border = np.abs(z + np.arange(-60, 61) + round(predicted - z) - predicted) - size * deviation
+    assume(np.abs(border).min() > 1e-9)
     assume(density > 1e-250)
     got = fold_update(z, predicted, deviation**2, 1.0, size)
     assert got.log_likelihood == pytest.approx(math.log(density), abs=1e-9)
@@ -95,6 +96,21 @@ def test_a_wide_prior_spreads_and_a_narrow_one_decides():
     far = fold_update(0.5, 5.0, 1e-4, 1.0)  # 50 standard deviations
     assert far.inside == 0
     assert np.isfinite(far.log_likelihood)
+
+
+@pytest.mark.parametrize("deviation", [0.1, 0.3, 0.7, 2.0])
+def test_the_probability_of_a_fold_is_a_frequency(deviation):
+    """Targets drawn from the prediction and measured with noise: how often the most probable fold is the true one."""
+    rng, count, noise = np.random.default_rng(0), 100_000, 0.05
+    predicted = rng.uniform(5, 6, count)
+    truth = predicted + deviation * rng.standard_normal(count)
+    noisy = truth + noise * rng.standard_normal(count)
+    z = noisy - np.floor(noisy)
+    got = fold_update(z, predicted, deviation**2 + noise**2, 1.0, size=6.0)
+    right = got.fold == np.floor(noisy)
+    assert right.mean() == pytest.approx(got.probability.mean(), abs=5 * 0.5 / math.sqrt(count))
+    error = noisy - predicted - got.innovation  # of the moment-matched innovation, whose variance is the spread
+    assert (error**2).mean() == pytest.approx(got.spread.mean(), rel=0.05, abs=1e-3)
 
 
 def test_nothing_folds_in_an_infinite_interval():
