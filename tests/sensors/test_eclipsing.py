@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.stats import norm
 
 from wavegym.core.errors import InputError
 from wavegym.sensors import EclipsedLibrary, EclipsedPulse, eclipse_tables
@@ -73,6 +74,24 @@ def test_a_train_equals_its_inner_products(pulse, range_m):
     got = EclipsedPulse(train).measurement_covariance(range_m, CARRIER)
     np.testing.assert_allclose(got / np.sqrt(np.outer(np.diag(want), np.diag(want))), want /
                                np.sqrt(np.outer(np.diag(want), np.diag(want))), atol=1e-6)  # fmt: skip
+
+
+@given(share_of_length=st.floats(0.0, 1.5), k=st.floats(1e-7, 1e-3), product=st.floats(0.0, 1e4))
+def test_a_gaussian_pulse_has_a_closed_form(share_of_length, k, product):
+    """Both derivatives are t s(t) times a constant: a cut scales the whole information by Q(a)(1 + a m - m^2).
+
+    a = sqrt(2)(T/2 - tau)/k with T/2 the half length, Q the normal distribution's upper tail, m = phi(a)/Q(a).
+    """
+    chirp = GaussianChirp(duration=k, chirp_rate=product / (k * k))
+    eclipsed = EclipsedPulse(chirp)
+    half = eclipsed.transmitted[1]
+    tau = 2.0 * half * share_of_length
+    a = math.sqrt(2.0) * (half - tau) / k
+    m = norm.pdf(a) / norm.sf(a)
+    left = norm.sf(a) * (1.0 + a * m - m * m)
+    assert eclipsed.visible_share(C / 2 * tau) == pytest.approx(norm.sf(a), abs=1e-11)
+    want = chirp.measurement_covariance(CARRIER, left)
+    np.testing.assert_allclose(eclipsed.measurement_covariance(C / 2 * tau, CARRIER), want, rtol=1e-7)
 
 
 def test_the_error_of_the_tables():

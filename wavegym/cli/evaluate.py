@@ -87,7 +87,8 @@ def task(options: Any) -> tuple[str, dict[str, Any]]:
     if options.tracks:
         system: Any = make_task(env_id, {}).system
         if not offers(system, RecordedTargets):
-            raise InputError(f"--tracks {options.tracks}: {env_id} takes no recorded targets, as {RECORDED} does")
+            refused = f"--tracks {options.tracks}: {env_id} takes no recorded targets"
+            raise InputError(f"{refused} (nearest: {RECORDED}, which does)")
         chosen["tracks"] = options.tracks
         if isinstance(system.targets, str):  # otherwise the number of targets
             chosen["targets"] = "recorded"

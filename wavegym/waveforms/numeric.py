@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
@@ -82,6 +81,8 @@ def numeric_energy_interval(waveform: _Pulse, energy: float) -> tuple[float, flo
 
     The quantiles of a^2 are found by root finding; the quadrature is exact to rounding.
     """
+    from scipy.optimize import brentq  # slow to import, and needed by pulses without a closed form alone
+
     samples = sample(waveform)
     density = samples.values[0] ** 2 * samples.weights
     panels = density.sum(axis=-1).ravel()
@@ -113,6 +114,8 @@ def numeric_energy_interval(waveform: _Pulse, energy: float) -> tuple[float, flo
 
 def numeric_level_interval(waveform: _Pulse, ratio: float) -> tuple[float, float]:
     """From the first to the last time (s) at which the envelope exceeds ``ratio`` times its peak."""
+    from scipy.optimize import brentq
+
     low, high = waveform.support
     times = np.unique(np.concatenate([sample(waveform).times.ravel(), np.linspace(low, high, 4097)]))
     amplitude = np.abs(waveform.envelope(times))

@@ -178,7 +178,8 @@ class PulseTiming:
         """Ranges up to ``farthest`` (m) whose echoes the receiver misses in part or whole: low and high, (zones, 2).
 
         Every multiple m of the unambiguous range lies in a zone: an echo is cut if it begins less than duration +
-        recovery after the start of a pulse, or ends after the start of the next one.
+        recovery after the start of a pulse, or ends after the start of the next one. Zones overlap at more than
+        half duty.
         """
         check_non_negative("farthest", farthest, "m")
         before, interval = _HALF_C * self.duration, self.unambiguous_range
