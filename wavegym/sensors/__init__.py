@@ -22,6 +22,7 @@ True
 
 from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
+from wavegym.sensors.fluctuation import FLUCTUATIONS, detected_snr, mean_inverse_detected_snr, realised_snr
 from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
 from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
 from wavegym.sensors.multipath import Antenna
@@ -34,6 +35,7 @@ from wavegym.sensors.snr import range_law_snr
 from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [
+    "FLUCTUATIONS",
     "Antenna",
     "ArrayReceiver",
     "Building",
@@ -43,12 +45,14 @@ __all__ = [
     "Road",
     "UrbanMap",
     "View",
+    "detected_snr",
     "detection_probability",
     "energy_detection_probability",
     "fov_penalty",
     "gate_probability",
     "gate_volume",
     "inside_gate",
+    "mean_inverse_detected_snr",
     "multistatic_range_and_rate",
     "platform_jacobian",
     "platform_measurement",
@@ -56,5 +60,6 @@ __all__ = [
     "range_and_rate",
     "range_and_rate_jacobian",
     "range_law_snr",
+    "realised_snr",
     "union_clutter",
 ]
