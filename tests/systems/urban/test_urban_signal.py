@@ -26,10 +26,10 @@ PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    """Neither walls nor trees, one target."""
+    """Neither walls nor trees, one target, whose echo is steady."""
     file = tmp_path_factory.mktemp("city") / "plain.toml"
     file.write_text(PLAIN)
-    return UrbanSignal(city=str(file), arrivals=(0.0,), truth={"sigma": 0.0})
+    return UrbanSignal(city=str(file), arrivals=(0.0,), truth={"sigma": 0.0}, fluctuation="swerling0")
 
 
 def scanned(system, scan, count, waveform):
