@@ -196,8 +196,8 @@ GOOD: dict[str, dict[str, Argument]] = {
         "fft_length": Argument("count", 128), "pixels": Argument("count", 1000),
     },
     "detection_probability": {
-        "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01), "fluctuation": given_as("swerling3"),
-        "pulses": Argument("count", 2),
+        "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01),
+        "fluctuation": given_as("swerling3"), "pulses": Argument("count", 2),
     },
     "detected_snr": {
         "uniform": Argument("share", np.full(3, 0.5)), "snr": positive(np.ones(3)),

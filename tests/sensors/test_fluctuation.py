@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -78,7 +79,7 @@ def test_equals_the_quadrature_over_the_energy(name, pulses, searched):
             edges = law.ppf([0.0, 0.1, 0.5, 0.9, 0.999, 1.0 - 1e-14])
             wanted = sum(
                 integrate.quad(lambda s, law=law, f=given_energy: law.pdf(s) * f(s), low, high, epsabs=1e-13)[0]
-                for low, high in zip(edges[:-1], edges[1:], strict=True)
+                for low, high in pairwise(edges)
             )
         assert detection_probability(snr, false_alarm, name, pulses, searched) == pytest.approx(wanted, rel=1e-7)
 
@@ -153,8 +154,7 @@ def test_mean_inverse_of_detected_echoes(name, pulses, searched):
     edges = [1e-12, 0.5 * pulses * least, *law.ppf([0.5, 0.9, 0.999, 1.0 - 1e-13])]
     edges = sorted(edge for edge in edges if edge >= 1e-12)
     whole = [
-        sum(integrate.quad(part, *ends, args=(inverse,))[0] for ends in zip(edges[:-1], edges[1:], strict=True))
-        for inverse in (True, False)
+        sum(integrate.quad(part, *ends, args=(inverse,))[0] for ends in pairwise(edges)) for inverse in (True, False)
     ]
     found = mean_inverse_detected_snr(snr, false_alarm, name, pulses, searched, least)
     assert found == pytest.approx(whole[0] / whole[1], rel=1e-6)

@@ -61,7 +61,8 @@ class Myopic:
     that search raises NotImplementedError (for a form of the action set, say), every candidate is tried.
 
     Args:
-        objective: "trace" (of the cost), "determinant", "gate" or "mean-trace", or a function of (system, belief, candidates).
+        objective: "trace" (the cost), "determinant", "gate" or "mean-trace", or a function of (system, belief,
+            candidates).
         fused: whether the system's own search may be used.
         margin: number of standard deviations by which a prediction keeps targets inside the field of view, in place of
             the system's own.

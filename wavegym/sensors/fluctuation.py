@@ -77,7 +77,7 @@ def detected_snr(
     pulses: int = 1,
     searched: int = 0,
 ) -> Array:
-    """SNR of the echo in one look, given that it is detected, from uniform draws (inverse of the distribution function).
+    """SNR of the echo in one look, given its detection, from uniform draws (inverse of the distribution function).
 
     An event that happens when a draw d is below its probability Pd leaves d / Pd uniform: one draw of a tape decides
     on the detection and on the SNR of the detected echo.
@@ -123,11 +123,10 @@ def mean_inverse_detected_snr(
 ) -> Array:
     """Mean of 1 / max(eta, ``least``) of the echo, given that it is detected: the factor of a measurement covariance.
 
-    With least = 0 the mean is infinite for "swerling1", and for "swerling2" with one pulse: an echo of no power is as
-    likely as any other, and noise takes it over the threshold with probability Pf, so the integral of Pf / eta diverges
-    at 0. Without the condition on a detection it diverges as well. Such a detection is noise: it has the error of a
-    resolution cell, not R / eta. R is the covariance at an SNR of 1, which is a resolution cell, so ``least = 1`` bounds
-    the error where the bound of Cramer and Rao stops to hold.
+    With least = 0 the mean is infinite for "swerling1", and for "swerling2" with one pulse, given a detection or not:
+    the density of eta is positive at 0, and there noise exceeds the threshold with probability Pf, so that the integral
+    of Pf / eta diverges. Such a detection is noise. It has the error of a resolution cell, not R / eta with a tiny eta.
+    The covariance at an SNR of 1 is about that of a resolution cell, so ``least = 1`` bounds the error there.
 
     Args:
         snr, false_alarm, fluctuation, pulses, searched: see ``detected_snr``.

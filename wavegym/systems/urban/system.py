@@ -152,8 +152,8 @@ class Urban(System, DecisionMakers):
     )
     searched: int | None = parameter(
         None,
-        "quantities over which receivers take the greatest value of an image about an echo, which raises Pd; by default "
-        "0, the value at a known cell; with fidelity='signal' always 3: delay, Doppler shift, direction",
+        "quantities over which receivers take the greatest value of an image about an echo, which raises Pd; by "
+        "default 0, the value at a known cell; with fidelity='signal' always 3: delay, Doppler shift, direction",
         unit="",
         ge=0,
     )
