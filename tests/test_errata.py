@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavegym.sensors import detection_probability, fov_penalty, platform_view
+from wavegym.sensors import detection_probability, fov_penalty, mean_inverse_detected_snr, platform_view
 from wavegym.systems.urban.system import Urban
 from wavegym.waveforms import GaussianChirp
 
@@ -64,6 +64,20 @@ def test_the_trace_does_not_order_as_the_perimeter_does():
     half_sides = [np.sqrt(np.diag(P)).sum() for P in (one, other)]
     np.testing.assert_allclose([np.trace(one), np.trace(other), *half_sides], [9.01, 8.0, 3.1, 4.0])
     assert (np.trace(one) > np.trace(other)) != (half_sides[0] > half_sides[1])
+
+
+def test_detection_in_an_image_and_the_snr_of_what_is_detected():
+    """The numbers of the page, at the threshold of UrbanSignal-v0: ln(1 / Pfa) = 7.6."""
+    false_alarm = math.exp(-7.6418)
+    cases = (("swerling0", 0, ".75"), ("swerling0", 3, ".85"), ("swerling1", 3, ".57"), ("swerling1", 0, ".50"))
+    for fluctuation, searched, text in cases:
+        pd = detection_probability(20.0, false_alarm, fluctuation, searched=searched)
+        assert abs(pd - float(text)) < 0.006
+        assert text in PAGE
+    eta = np.array([10.0, 20.0, 40.0])
+    factor = eta * mean_inverse_detected_snr(eta, false_alarm, searched=3, least=1.0)
+    assert "{:.2f}, {:.2f} and {:.2f} at a mean eta of 10, 20 and 40".format(*factor) in PAGE.replace("\n  ", " ")
+    assert np.isinf(mean_inverse_detected_snr(eta, false_alarm)).all()
 
 
 def test_the_readings_of_barbosas_snr():

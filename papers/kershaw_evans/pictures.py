@@ -33,6 +33,7 @@ COLOURS = {TRACE: "#000000", GATE: "#d55e00", BEST: "#0072b2", LONG: "#009e73", 
 LINES = {TRACE: "-", GATE: "-", BEST: "--", LONG: ":", SHORT: "-."}
 TARGET_LINES = {CLOSING: "-", RECEDING: "--"}
 LEVELS = 24
+LINEAR = 0.01  # share of the widest sweep below which the axis is linear
 US, MHZ = 1e6, 1e-6
 
 Curves = Mapping[tuple[Case, str], Sequence[Estimate]]  # (case, field)
@@ -72,6 +73,8 @@ def draw_pulses(study: Study, curves: Curves) -> bytes:
             axes.grid(alpha=0.3)
         column[0].set_yscale("log")
         column[0].set_ylabel("duration k [us]")
+        widest = max(abs(sweep) for sweep in SCENES[scene].sweeps) * MHZ
+        column[1].set_yscale("symlog", linthresh=LINEAR * widest)
         column[1].set(ylabel="sweep [MHz], negative = down", xlabel="step k")
         column[0].set_title(scene, fontsize="medium")
         column[0].legend(fontsize="small")

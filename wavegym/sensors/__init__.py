@@ -9,6 +9,8 @@
 >>> snr = range_law_snr(r)
 >>> print(f"{snr:.0f}, detected with probability {detection_probability(snr, false_alarm=0.01):.2f}")
 122, detected with probability 0.93
+>>> print(f"{detection_probability(snr, 0.01, 'swerling0'):.4f} if the echo is steady")
+1.0000 if the echo is steady
 
 False returns also fall into the tracker's validation gate, here of four standard deviations of (r, rdot):
 

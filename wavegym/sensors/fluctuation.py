@@ -44,6 +44,7 @@ from wavegym.core.errors import (
 from wavegym.sensors.detection_kernels import FIRST, LAST
 
 FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
+"""The names of the laws of fluctuation."""
 MOST_PULSES = 1000
 STEPS = 50  # halvings of the interval in which a quantile lies
 TABLE = 4001  # values of a table
