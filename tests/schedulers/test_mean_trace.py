@@ -1,4 +1,4 @@
-"""Eq. (7) of Barbosa et al. as a scheduler: the mean of the traces of all tracks, beside the existence-weighted cost."""
+"""Eq. (7) of Barbosa et al. as a scheduler: the mean trace of all tracks, beside the existence-weighted cost."""
 
 from __future__ import annotations
 

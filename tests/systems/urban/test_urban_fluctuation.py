@@ -77,7 +77,7 @@ def test_the_world_may_fluctuate_as_the_tracker_does_not_assume():
 
 def test_mistakes():
     with pytest.raises(InputError, match="searched is 2, expected 3 with fidelity='signal'"):
-        UrbanSignal(searched=2)
+        make_checked(UrbanSignal, {"searched": 2})
     with pytest.raises(InputError, match=r"fluctuation.*swerling5"):
         make_checked(Urban, {"fluctuation": "swerling5"})
     with pytest.raises(InputError, match="searched"):

@@ -87,7 +87,7 @@ def test_noise_is_independent():
 
 @pytest.mark.slow
 def test_it_is_tracked_as_well_as_at_the_measurement_level():
-    """Ten episodes at each level, equal pulses and law of detection: mean GOSPA within four standard errors and .5 m."""
+    """Ten episodes at each level, equal pulses and detection: mean GOSPA within four standard errors and .5 m."""
     drawn = Urban(pulses=25, searched=3, false_alarm=math.exp(-SYSTEM.signals.thresholds[0]))
     worse = per_episode(SYSTEM) - per_episode(drawn)
     assert abs(worse.mean()) < 4.0 * worse.std() / math.sqrt(len(worse)) + 0.5
