@@ -42,17 +42,37 @@ def detected(system, count):
     return near.any(axis=2).mean(axis=0)
 
 
+def at_snr(snr, **settings):
+    """Settings in which the target has a mean eta of ``snr``, and eta at each receiver, (pair,)."""
+    place = Urban(**settings).scene.z[:, SCAN, 0, 0, 0]
+    reference = snr * (place.mean() / 100.0) ** 4
+    return {**settings, "reference_snr": reference}, reference * (100.0 / place) ** 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fluctuation", ["swerling0", "swerling1"])
+def test_the_law_of_a_known_cell_is_refuted(plain, fluctuation):
+    """2000 scans of signals: within four standard errors, plus .02 for cells, of the image's law, not of the cell's."""
+    count = 2000
+    settings = {"city": plain, "arrivals": (0.0,), "fluctuation": fluctuation, "truth": {"sigma": 0.0}}
+    common, eta = at_snr(20.0, **settings)
+    signal = UrbanSignal(**common)
+    false_alarm = math.exp(-signal.signals.thresholds[0])
+    image, cell = (detection_probability(eta, false_alarm, fluctuation, searched=d).mean() for d in (3, 0))
+    bound = 4.0 * math.sqrt(image * (1.0 - image) / (2 * count)) + 0.02
+    found = detected(signal, count).mean()
+    assert abs(found - image) < bound < abs(found - cell)
+
+
 @pytest.mark.parametrize("fluctuation", ["swerling0", "swerling1", "swerling3"])
 @pytest.mark.parametrize("snr", [10.0, 20.0])
 def test_signals_and_measurements_are_detected_alike(plain, fluctuation, snr):
     """At a mean eta of 10 and 20: both levels within four standard errors of the one law, plus .02 for cells."""
     count = 400
-    common = {"city": plain, "arrivals": (0.0,), "fluctuation": fluctuation, "truth": {"sigma": 0.0}}
-    place = Urban(**common).scene.z[:, SCAN, 0, 0, 0]
-    common["reference_snr"] = snr * (place.mean() / 100.0) ** 4
+    settings = {"city": plain, "arrivals": (0.0,), "fluctuation": fluctuation, "truth": {"sigma": 0.0}}
+    common, eta = at_snr(snr, **settings)
     signal = UrbanSignal(**common)
     drawn = Urban(**common, pulses=25, searched=3, false_alarm=math.exp(-signal.signals.thresholds[0]))
-    eta = common["reference_snr"] * (100.0 / place) ** 4
     law = detection_probability(eta, math.exp(-signal.signals.thresholds[0]), fluctuation, searched=3)
     for system, rest in ((signal, 0.02), (drawn, 0.002)):
         spread = np.sqrt(law * (1.0 - law) / count)
