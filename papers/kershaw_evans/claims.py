@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from papers.claims import Claim, Limit, claim, ratio_of
+from papers.claims import Claim, Limit, claim, mean_of, ratio_of
 from papers.kershaw_evans.study import (
     BEST,
     DETERMINANT,
@@ -38,7 +38,7 @@ def check_claims(summary: dict[str, Any]) -> list[Claim]:
 def _closed(scene: str, found: dict[str, Any]) -> Iterator[Claim]:
     text = "det R is the same for all pulses: greatest over least, less 1, ppm"
     yield claim(text, scene, _exact(found["det_spread"]), EXACT)
-    if found["proportion"] is not None:
+    if found["proportion"]["mean"] is not None:
         text = "Where the pulse of the smallest gate is inside the box, R is proportional to H P H': difference, ppm"
         yield claim(text, scene, _exact(found["proportion"]), EXACT, "R = const. H P H'")
     text = "No pulse of a dense grid has a smaller gate than the closed form: excess, ppm"
@@ -73,6 +73,7 @@ def _policies(scene: str, policies: dict[str, Any]) -> Iterator[Claim]:
     yield claim(text, scene, gate(DETERMINANT), MORE)
 
 
-def _exact(value: float) -> Estimate:
+def _exact(found: dict[str, Any]) -> Estimate:
     """A number without chance, in parts per million."""
-    return Estimate(1e6 * value, (1e6 * value, 1e6 * value))
+    value, ci = mean_of(found)
+    return Estimate(None if value is None else 1e6 * value, None if ci is None else (1e6 * ci[0], 1e6 * ci[1]))

@@ -39,12 +39,13 @@ def surface(loop: KershawEvans, P: Array, eta: float) -> Surface:
 def closed_forms(study: Study, scene: str) -> dict[str, Any]:
     """How the closed forms compare.
 
-    Keys:
+    Keys, the first four {mean, ci}, numbers without chance:
         det_spread: of det R over the library, greatest over least less 1.
         trace_excess, gate_excess: objective at the closed form over the least one of the grid, less 1, the greatest of
         all beliefs: negative where the closed form is always better than the grid.
+        proportion: where the gate's optimum is inside the box, the greatest relative difference of R / sqrt(det R) and
+        H P H' / sqrt(det H P H'); None if there is no such step.
         interior: share of all steps at which the gate's optimum is inside the box.
-        proportion: there, the greatest relative difference of R / sqrt(det R) and H P H' / sqrt(det H P H').
         trace_interior: share of all steps at which the trace's optimum has a duration inside the box.
     """
     loop = system(Case(scene, DRAWN, TRACE))
@@ -52,13 +53,18 @@ def closed_forms(study: Study, scene: str) -> dict[str, Any]:
     gate, trace = study.of(scene, GATE), study.of(scene, TRACE)
     inside = _inside(loop, gate.duration, gate.sweep)
     return {
-        "det_spread": float(of_library.max() / of_library.min() - 1.0),
-        "trace_excess": _excess(loop, trace, "trace"),
-        "gate_excess": _excess(loop, gate, "gate"),
+        "det_spread": _exactly(float(of_library.max() / of_library.min() - 1.0)),
+        "trace_excess": _exactly(_excess(loop, trace, "trace")),
+        "gate_excess": _exactly(_excess(loop, gate, "gate")),
+        "proportion": _exactly(_proportion(loop, gate.predicted[inside], gate.duration[inside], gate.sweep[inside])),
         "interior": float(inside.mean()),
-        "proportion": _proportion(loop, gate.predicted[inside], gate.duration[inside], gate.sweep[inside]),
         "trace_interior": float(_inside(loop, trace.duration, 0.0 * trace.sweep).mean()),
     }
+
+
+def _exactly(value: float | None) -> dict[str, Any]:
+    """A number without chance, as an estimate."""
+    return {"mean": value, "ci": None if value is None else [value, value]}
 
 
 def _inside(loop: KershawEvans, duration: Array, sweep: Array) -> Array:
