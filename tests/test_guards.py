@@ -227,7 +227,22 @@ GOOD: dict[str, dict[str, Argument]] = {
         "prf": positive(1e3), "bandwidth": positive(1e6), "pixel_angle": positive(1e-3), "wavelength": positive(0.03),
         "fft_length": Argument("count", 128), "pixels": Argument("count", 1000),
     },
-    "detection_probability": {"snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01)},
+    "detection_probability": {
+        "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01),
+        "fluctuation": given_as("swerling3"), "pulses": Argument("count", 2),
+    },
+    "detected_snr": {
+        "uniform": Argument("share", np.full(3, 0.5)), "snr": positive(np.ones(3)),
+        "false_alarm": Argument("open probability", 0.01), "fluctuation": given_as("swerling3"),
+        "pulses": Argument("count", 2),
+    },
+    "mean_inverse_detected_snr": {
+        "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01), "pulses": Argument("count", 2),
+        "least": non_negative(1.0),
+    },
+    "realised_snr": {
+        "uniform": Argument("share", np.full(3, 0.5)), "snr": positive(np.ones(3)), "pulses": Argument("count", 2),
+    },
     "energy_detection_probability": {
         "energy_ratio": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01),
     },
@@ -318,7 +333,7 @@ NO_NUMBERS = {
     # made of objects that are checked themselves, of text or of files, which have tests of their own
     "EclipsedLibrary", "EclipsePulses", "EclipseTables", "eclipse_tables",
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
-    "plot_ambiguity", "SPEED_OF_LIGHT",
+    "plot_ambiguity", "SPEED_OF_LIGHT", "FLUCTUATIONS",
 }  # fmt: skip
 CASES = [
     (function, name) for function, arguments in GOOD.items() for name, argument in arguments.items() if argument.kind
@@ -328,6 +343,7 @@ ANY_LENGTH = {  # arguments that fit after the loss of an element
     *((function, name) for function in ("ambiguity", "zero_delay_cut", "zero_doppler_cut") for name in GOOD[function]),
     ("range_law_snr", "range_m"),
     ("detection_probability", "snr"),
+    ("mean_inverse_detected_snr", "snr"),
     ("energy_detection_probability", "energy_ratio"),
     ("fov_penalty", "x"),
     ("systematic_resample", "weights"),

@@ -13,8 +13,9 @@ from wavegym.core.registry import import_package
 from wavegym.core.workers import add_worker_options, workers
 
 POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,
-myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:closed-form,
-myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action=box), myopic-information,
+myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:mean-trace (of all tracks,
+however doubtful), myopic:closed-form, myopic:progressive, myopic:slsqp and myopic:polish (these four with
+--set action=box), myopic-information,
 myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; heuristics whose constants
 are tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, hold-until-detected, lagrangian-price,
 adaptive-lagrangian-price, constant-pace, best-simple (the best of them); planners that simulate futures: rollout:H,

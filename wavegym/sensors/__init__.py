@@ -9,6 +9,8 @@
 >>> snr = range_law_snr(r)
 >>> print(f"{snr:.0f}, detected with probability {detection_probability(snr, false_alarm=0.01):.2f}")
 122, detected with probability 0.93
+>>> print(f"{detection_probability(snr, 0.01, 'swerling0'):.4f} if the echo is steady")
+1.0000 if the echo is steady
 
 False returns also fall into the tracker's validation gate, here of four standard deviations of (r, rdot):
 
@@ -35,6 +37,7 @@ share is less, and so is its information (``docs/waveform_timing.md``):
 from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse, EclipsePulses, EclipseTables, eclipse_tables
+from wavegym.sensors.fluctuation import FLUCTUATIONS, detected_snr, mean_inverse_detected_snr, realised_snr
 from wavegym.sensors.folding import (
     Agreements,
     Folded,
@@ -65,6 +68,7 @@ from wavegym.sensors.snr import range_law_snr
 from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [
+    "FLUCTUATIONS",
     "Agreements",
     "Antenna",
     "ArrayReceiver",
@@ -85,6 +89,7 @@ __all__ = [
     "View",
     "agreeing_combinations",
     "combined_interval",
+    "detected_snr",
     "detection_probability",
     "eclipse_tables",
     "energy_detection_probability",
@@ -97,6 +102,7 @@ __all__ = [
     "gate_probability",
     "gate_volume",
     "inside_gate",
+    "mean_inverse_detected_snr",
     "multistatic_range_and_rate",
     "outside_notch",
     "outside_notch_probability",
@@ -106,6 +112,7 @@ __all__ = [
     "range_and_rate",
     "range_and_rate_jacobian",
     "range_law_snr",
+    "realised_snr",
     "resolve_folds",
     "unfold",
     "union_clutter",
