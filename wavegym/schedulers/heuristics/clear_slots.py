@@ -42,7 +42,8 @@ def clear_slots_left(belief: Any, horizon: int) -> Array:
 
 def _some(visible: Array) -> Array:
     """Whether some target is visible in each slot, (env, H)."""
-    return visible if visible.ndim == 2 else visible.any(axis=2)
+    some: Array = visible if visible.ndim == 2 else np.any(visible, axis=2)
+    return some
 
 
 def gain_until_clear(system: Any, belief: Any, ahead: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import GainByTarget, delays
 from wavegym.core.errors import check_int

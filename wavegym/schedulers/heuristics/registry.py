@@ -238,9 +238,10 @@ def best_simple(
     for name, heuristic in HEURISTICS.items():
         best = min(costs, key=lambda name: costs[name], default=None)
         reference = None if best is None else HEURISTICS[best].make(**constants[best])
+        spent: dict[str, Any] = {}
         try:
             if known and name in known:
-                constants[name], spent = known[name], {}
+                constants[name] = known[name]
             else:
                 constants[name], spent = _tuned(name, system, worlds, search, reference)
         except (InputError, NotImplementedError):

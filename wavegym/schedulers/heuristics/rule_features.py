@@ -124,7 +124,7 @@ class RuleFeatures:
         if kind == "hold":
             return self._hold(belief, int(number))
         if kind == "gain":
-            return self.system.gain(belief, self._delay(belief, made), int(number))  # type: ignore[no-any-return]
+            return self.system.gain(belief, self._delay(belief, made), int(number))
         return self._share(name, belief, made)
 
     def _share(self, name: str, belief: Any, made: dict[str, Array]) -> Array:

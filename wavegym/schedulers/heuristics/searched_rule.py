@@ -22,7 +22,7 @@ from wavegym.schedulers.rollout import allowed
 SIGMA, POLISH = 0.5, 0.2  # of the first distribution, of weights of norm 1; of the search over all features
 DIGITS = 6  # of recorded weights
 PRICES = tuple(float(price) for price in np.geomspace(0.1, 30.0, 8))  # first prices tried
-RESTARTS = 2  # of each form
+FIRST = 0.5  # share of the budget for the forms, before all features are searched together
 
 
 class SearchedRule(Heuristic):
@@ -114,9 +114,9 @@ def search_rule(
 ) -> FoundRule:
     """The weights of least ``log_cost`` that CMA-ES finds.
 
-    Each form of rule is searched from its best and its second-best start, then all features together from the best
-    rule found. The starts reproduce the one-step scheduler, the greatest gain with a penalty for delay, and the
-    greatest gain minus a price of spending.
+    Each form of rule is searched from its best start, then all features together from the best rule found, then, if the
+    budget is not yet spent, from the other starts. The starts reproduce the one-step scheduler, the greatest gain with
+    a penalty for delay, and the greatest gain minus a price of spending.
 
     Args:
         system: the closed loop.
@@ -137,7 +137,7 @@ def search_rule(
         raise InputError(f"searched-rule has no feature that differs between the candidates of {type(system).__name__}")
 
     def made(weights: Array) -> SearchedRule:
-        return SearchedRule(features.names, weights, scales)
+        return SearchedRule(features.names, list(weights), list(scales))
 
     def cost(weights: Array, played: Any = few) -> float:
         return log_cost(system, made(weights), played) if weights.any() else np.inf
@@ -176,12 +176,17 @@ class _Search:
     def ends(self, features: RuleFeatures) -> Iterator[Array]:
         """The points where searches ended."""
         forms = [(names, self._ranked(starts(form, features.names))) for form, names in features.forms.items()]
-        stages = [(names, ranked[n]) for n in range(RESTARTS) for names, ranked in forms if n < len(ranked)]
-        parts = self.budget.parts(len(stages) + 1)
-        for n, (names, start) in enumerate(stages):
-            yield start
-            yield from self._from(start, [name in names for name in self.names], SIGMA, next(parts), n)
-        yield from self._from(self.best, [True] * len(self.names), POLISH, next(parts), len(stages))
+        spent, number = self.budget.share(), 0
+        for n, (names, ranked) in enumerate(forms):
+            until = spent + (1.0 - spent) * FIRST * (n + 1) / len(forms)
+            for start in ranked[:1]:
+                yield start
+                yield from self._from(start, [name in names for name in self.names], SIGMA, until, n)
+        yield from self._from(self.best, [True] * len(self.names), POLISH, 1.0, len(forms))
+        others = [start for _, ranked in forms for start in ranked[1:]]
+        while others and self.budget.share() < 1.0:  # all have converged: the starts not yet taken, one after another
+            start, number = others[number % len(others)], number + 1
+            yield from self._from(start, [True] * len(self.names), SIGMA, 1.0, len(forms) + number)
 
     def _from(self, start: Array, is_in: Sequence[bool], sigma: float, until: float, number: int) -> Iterator[Array]:
         open_to = np.flatnonzero(self.is_varied & np.asarray(is_in))
