@@ -70,6 +70,11 @@ class Budget:
 
         return count
 
+    def costs(self, cost: Cost, points: Sequence[Array]) -> list[float]:
+        """The cost of each point, infinite where the budget is spent before."""
+        counted = self.counted(cost)
+        return [counted(point) if self.share() < 1.0 else np.inf for point in points]
+
     def parts(self, count: int) -> Iterator[float]:
         """``count`` shares at which successive searches end; what one leaves over goes to those after it."""
         for n in range(count):
@@ -79,7 +84,8 @@ class Budget:
 def minimised(cost: Cost, start: Array, sigma: float, budget: Budget, until: float, seed: int) -> Found:
     """The least cost that CMA-ES (Hansen and Ostermeier 2001) finds from ``start``.
 
-    It stops when ``until`` of the budget is spent, or when the distribution has converged. The start counts as found.
+    It stops when ``until`` of the budget is spent, or when the distribution has converged. The start counts as found;
+    without any budget its cost is infinite.
 
     Args:
         cost: of a point (d,); may be infinite.
@@ -90,6 +96,8 @@ def minimised(cost: Cost, start: Array, sigma: float, budget: Budget, until: flo
         seed: of the random numbers, >= 0.
     """
     counted = budget.counted(cost)
+    if budget.share() >= until:
+        return Found(start, np.inf, start)
     best, least = start, counted(start)
     if start.size < 2:  # the package needs two coordinates; the second one changes nothing
         found = _searched(lambda x: counted(x[:1]), np.append(start, 0.0), sigma, budget, until, seed)
@@ -160,7 +168,7 @@ def searched_constants(
         return {name: interval.value(share) for (name, interval), share in zip(intervals.items(), point, strict=True)}
 
     points = [np.array([interval.share(start[name]) for name, interval in intervals.items()]) for start in starts]
-    values = [budget.counted(lambda point: cost(of(point)))(point) for point in points]
+    values = budget.costs(lambda point: cost(of(point)), points)
     order = np.argsort(values, kind="stable")
     best, least = points[order[0]], values[order[0]]
     for n, until in enumerate(budget.parts(RESTARTS)):

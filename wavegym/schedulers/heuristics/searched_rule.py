@@ -208,7 +208,7 @@ class _Search:
     def _ranked(self, points: list[Array]) -> list[Array]:
         """The points that differ from 0, the least cost first."""
         points = [point for point in points if (point * self.is_varied).any()]
-        values = [self.budget.counted(self.cost)(point) for point in points]
+        values = self.budget.costs(self.cost, points)
         return [points[n] for n in np.argsort(values, kind="stable")]
 
 
