@@ -45,6 +45,8 @@ LADDER = (
     "aware-greedy",
     "cost-of-delay",
     "hold-until-detected",
+    "clear-slot-price",
+    "searched-rule",
     SIMPLE,
     "plan-once",
     "best-planner",

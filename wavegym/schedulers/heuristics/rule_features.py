@@ -86,7 +86,7 @@ class RuleFeatures:
         if self._holds():
             names += [f"hold_{steps}" for steps in HOLDS]
             priced += ["clear_slots", "clear_slots2"]
-        priced += [name for name in RESOURCES if name in self._fields]
+        priced += [name for name in RESOURCES if name in self._fields or name == "time_left"]
         return (*names, "spending", *(f"spending*{name}" for name in priced))
 
     def __call__(self, belief: Any, names: tuple[str, ...]) -> Array:
