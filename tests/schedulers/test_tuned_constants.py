@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import re
 import tomllib
 from dataclasses import replace
@@ -18,6 +19,7 @@ from wavegym.schedulers import rollout, tuned_constants
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice
 from wavegym.schedulers.heuristics.registry import HEURISTICS
+from wavegym.schedulers.heuristics.rule_features import RuleFeatures
 from wavegym.schedulers.registry import is_scheduler, make_policy
 
 SYSTEM = DelaySystem()
@@ -125,6 +127,17 @@ def delay_task(monkeypatch):
     monkeypatch.setattr(tune_constants, "make_task", lambda env_id, settings: Task(env_id, SYSTEM, None, {}))
 
 
+def test_the_packaged_rules_are_for_the_features_that_the_systems_have():
+    found = {
+        name: record["searched-rule"] for name, record in tuned_constants.records().items() if "searched-rule" in record
+    }
+    assert found
+    for name, rule in found.items():
+        module, _, kind = name.partition(":")
+        system = getattr(importlib.import_module(module), kind)()
+        assert tuple(rule["features"]) == RuleFeatures(system).names, f"{name}: {tune_constants.parser().prog} ID"
+
+
 def test_the_command_tunes_compares_and_writes(tmp_path, delay_task, small_grids, capsys):
     out = tmp_path / "tuned_constants.toml"
     out.write_text(tuned_constants.as_toml({"Another": {"best-simple": "myopic", "myopic": {}}}))
@@ -144,7 +157,7 @@ def test_the_command_tunes_compares_and_writes(tmp_path, delay_task, small_grids
     assert record["costs"][best] == pytest.approx(cost, rel=1e-3)
     printed = capsys.readouterr().out
     assert re.search(f"{key}: best simple is {best}; {best} ", printed)
-    assert "CMA-ES has 15 evaluations on 4 worlds for each heuristic that it searches" in printed
+    assert "CMA-ES has 15 evaluations on 4 worlds for each of clear-slot-price, searched-rule" in printed
     assert re.search(r"searched-rule was found with 15 evaluations in \d+(\.\d)? CPU seconds", printed)
     assert record["searches"]["searched-rule"]["worlds"] == 4
 
@@ -163,6 +176,8 @@ def test_the_command_searches_named_heuristics_alone_and_keeps_the_planner_as_me
     assert record["searches"].keys() >= {"searched-rule"}
     assert record["best-simple"] == min(record["costs"], key=record["costs"].get) != "aware-greedy"
     assert (record["best-planner"], record["planner-base"]) == ("rollout:3", "aware-greedy")
+    tune_constants.main(["Delay-v0", *few, "--heuristics", "none", "--out", str(out)])
+    assert tomllib.loads(out.read_text())[key] == record
 
 
 def test_the_command_sweeps_planners_and_records_the_best(tmp_path, delay_task, monkeypatch, capsys, small_grids):

@@ -26,6 +26,7 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.planner_sweep import LIMITS, Setting, Swept, as_csv, best_within, sweep
 from wavegym.evaluation.task import make_task
 from wavegym.schedulers.heuristics.registry import HEURISTICS, QUICK, Search, Simple, best_simple
+from wavegym.schedulers.heuristics.searched_rule import SearchedRule
 from wavegym.schedulers.heuristics.tuning import Constants, log_cost
 from wavegym.schedulers.registry import PLANNERS, PLANS, planner_builder
 from wavegym.schedulers.tuned_constants import BASE, FILE, PLANNER, SIMPLE, as_toml, record_key
@@ -34,6 +35,8 @@ WORLDS, PLANNED = 100, 32
 CPU_SECONDS, SEARCH_WORLDS, SWEEP_WORLDS = 60.0, 64, 16
 BASES = 2  # best heuristics that planners of a sweep follow, beside the recorded base
 SWEEPS = Path("results/baselines")
+NONE = "none"  # in place of the name of a heuristic
+SEARCHED = tuple(name for name, rule in HEURISTICS.items() if rule.intervals or name == SearchedRule.name)
 
 
 def tuned_record(
@@ -144,7 +147,7 @@ def parser() -> Parser:
     options.add_argument("ids", nargs="+", metavar="ID", help="environments, such as CameraSlew-v0 or package:ID")
     options.add_argument("--worlds", type=int, default=WORLDS, help=f"tuning worlds (default: {WORLDS})")
     options.add_argument("--seed", type=int, default=0, help="of the tuning worlds and of CMA-ES (default: 0)")
-    options.add_argument("--heuristics", default="", help="tune these alone; the others keep their record")
+    options.add_argument("--heuristics", default="", help="tune these alone, or none; the others keep their record")
     seconds = f"CPU seconds of CMA-ES for each heuristic that it searches (default: {CPU_SECONDS:g})"
     options.add_argument("--cpu-seconds", type=float, metavar="S", help=seconds)
     options.add_argument(
@@ -175,7 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name in planners:
         planner_builder(name)
     for name in only:
-        check_choice("heuristic", name, HEURISTICS)
+        check_choice("heuristic", name, (NONE, *HEURISTICS))
     check_int("sweep-worlds", read.sweep_worlds, 2)
     if read.sweep is not None:
         check_positive("sweep", read.sweep)
@@ -185,8 +188,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for env_id, system in [(task.env_id, task.system) for task in (make_task(env_id, {}) for env_id in read.ids)]:
         name, worlds = record_key(system), draw_worlds(system, world_seeds(read.seed, "tune", read.worlds))
         before = table.get(name, {})
+        searched = [rule for rule in SEARCHED if not only or rule in only]
         limit = f"{search.evaluations} evaluations" if search.evaluations else f"{search.seconds:g} CPU seconds"
-        print(f"{name}: CMA-ES has {limit} on {search.worlds} worlds for each heuristic that it searches", flush=True)
+        if searched:
+            print(f"{name}: CMA-ES has {limit} on {search.worlds} worlds for each of {', '.join(searched)}", flush=True)
         record = table[name] = tuned_record(system, worlds, planners, before, search, only)
         _print_record(name, record, only)
         if read.sweep is not None:

@@ -25,6 +25,10 @@ PRICES = tuple(float(price) for price in np.geomspace(0.1, 30.0, 8))  # first pr
 FIRST = 0.5  # share of the budget for the forms, before all features are searched together
 
 
+class ChangedFeaturesError(InputError):
+    """The features of a system are no longer those that a rule was found for."""
+
+
 class SearchedRule(Heuristic):
     """The allowed candidate of the greatest weighted sum of its features, each over its scale.
 
@@ -34,7 +38,8 @@ class SearchedRule(Heuristic):
         scales: of each feature, constants found on tuning worlds; 0 for a feature that never differs there.
 
     Raises:
-        InputError: lists of different lengths, or (at ``begin``) features that are not the system's.
+        InputError: lists of different lengths.
+        ChangedFeaturesError: at ``begin``, features that are not the system's.
     """
 
     name = "searched-rule"
@@ -54,7 +59,7 @@ class SearchedRule(Heuristic):
             changed = sorted(set(self.features) ^ set(self._features.names))
             what = f"it differs in {', '.join(changed)}" if changed else "it differs in order"
             command = "python -m wavegym.evaluation.tune_constants ID"
-            raise InputError(
+            raise ChangedFeaturesError(
                 f"searched-rule was found for other features of {type(system).__name__} ({what}), expected its weights"
                 f" to be searched anew with: {command}"
             )
@@ -76,7 +81,7 @@ class FoundRule(NamedTuple):
 
     constants: Constants
     cost: float  # log_cost on all worlds
-    evaluations: int
+    evaluations: int  # of the search; its ends are compared on all worlds besides
     cpu_seconds: float
 
 
