@@ -143,6 +143,7 @@ DELAYED = [
     "lagrangian-price",
     "adaptive-lagrangian-price",
     "constant-pace",
+    "clear-slot-price",
 ]  # need a gain
 LONG = ["best-simple", "best-planner", "receding-horizon", "plan-once", "cycle"]  # tuned on the spot
 NUMBERED = [name for name in FORMS if re.fullmatch("[a-z-]+:[A-Z]+", name)]

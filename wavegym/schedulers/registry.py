@@ -51,11 +51,12 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             (clairvoyant). Heuristics, with the constants recorded for the suite's systems
             (``schedulers.tuned_constants``) and otherwise tuned on ``tuning_worlds``: ``gain:L``, ``greedy``,
             ``aware-greedy``, ``cost-of-delay``, ``hold-until-detected``, ``lagrangian-price``,
-            ``adaptive-lagrangian-price``, ``constant-pace``, ``cycle`` and ``best-simple``, the best of them and of
-            ``myopic``. Planners, with the settings recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``,
-            ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the best one recorded. A planner improves on the
-            base policy recorded (``best-simple`` unless another is), or on the scheduler after an ``@``:
-            ``rollout:20@myopic``. Any scheduler registered with ``wavegym.register_scheduler``.
+            ``adaptive-lagrangian-price``, ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named
+            forecasts), ``cycle`` and ``best-simple``, the best of them and of ``myopic``. Planners, with the settings
+            recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H`` and
+            ``best-planner``, the best one recorded. A planner improves on the base policy recorded (``best-simple``
+            unless another is), or on the scheduler after an ``@``: ``rollout:20@myopic``. Any scheduler registered with
+            ``wavegym.register_scheduler``.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
         base: base policy of a planner, in place of the recorded one or the one after an ``@``.
