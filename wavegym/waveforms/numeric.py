@@ -81,7 +81,7 @@ def numeric_energy_interval(waveform: _Pulse, energy: float) -> tuple[float, flo
 
     The quantiles of a^2 are found by root finding; the quadrature is exact to rounding.
     """
-    from scipy.optimize import brentq  # slow to import, and needed by pulses without a closed form alone
+    from scipy.optimize import brentq  # the waveforms load without SciPy
 
     samples = sample(waveform)
     density = samples.values[0] ** 2 * samples.weights
