@@ -23,7 +23,7 @@ from papers.kershaw_evans.study import (
 from wavegym.evaluation.statistics import Estimate
 
 EXACT = Limit(high=1.0)  # parts per million
-TIE, MORE, NO_MORE = Limit(0.99, 1.01), Limit(low=1.0), Limit(high=1.001)  # ratios
+TIE, MORE, NO_MORE = Limit(0.99, 1.01), Limit(low=1.0), Limit(high=1.01)  # ratios
 
 
 def check_claims(summary: dict[str, Any]) -> list[Claim]:
