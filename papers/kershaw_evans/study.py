@@ -106,13 +106,16 @@ def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None)
 
 
 def system(case: Case) -> KershawEvans:
-    """The closed loop that a case is played in. Ranges and speeds are those of the scene, whatever they are."""
+    """The closed loop that a case is played in. Ranges and speeds are those of the scene, whatever they are.
+
+    Pulses are received whole, as in the paper: closed forms know no eclipsing.
+    """
     scene, settings = SCENES[case.scene], dict[str, Any]()
     if case.targets != DRAWN:
         middle, speed = float(np.mean(scene.start_range)), max(abs(end) for end in scene.start_speed)
         speed = -speed if case.targets == CLOSING else speed
         settings = {"start_range": (middle, middle), "start_speed": (speed, speed)}
-    return scene(action="box" if case.policy in BOX else "library", **settings)
+    return scene(action="box" if case.policy in BOX else "library", eclipsing=False, **settings)
 
 
 def unmodulated(loop: KershawEvans, longest: bool) -> int:

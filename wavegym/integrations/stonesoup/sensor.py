@@ -37,7 +37,7 @@ class ClutterRadar(PlanarRadar):
 
 
 class EclipsedChirpRadar(LineOfSightRadar):
-    """The law of ``KershawEvans``: the receiver is off while a Gaussian chirp is sent; its duration is sqrt(2 C11) / c."""
+    """The law of ``KershawEvans``: the receiver is off while it sends a Gaussian chirp of duration sqrt(2 C11)/c."""
 
     def covariance(self, states: Array, pulse: Array) -> Array:
         """C / eta of what the receiver sees of the pulse."""
