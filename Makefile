@@ -84,21 +84,20 @@ leaderboard: $(READY)
 	$(BIN)/python -m agents.leaderboard
 
 # Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: with the runs of the docs, and renew their pages.
+# PAPERS="kershaw_evans" for one of them.
+PAPERS ?= agile_clutter kershaw_evans rf_eo urban
+PAPER_OPTIONS_agile_clutter = --runs 500 --tracker both
+PAPER_OPTIONS_urban = --runs 500
 papers: $(READY)
-	$(BIN)/python -m papers agile_clutter $(if $(PAGE),--runs 500 --tracker both) --out $(OUT)/agile_clutter
-	$(BIN)/python -m papers rf_eo --out $(OUT)/rf_eo
-	$(BIN)/python -m papers urban $(if $(PAGE),--runs 500) --out $(OUT)/urban
+	for p in $(PAPERS); do $(MAKE) --no-print-directory paper-$$p || exit; done
+
+paper-%: $(READY)
+	$(BIN)/python -m papers $* $(if $(PAGE),$(PAPER_OPTIONS_$*)) --out $(OUT)/$*
 ifdef PAGE
-	mkdir -p results/agile_clutter results/rf_eo results/urban
-	cp $(addprefix $(OUT)/agile_clutter/,summary.json figure2.csv figure3.csv) results/agile_clutter/
-	cp $(addprefix $(OUT)/rf_eo/,summary.json figure2.csv figure3.csv figure4.csv) results/rf_eo/
-	cp $(addprefix $(OUT)/urban/,summary.json figure3.csv figure4.csv figure5.csv figure6.csv) results/urban/
-	for f in 2 3; do cp $(OUT)/agile_clutter/figure$$f.png docs/images/agile_clutter_figure$$f.png || exit; done
-	for f in 2 3 4; do cp $(OUT)/rf_eo/figure$$f.png docs/images/rf_eo_figure$$f.png || exit; done
-	for f in 3 4 5 6; do cp $(OUT)/urban/figure$$f.png docs/images/urban_figure$$f.png || exit; done
-	$(BIN)/python -m papers.page results/agile_clutter/summary.json docs/papers/agile_clutter.md
-	$(BIN)/python -m papers.page results/rf_eo/summary.json docs/papers/rf_eo.md
-	$(BIN)/python -m papers.page results/urban/summary.json docs/papers/urban.md
+	mkdir -p results/$*
+	cp $(OUT)/$*/summary.json $(OUT)/$*/figure*.csv results/$*/
+	for f in $(OUT)/$*/figure*.png; do cp $$f docs/images/$*_$$(basename $$f) || exit; done
+	$(BIN)/python -m papers.page results/$*/summary.json docs/papers/$*.md
 endif
 
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.

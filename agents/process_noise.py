@@ -1,8 +1,9 @@
 """Gain of foresight against process noise: ``python -m agents.process_noise [NAME ...]``.
 
 Plays KershawEvansPosition with a Kalman filter of several process noise densities, and with the IMM of them, in drawn
-worlds (``drawn``: the filter knows the density) and on recordings within 40 km of a radar. ``aircraft`` is in the
-repository; ``--recording NAME FILE LATITUDE LONGITUDE ALTITUDE`` adds another. Results go to results/process_noise,
+worlds (``drawn``: the filter knows the density) and on recordings. ``aircraft`` is in the repository, seen by the
+environment's own radar at 165 to 210 km; ``--recording NAME FILE LATITUDE LONGITUDE ALTITUDE`` adds another, seen
+within 40 km by a radar of shorter range. Results go to results/process_noise,
 their tables and picture to docs/process_noise.md. ``--tables`` renews the page without playing.
 """
 
@@ -41,7 +42,9 @@ DENSITIES = (0.1, 1.0, 10.0, 100.0, 1000.0)  # m^2/s^3
 SCHEDULERS = "lookahead:2", "ppo", "best-fixed"
 DRAWN = "drawn"
 WORLDS, SEED = 400, 0
-FARTHEST = 40e3  # m; beyond it the variance of the farthest windows is most of the mean
+FAR = {"nearest_range": 165e3, "farthest_range": 210e3}  # m: where the environment's own targets are
+# A radar of shorter range, m; beyond the farthest range the variance of the farthest windows is most of the mean.
+NEAR = {"nearest_range": 100.0, "farthest_range": 40e3, "reference_range": 50e3}
 SMOOTHING = 7.0  # s, with which the results were made
 EXPECTED_NEES = 2.0
 REGISTERED = 100.0  # m^2/s^3, the density of the registered environment
@@ -53,6 +56,7 @@ class Recording(NamedTuple):
 
     file: Path
     radar: tuple[float, float, float]  # latitude and longitude in degrees, altitude in m
+    ranges: Mapping[str, float] = NEAR
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -61,12 +65,12 @@ class Recording(NamedTuple):
             "targets": "recorded",
             "tracks": self.file,
             "radar": self.radar,
-            "farthest_range": FARTHEST,
             "smoothing": SMOOTHING,
+            **self.ranges,
         }
 
 
-AIRCRAFT = Recording(ROOT / "examples" / "data" / "aircraft_tracks.csv", (51.75, -1.25, 100.0))
+AIRCRAFT = Recording(ROOT / "examples" / "data" / "aircraft_tracks.csv", (51.75, -1.25, 100.0), FAR)
 
 
 def play(recording: Recording | None, worlds: int, jobs: int) -> dict[str, Any]:

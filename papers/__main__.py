@@ -1,6 +1,7 @@
 """Rebuild a paper's figures, data and pictures.
 
     python -m papers agile_clutter --runs 200 --tracker both --out DIR
+    python -m papers kershaw_evans --out DIR
     python -m papers rf_eo --out DIR
     python -m papers urban --out DIR
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 if TYPE_CHECKING:
     from papers.claims import Claim
 
-RUNS = {"agile_clutter": 200, "rf_eo": 20, "urban": 50}  # Monte Carlo runs unless the user names another number
+# Monte Carlo runs unless the user names another number
+RUNS = {"agile_clutter": 200, "kershaw_evans": 200, "rf_eo": 20, "urban": 50}
 
 
 class Paper(Protocol):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import norm, truncnorm
 
 C = 299792458.0
 
@@ -59,6 +60,17 @@ def chirp_covariance(k, sweep, fc=10.4e9):
     g, wc = np.pi * sweep / (2 * k), 2 * np.pi * fc
     cross = -(C**2) * g * k**2 / wc
     return np.array([[C**2 * k**2 / 2, cross], [cross, (C / wc) ** 2 * (1 / (2 * k**2) + 2 * g**2 * k**2)]])
+
+
+def received_covariance(k, sweep, r, reference):
+    """Covariance of a pulse of its own echo from range r (m), SNR 1 at the range ``reference``: R of Kershaw and Evans.
+
+    The receiver is off for the interval that holds 99 % of a pulse's energy, so of the echo it sees the tail of a
+    Gaussian, and of the information the part that the variance in this tail, times its weight, is of the whole.
+    """
+    tail = np.sqrt(2) * (np.sqrt(2) * norm.ppf(0.995) / 2 - 2 * r / C / k)  # standard deviations of |s|^2
+    share = norm.sf(tail) * truncnorm(tail, np.inf).var()
+    return chirp_covariance(k, sweep) * (r / reference) ** 4 / share
 
 
 def motion(n, dt, q):

@@ -85,3 +85,9 @@ def test_every_tool_has_a_line_in_the_dependency_table():
     }  # tools of tests
     names = {re.split(r"[\[<>=]", each)[0].lower() for each in asked}
     assert [name for name in sorted(names - common) if name not in table] == []
+
+
+@pytest.mark.parametrize("front", [ROOT / "README.md", ROOT / "docs" / "index.md"], ids=lambda page: page.name)
+def test_the_front_pages_link_every_how_to_page(front):
+    text = front.read_text()
+    assert [page.name for page in (ROOT / "docs" / "how_to").glob("*.md") if f"how_to/{page.name}" not in text] == []

@@ -24,6 +24,7 @@ SCALARS = {  # kind: values that no element may have
     "log": (NAN, INF),
     "key": (NAN, -1, 1.5, 2**64),
     "positive": (NAN, INF, -INF, 0.0, -1.0),
+    "width": (NAN, -INF, 0.0, -1.0),
     "non-negative": (NAN, INF, -INF, -1.0),
     "variance": (NAN, -INF, 0.0, -1.0),
     "probability": (NAN, INF, -0.1, 1.1),
@@ -74,6 +75,8 @@ SIX = np.array([2000.0, -1000.0, -10.0, 8.0, 0.1, 0.1])
 Z = np.array([15033.0, 804.9])
 CHIRP = waveforms.GaussianChirp(duration=1e-6, chirp_rate=1e12)
 TRAIN = waveforms.PulseTrain(CHIRP, count=4, interval=1e-3)
+TIMING = waveforms.PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=4)
+ECLIPSED = sensors.EclipsedPulse(CHIRP)
 LAW = waveforms.chirp_law("pfm")
 TRANSITION = Argument("distribution", np.array([[0.9, 0.1], [0.2, 0.8]]))
 MU = Argument("distribution", np.array([0.25, 0.75]))
@@ -88,6 +91,12 @@ MODELS = {"mean": finite(np.ones((2, 6))), "covariance": covariance(np.stack([P6
 WAVEFORM = {"duration": positive(1e-5), "carrier_hz": positive(1e10)}
 STEP = {"dt": positive(1.0)}
 WHITE = STEP | {"q": non_negative(1.0)}
+WIDTH = Argument("width", 3.0)
+PRFS = {"widths": positive(np.array([2.0, 3.0])), "variance": positive(np.array([0.1, 0.1]))}
+PAIR_FOLD = {
+    "measurement": finite(np.ones(2)), "predicted": finite(np.ones(2)), "S": definite(P2),
+    "widths": Argument("width", np.array([3.0, 4.0])), "size": positive(4.0),
+}  # fmt: skip
 
 GOOD: dict[str, dict[str, Argument]] = {
     # trackers
@@ -186,6 +195,29 @@ GOOD: dict[str, dict[str, Argument]] = {
         "range_m": non_negative(np.array([1e4, 2e4])), "reference_range": positive(5e4),
         "nearest_range": positive(100.0),
     },
+    "EclipsedPulse": {
+        "waveform": given_as(CHIRP), "interval": positive(1e-3), "energy": Argument("probability", 0.99),
+        "recovery": non_negative(1e-6),
+    },
+    "fold_range": {"range_m": non_negative(np.ones(3)), "unambiguous_range": WIDTH},
+    "fold_velocity": {"range_rate": finite(np.ones(3)), "unambiguous_velocity": WIDTH},
+    "unfold": {"apparent": finite(np.ones(3)), "fold": finite(1.0), "width": WIDTH},
+    "fold_update": {
+        "measurement": finite(np.ones(3)), "predicted": finite(9.0), "variance": positive(2.0), "width": WIDTH,
+        "size": positive(4.0),
+    },
+    "fold_pair_update": PAIR_FOLD,
+    "fold_hypotheses": PAIR_FOLD,
+    "agreeing_combinations": {"apparent": finite(((1.0, 2.0), (1.0, 3.0))), "low": finite(0.0), "high": finite(9.0)}
+    | PRFS,
+    "resolve_folds": {"apparent": finite(np.array([1.0, 2.0])), "low": finite(0.0), "high": finite(9.0)} | PRFS,
+    "combined_interval": {"widths": positive(np.array([2.0, 3.0])), "tolerance": non_negative(0.1),
+                          "farthest": positive(9.0)},
+    "outside_notch": {"range_rate": finite(np.ones(3)), "unambiguous_velocity": WIDTH, "notch": non_negative(0.5)},
+    "outside_notch_probability": {
+        "predicted": finite(np.ones(3)), "variance": non_negative(0.2), "unambiguous_velocity": WIDTH,
+        "notch": non_negative(0.5),
+    },
     "range_and_rate": {"state": finite(PLANAR), "sensor": finite(TX)},
     "range_and_rate_jacobian": {"state": finite(PLANAR), "sensor": finite(TX)},
     "multistatic_range_and_rate": {"state": finite(PLANAR), "transmitter": finite(TX), "receiver": finite(RX)},
@@ -195,7 +227,22 @@ GOOD: dict[str, dict[str, Argument]] = {
         "prf": positive(1e3), "bandwidth": positive(1e6), "pixel_angle": positive(1e-3), "wavelength": positive(0.03),
         "fft_length": Argument("count", 128), "pixels": Argument("count", 1000),
     },
-    "detection_probability": {"snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01)},
+    "detection_probability": {
+        "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01),
+        "fluctuation": given_as("swerling3"), "pulses": Argument("count", 2),
+    },
+    "detected_snr": {
+        "uniform": Argument("share", np.full(3, 0.5)), "snr": positive(np.ones(3)),
+        "false_alarm": Argument("open probability", 0.01), "fluctuation": given_as("swerling3"),
+        "pulses": Argument("count", 2),
+    },
+    "mean_inverse_detected_snr": {
+        "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01), "pulses": Argument("count", 2),
+        "least": non_negative(1.0),
+    },
+    "realised_snr": {
+        "uniform": Argument("share", np.full(3, 0.5)), "snr": positive(np.ones(3)), "pulses": Argument("count", 2),
+    },
     "energy_detection_probability": {
         "energy_ratio": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01),
     },
@@ -263,6 +310,13 @@ GOOD: dict[str, dict[str, Argument]] = {
     "measurement_covariances": {
         "library": given_as(waveforms.gaussian_chirp_library((1e-6,), (0.0,))), "carrier_hz": positive(1e10),
     },
+    "transmitted_interval": {"waveform": given_as(CHIRP), "energy": Argument("probability", 0.99)},
+    "PulseTiming": {
+        "duration": positive(1e-5), "carrier_hz": positive(1e10), "interval": positive(1e-3),
+        "count": Argument("count", 4), "recovery": non_negative(1e-6), "max_duty": Argument("probability", 0.1),
+    },
+    "time_left": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
+    "check_dwells": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
     "ambiguity": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2)), "dopplers": finite(np.zeros(2))},
     "zero_delay_cut": {"waveform": given_as(CHIRP), "dopplers": finite(np.zeros(2))},
     "zero_doppler_cut": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2))},
@@ -274,10 +328,12 @@ ROOMS = (trackers, sensors, targets, waveforms)
 NO_NUMBERS = {
     # results, which functions of this package make
     "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
-    "Siap", "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
+    "Siap", "Agreements", "Folded", "FoldHypotheses", "FoldUpdate", "PairUpdate",
+    "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
     # made of objects that are checked themselves, of text or of files, which have tests of their own
+    "EclipsedLibrary", "EclipsePulses", "EclipseTables", "eclipse_tables",
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
-    "plot_ambiguity", "SPEED_OF_LIGHT",
+    "plot_ambiguity", "SPEED_OF_LIGHT", "FLUCTUATIONS",
 }  # fmt: skip
 CASES = [
     (function, name) for function, arguments in GOOD.items() for name, argument in arguments.items() if argument.kind
@@ -287,10 +343,20 @@ ANY_LENGTH = {  # arguments that fit after the loss of an element
     *((function, name) for function in ("ambiguity", "zero_delay_cut", "zero_doppler_cut") for name in GOOD[function]),
     ("range_law_snr", "range_m"),
     ("detection_probability", "snr"),
+    ("mean_inverse_detected_snr", "snr"),
     ("energy_detection_probability", "energy_ratio"),
     ("fov_penalty", "x"),
     ("systematic_resample", "weights"),
     ("FisherFactors", "spread"),
+    ("time_left", "dwells"),
+    ("fold_range", "range_m"),
+    ("fold_velocity", "range_rate"),
+    ("unfold", "apparent"),
+    ("fold_update", "measurement"),
+    ("outside_notch", "range_rate"),
+    ("outside_notch_probability", "predicted"),
+    ("combined_interval", "widths"),
+    ("check_dwells", "dwells"),
     ("gaussian_fisher_factors", "signed_chirp_rate"),
     ("joint_association", "likelihood"),  # fewer measurements
     ("lmipda", "likelihood"),
@@ -416,6 +482,13 @@ IMAGE = RECEIVER.image(SAMPLES)
         (targets.ScriptedPath((0.0, 0.0), (1.0, 0.0)).sample, (np.ones(3),), ("times",)),
         (CHIRP.measurement_covariance, (1e10, 10.0), ("carrier_hz", "snr")),
         (CHIRP.fisher_factors().measurement_covariance, (1e10,), ("carrier_hz",)),
+        (ECLIPSED.visible_share, (1e3,), ("range_m",)),
+        (ECLIPSED.snr_factor, (1e3,), ("range_m",)),
+        (ECLIPSED.fisher_factors, (1e3,), ("range_m",)),
+        (ECLIPSED.measurement_covariance, (1e3, 1e10), ("range_m", "carrier_hz")),
+        (TIMING.range_blind_zones, (1e6,), ("farthest",)),
+        (TIMING.velocity_blind_zones, (1.0, 100.0), ("notch", "fastest")),
+        (TIMING.time_on_target, (1e5,), ("farthest",)),
     ],
     ids=lambda value: getattr(value, "__qualname__", None),
 )

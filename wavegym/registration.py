@@ -7,7 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from wavegym.core.errors import InputError, check_choice
+from wavegym.core.errors import InputError, check_choice, nearest
 from wavegym.core.registry import import_package
 
 NAMESPACE = "wavegym/"
@@ -98,9 +98,12 @@ def full_id(env_id: str) -> str:
     """The registered id of ``env_id``, with or without ``wavegym/``; ``package:id`` imports the package first.
 
     Raises:
-        InputError: there is none; the nearest is named.
+        InputError: there is none; the nearest is named, or the way to an id of another package.
     """
     package, colon, rest = env_id.rpartition(":")
     if colon:
         import_package(package)
-    return check_choice("environment", rest if "/" in rest else NAMESPACE + rest, list_envs())
+    wanted, known = rest if "/" in rest else NAMESPACE + rest, list_envs()
+    if not colon and not nearest(wanted.partition("/")[0], {id.partition("/")[0] for id in known}):
+        raise InputError(f"environment is {wanted!r}, expected PACKAGE:{wanted}, with the package that registers it")
+    return check_choice("environment", wanted, known)

@@ -15,7 +15,7 @@ import wavegym  # noqa: F401  (registers the environments)
 
 def train(env_id: str, steps: int, seed: int) -> Any:
     """A function of observations (env, fields) that returns the actions (env,) of the model after ``steps`` steps."""
-    envs = VecNormalize(make_vec_env(env_id, n_envs=8, seed=seed))
+    envs = VecNormalize(make_vec_env(env_id, n_envs=1, seed=seed))
     model = PPO("MlpPolicy", envs, n_steps=min(2048, steps), seed=seed, device="cpu").learn(steps)
 
     def policy(observation: np.ndarray) -> np.ndarray:

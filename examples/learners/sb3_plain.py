@@ -13,7 +13,7 @@ import wavegym  # noqa: F401  (registers the environments)
 
 def train(env_id: str, steps: int, seed: int) -> Any:
     """The model after ``steps`` environment steps."""
-    envs = make_vec_env(env_id, n_envs=8, seed=seed)
+    envs = make_vec_env(env_id, n_envs=1, seed=seed)
     return PPO("MlpPolicy", envs, n_steps=min(2048, steps), seed=seed, device="cpu").learn(steps)
 
 

@@ -99,7 +99,7 @@ def main():
     sampled = [importance_sampling(data, chosen[name]) for name in POLICIES]
     print(f"{'policy':<14}{'played':>10}{'fitted Q':>10}{'importance':>12}{'episodes':>10}")
     for name, cost, by_fit, (by_weight, effective) in zip(POLICIES, true, fitted, sampled, strict=True):
-        print(f"{name:<14}{cost:10.1f}{by_fit:10.1f}{by_weight:12.1f}{effective:10.1f}")
+        print(f"{name:<14}{cost:10.1f}{by_fit:10.4g}{by_weight:12.1f}{effective:10.1f}")
     print(f"rank correlation of fitted Q with the costs played: {spearmanr(true, fitted).statistic:.2f}")
 
 

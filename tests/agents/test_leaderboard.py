@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
 from wavegym.registration import SYSTEMS, stem
+from wavegym.schedulers import Myopic
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
 
@@ -48,7 +50,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     for name in ("PAGE", "README"):
         (tmp_path / name).write_text(f"before\n{leaderboard.START}\n{leaderboard.END}\nafter\n")
         monkeypatch.setattr(leaderboard, name, tmp_path / name)
-    policies = {"best-simple": None, "best-planner": None}
+    policies = {"best-simple": Myopic(), "best-planner": None}
     ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
     (tmp_path / "headroom" / "KershawEvansPosition-v0.csv").write_text(episodes(ladder))
     return tmp_path
@@ -63,7 +65,7 @@ def test_accounts_are_what_was_played(folders: Path) -> None:
     for name in rivals:  # the same actions here
         np.testing.assert_allclose(found.accounts[name].cost, found.accounts["myopic"].cost, rtol=1e-12)
     assert all(account.cost.shape == account.nees.shape == (1, 4) for account in found.accounts.values())
-    again = compare(ID, {"best-simple": None}, worlds=4, jobs=1, progress=False, horizon=7)
+    again = compare(ID, {"best-simple": Myopic()}, worlds=4, jobs=1, progress=False, horizon=7)
     np.testing.assert_allclose(found.accounts["best-simple"].cost, again.cost("best-simple"), rtol=1e-12)
     assert set(found.us) == {"best-planner", timing.ALONE, "ppo", "dqn"}
     assert min(found.us.values()) > 0.0
@@ -154,3 +156,12 @@ def test_an_agent_that_is_not_there_is_named_with_the_way_to_have_it() -> None:
 def test_saved_agents_are_played_by_name(folders: Path) -> None:
     (policy,) = as_policies("ppo", make_task(ID, {"horizon": 7}), "ppo")
     assert policy.network.kind == "mlp"
+
+
+def test_policies_are_called_what_the_ladder_played_not_what_is_on_record_now(tmp_path, monkeypatch):
+    monkeypatch.setattr(leaderboard, "HEADROOM", tmp_path)
+    now = leaderboard.recorded(leaderboard.make_task(ID, {}).system)
+    assert leaderboard.names_played(ID) == now
+    before = {"tuned_constants": {"best-simple": "cycle", "best-planner": "lookahead:7"}}
+    (tmp_path / f"{ID.rpartition('/')[2]}.json").write_text(json.dumps(before))
+    assert leaderboard.names_played(ID) == before["tuned_constants"]

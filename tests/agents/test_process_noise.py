@@ -30,7 +30,7 @@ def test_figures_page_and_picture(results: dict, monkeypatch: pytest.MonkeyPatch
         ("imm", 100.0),
     ]
     assert [(case["tracker"], case["q"]) for case in recorded["cases"]][2:] == [("imm", None)]
-    assert (recorded["file"], recorded["targets"]) == ("aircraft_tracks.csv", 4)
+    assert (recorded["file"], recorded["targets"]) == ("aircraft_tracks.csv", 15)
     for found in results.values():
         for case in found["cases"]:
             myopic, ahead = case["policies"]["myopic"], case["policies"]["lookahead:2"]
@@ -41,7 +41,7 @@ def test_figures_page_and_picture(results: dict, monkeypatch: pytest.MonkeyPatch
     for case in drawn["cases"][:2]:
         # 20 episodes of 50 steps, about 2 steps long in memory: a standard error of some 2 sqrt(2 / 1000) = .1
         assert abs(case["policies"]["myopic"]["nees"] - 2.0) < 0.4
-    assert drawn["cases"][1]["policies"]["lookahead:2"]["belief"]["value"] < -10.0  # README's first table: -14 %
+    assert drawn["cases"][1]["policies"]["lookahead:2"]["belief"]["value"] < -10.0  # README's first table
 
     page = tmp_path / "page.md"
     page.write_text(f"# Page\n\n{study.START}\n{study.END}\n")
@@ -56,7 +56,7 @@ def test_figures_page_and_picture(results: dict, monkeypatch: pytest.MonkeyPatch
         "### Drawn | tracker | policy |",
         "| IMM, world's q = 1 | myopic |",
         "| IMM | lookahead:2 |",
-        "| aircraft | `aircraft_tracks.csv` | 51.75°, -1.25°, 100 m | 4 |",
+        "| aircraft | `aircraft_tracks.csv` | 51.75°, -1.25°, 100 m | 15 |",
         f"| aircraft | {np.sqrt(recorded['cases'][1]['policies']['myopic']['squared_error']):#.4g} |",
     ):
         assert part in joined

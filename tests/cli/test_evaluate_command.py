@@ -72,7 +72,7 @@ def test_a_comparison_is_written_and_its_table_printed(tmp_path, capsys, env_id)
         (["KershawEvans-v0", "--set", "reward=trace"], "unexpected keyword argument 'reward'"),
         (["KershawEvans-v0", "--radar", "51.0"], "--radar has 1 numbers, expected LAT LON"),
         (["KershawEvans-v0", "--tracks", "no_such_file.csv"], "no_such_file.csv"),
-        (["Urban-v0", "--tracks", "f.csv"], "--tracks f.csv: wavegym/Urban-v0 takes no recorded targets, as Kershaw"),
+        (["Urban-v0", "--tracks", "f.csv"], "wavegym/Urban-v0 takes no recorded targets (nearest: Kershaw"),
     ],
 )
 def test_mistakes_cost_one_line_and_no_earlier_result(tmp_path, capsys, arguments, words):

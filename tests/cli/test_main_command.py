@@ -67,6 +67,7 @@ def test_each_subcommand_has_a_help(name, capsys):
         (["list", "KershawEvans-v0"], "unexpected argument 'KershawEvans-v0'"),
         (["describe"], "ENV"),
         (["describe", "KershawEvan-v0"], "did you mean 'wavegym/KershawEvans-v0'?"),
+        (["describe", "mine/Ship-v0"], "expected PACKAGE:mine/Ship-v0, with the package that registers it"),
         (["describe", "KershawEvans-v0", "--set", "horizont=4"], "did you mean 'horizon'?"),
         (["check", "KershawEvans-v0", "--set", "horizon"], "expected key=value"),
         (["play", "KershawEvans-v0", "--policy", "myopik"], "did you mean 'myopic'?"),

@@ -68,6 +68,15 @@ def test_a_recording_of_aircraft(capsys):
     assert "28 for too fast" in out
 
 
+def test_degrees_taken_for_metres_are_pointed_out(tmp_path, capsys):
+    """A path of 10 m/s to the north in degrees, whose columns are called x and y."""
+    rows = "".join(f"{t},10.5,{54.0 + 9e-5 * t}\n" for t in range(60))
+    for header, slow in (("t,x,y\n", True), ("t,lon,lat\n", False)):
+        (tmp_path / "ship.csv").write_text(header + rows)
+        out = run(capsys, str(tmp_path / "ship.csv"))[1]
+        assert ("nothing moves faster than 0.01 m/s" in out) == slow
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

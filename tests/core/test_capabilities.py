@@ -138,7 +138,7 @@ def test_every_capability_of_the_suite_holds(name):
 
 KALMAN = (
     "BestSequence ClosedForm DeterministicRecursion FusedTransition InnovationCovariance LinearCost "
-    "MeasurementObservation RecordedTargets"
+    "MeasurementObservation RecordedTargets TimedPulses"
 )
 RF_EO = (
     "BestAction DecisionMakers FusedTransition LinearCost Margin MeasurementObservation MostInformation "
@@ -147,7 +147,7 @@ RF_EO = (
 OFFERED = {
     "KershawEvans": KALMAN,
     "KershawEvansPosition": KALMAN,
-    "AgileClutter": "BestAction DecisionMakers FusedTransition LinearCost RecordedTargets SensorBySensor",
+    "AgileClutter": "BestAction DecisionMakers FusedTransition LinearCost RecordedTargets SensorBySensor TimedPulses",
     "RfEo": RF_EO,
     "RfEoFar": RF_EO,
     "Urban": "DecisionMakers",
@@ -155,9 +155,9 @@ OFFERED = {
     "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetup": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetupCity": "Delay FusedTransition Gain LinearCost MeasurementObservation",
-    "BeamAllocation": "DecisionMakers Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets",
-    "EnergyBudget": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending",
-    "EnergyBudgetKnown": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending",
+    "BeamAllocation": "DecisionMakers Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets TimedPulses",
+    "EnergyBudget": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending TimedPulses",
+    "EnergyBudgetKnown": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending TimedPulses",
 }
 
 

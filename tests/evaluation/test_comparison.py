@@ -120,6 +120,8 @@ class Counting(Fixed):
             {"policies": {"first": Counting(0), "myopc": None}},
             "policy is 'myopc'.*did you mean 'myopic'",
         ),
+        ({"policies": {"pppo": None}}, "policy is 'pppo', expected .*did you mean 'ppo'"),
+        ({"policies": {"DQN": None}}, "policy is 'DQN', expected .*did you mean 'dqn'"),
         ({"policies": {"fixed:400": None}}, r"fixed:400 is no constant action.*nearest: 55"),
         ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
         ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),

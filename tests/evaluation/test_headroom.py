@@ -14,6 +14,7 @@ from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, headroom, headroom_page
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.play import Played
+from wavegym.schedulers import tuned_constants
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
 from wavegym.schedulers.planners import MonteCarloTree, RecedingHorizon, RolloutPlanner
 
@@ -140,6 +141,14 @@ def test_the_page_keeps_what_is_written_by_hand():
     assert "old" not in fresh
     with pytest.raises(InputError, match="has no lines"):
         headroom_page.renewed("nothing", [])
+
+
+def test_a_searched_rule_on_record_for_other_features_is_not_left_out_in_silence(monkeypatch):
+    monkeypatch.setattr(headroom, "LADDER", ("random", "searched-rule"))
+    stale = {"searched-rule": {"features": ["gone"], "weights": [1.0], "scales": [1.0]}}
+    monkeypatch.setattr(tuned_constants, "recorded", lambda system: stale)
+    with pytest.raises(InputError, match="gone"):
+        headroom.ladder(DELAY, 2, 0, 1, progress=False)
 
 
 def test_the_ladder_holds_what_the_system_admits(monkeypatch, tmp_path, capsys):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import oracles
 import pytest
@@ -14,11 +16,12 @@ from wavegym.schedulers import Myopic, MyopicClosedForm, rollout
 from wavegym.schedulers.myopic import OBJECTIVES
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
+WHOLE: dict[str, Any] = {"action": "box", "eclipsing": False}
 SYSTEMS = {
-    "position": KershawEvansPosition(action="box"),
-    "published": KershawEvans(action="box"),
-    "narrow": KershawEvans(action="box", q=0.01, sweeps=(-50e3, 50e3)),
-    "acceleration": KershawEvans(action="box", sweeps=(-1e6, 1e6), **CA),
+    "position": KershawEvansPosition(**WHOLE),
+    "published": KershawEvans(**WHOLE),
+    "narrow": KershawEvans(q=0.01, sweeps=(-50e3, 50e3), **WHOLE),
+    "acceleration": KershawEvans(sweeps=(-1e6, 1e6), **WHOLE, **CA),
 }
 SHARE = np.linspace(-1.0, 1.0, 101)
 GRID = np.stack(np.meshgrid(SHARE, SHARE, indexing="ij"), axis=-1).reshape(1, -1, 2)
@@ -132,5 +135,7 @@ def test_what_has_no_closed_form_is_refused():
     for system in (KershawEvansPosition(), Ladder()):
         with pytest.raises(InputError, match=r"nearest: action='box'"):
             ready(system, "trace")
+    with pytest.raises(InputError, match=r"for whole pulses, .* \(nearest: eclipsing=False\)"):
+        ready(KershawEvans(action="box"), "trace")
     with pytest.raises(InputError, match="objective is 'determinant', expected one of 'trace', 'gate'"):
         MyopicClosedForm("determinant")

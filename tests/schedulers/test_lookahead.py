@@ -21,12 +21,12 @@ def sequences(system, mean, P, depth):
     """Cost of every sequence, in plain matrices; SNR at the predicted range."""
     n = len(mean)
     F, Q = oracles.motion(n, system.dt, system.q)
-    pulses = [oracles.chirp_covariance(k, sweep) for k in system.durations for sweep in system.sweeps]
+    pulses = [(k, sweep) for k in system.durations for sweep in system.sweeps]
     for actions in itertools.product(range(len(pulses)), repeat=depth):
         x, covariance, cost = mean, P, 0.0
         for a in actions:
             x, covariance = oracles.predict(x, covariance, F, Q)
-            R = pulses[a] * (x[0] / 50e3) ** 4
+            R = oracles.received_covariance(*pulses[a], x[0], system.reference_range)
             _, covariance = oracles.update(x, covariance, np.zeros(2), np.eye(2, n), R)
             cost += np.diag(covariance) @ system.weights
         yield actions, cost

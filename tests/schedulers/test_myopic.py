@@ -24,7 +24,7 @@ def objectives(system, mean, P):
     values = {"trace": [], "determinant": [], "gate": []}
     for k in system.durations:
         for sweep in system.sweeps:
-            R = oracles.chirp_covariance(k, sweep) * (x[0] / 50e3) ** 4
+            R = oracles.received_covariance(k, sweep, x[0], system.reference_range)
             _, updated = oracles.update(x, ahead, np.zeros(2), np.eye(2, n), R)
             values["trace"].append(np.diag(updated) @ system.weights)
             values["determinant"].append(np.linalg.det(updated))

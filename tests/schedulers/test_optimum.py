@@ -18,17 +18,17 @@ def all_schedules(system, worlds):
     """Least cost (env,) by plain matrices; SNR at the true range."""
     n = len(system.weights)
     F, Q = oracles.motion(n, system.dt, system.q)
-    C = np.array([oracles.chirp_covariance(k, sweep) for k in system.durations for sweep in system.sweeps])
+    pulses, r0 = [(k, sweep) for k in system.durations for sweep in system.sweeps], system.reference_range
     state = system.initial(worlds)
     best = []
     for path, P in zip(state.truth.path, state.belief.covariance, strict=True):
         P, cost = P[None], np.zeros(1)
         for k in range(system.horizon):
             P = F @ P @ F.T + Q
-            S = P[:, None, :2, :2] + C * (path[k + 1, 0] / 50e3) ** 4
+            S = P[:, None, :2, :2] + [oracles.received_covariance(*pulse, path[k + 1, 0], r0) for pulse in pulses]
             V = P[:, None, :, :2]
             P = (P[:, None] - V @ np.linalg.solve(S, np.swapaxes(V, -1, -2))).reshape(-1, n, n)
-            cost = np.repeat(cost, len(C)) + np.einsum("aii,i->a", P, system.weights)
+            cost = np.repeat(cost, len(pulses)) + np.einsum("aii,i->a", P, system.weights)
         best.append(cost.min())
     return np.array(best)
 
@@ -106,12 +106,13 @@ def test_nothing_beats_it(system):
     costs = {name: rollout(system, policy, worlds).cost.sum(axis=1) for name, policy in policies.items()}
     for cost in costs.values():
         assert (floor <= cost * (1 + 1e-8)).all()
-    assert floor.mean() <= costs["two"].mean() <= costs["myopic"].mean() * 1.001 < costs["random"].mean()
+    assert floor.mean() <= costs["two"].mean() * (1 + 1e-8)  # as above: a tie but for rounding
+    assert costs["two"].mean() <= costs["myopic"].mean() * 1.001 < costs["random"].mean()
 
 
 def test_three_steps_ahead_come_close_where_looking_ahead_pays():
-    """Random starts: about 15 % below myopic, of which three steps recover nearly all."""
-    system = KershawEvansPosition()
+    """Figures of an independent prototype: random starts at 15 to 25 km, whole pulses, about 15 % below myopic."""
+    system = KershawEvansPosition(start_range=(15e3, 25e3), reference_range=50e3, eclipsing=False)
     worlds = oracles.worlds(system, 60)
     myopic, two, three, best = (
         rollout(system, policy, worlds).cost.sum(axis=1) for policy in (Myopic(), Lookahead(2), Lookahead(3), Optimum())
@@ -131,8 +132,9 @@ def test_the_reference_case():
             return state._replace(belief=state.belief._replace(mean=mean, covariance=np.diag([1e4, 1e4])[None]))
 
     system = Known(
-        targets="scripted", tracker="kalman", script=(), start_range=(20e3, 20e3), start_speed=(200.0, 200.0)
-    )
+        targets="scripted", tracker="kalman", script=(), start_range=(20e3, 20e3), start_speed=(200.0, 200.0),
+        reference_range=50e3, eclipsing=False,
+    )  # fmt: skip
     worlds = oracles.worlds(system, 1)
     worlds = worlds._replace(normal=np.zeros_like(worlds.normal))
     policies = {"myopic": Myopic(), "two": Lookahead(2), "three": Lookahead(3), "best": Optimum()}
@@ -148,7 +150,7 @@ def test_environments_are_planned_independently():
     together = best_schedule(recursion)
     for e in range(5):
         own = slice(e, e + 1)
-        alone = best_schedule(recursion._replace(covariance=recursion.covariance[own], scale=recursion.scale[own]))
+        alone = best_schedule(recursion._replace(covariance=recursion.covariance[own], R=recursion.R[own]))
         for whole, one in zip(together, alone, strict=True):
             assert (whole[own] == one).all()
 

@@ -91,11 +91,11 @@ def test_the_cheapest_are_kept_where_room_is_short(limit):
 def test_no_schedule_costs_less_than_the_bound_on_what_is_to_come(make):
     system = make(horizon=6)
     recursion = system.deterministic_recursion(oracles.worlds(system, 1))
-    _, F, Q, M, C, scale, weights = recursion
+    _, F, Q, M, R, weights = recursion
     nn, mm = sizes(len(F))
-    model = kernels.Model(F[None].copy(), Q[None].copy(), M[None].copy(), C.copy(), weights.copy())
+    model = kernels.Model(F[None].copy(), Q[None].copy(), M[None].copy(), weights.copy())
     nodes, children = kernels.make_nodes(1000, nn), kernels.make_nodes(9001, nn)
-    rest = kernels.cost_to_come(model, scale[0].copy(), nodes, children, nn, mm)
+    rest = kernels.cost_to_come(model, R[0].copy(), nodes, children, nn, mm)
     assert rest[-1] == 0.0
     for k in range(5):
         left = 5 - k
@@ -104,7 +104,7 @@ def test_no_schedule_costs_less_than_the_bound_on_what_is_to_come(make):
             P, cost = np.zeros_like(F), 0.0
             for step, a in enumerate(actions, start=k + 1):
                 _, P = oracles.predict(np.zeros(len(F)), P, F, Q)
-                _, P = oracles.update(np.zeros(len(F)), P, np.zeros(2), M, scale[0, step] * C[a])
+                _, P = oracles.update(np.zeros(len(F)), P, np.zeros(2), M, R[0, step, a])
                 cost += np.diag(P) @ weights
             least = min(least, cost)
         if left <= 3:
@@ -112,6 +112,6 @@ def test_no_schedule_costs_less_than_the_bound_on_what_is_to_come(make):
             assert rest[k] >= 0.5 * least  # a bound worth having
         else:
             assert rest[k] > least  # more steps, more cost
-    starved = kernels.cost_to_come(model, scale[0].copy(), kernels.make_nodes(2, nn), children, nn, mm)
+    starved = kernels.cost_to_come(model, R[0].copy(), kernels.make_nodes(2, nn), children, nn, mm)
     assert (starved <= rest).all()
     assert starved[0] < rest[0]

@@ -36,6 +36,7 @@ WORLDS = World(*(np.stack([a, a]) for a in SYSTEM.draw_world(np.random.default_r
         ("myopic:exhaustive", Myopic),
         ("myopic:determinant", Myopic),
         ("myopic:gate", Myopic),
+        ("myopic:mean-trace", Myopic),
         ("lookahead:3", Lookahead),
     ],
 )
@@ -48,7 +49,12 @@ def test_every_name_makes_its_policy(name, kind):
 def test_numbers_and_objectives_arrive():
     assert make_policy("fixed:7", SYSTEM, WORLDS).constant == 7
     assert make_policy("lookahead:3", SYSTEM, WORLDS).depth == 3
-    for name, objective in [("myopic", "trace"), ("myopic:determinant", "determinant"), ("myopic:gate", "gate")]:
+    for name, objective in [
+        ("myopic", "trace"),
+        ("myopic:determinant", "determinant"),
+        ("myopic:gate", "gate"),
+        ("myopic:mean-trace", "mean-trace"),
+    ]:
         assert make_policy(name, SYSTEM, WORLDS).objective is OBJECTIVES[objective]
     assert make_policy("myopic", SYSTEM, WORLDS).fused
     assert not make_policy("myopic:exhaustive", SYSTEM, WORLDS).fused
@@ -137,6 +143,7 @@ DELAYED = [
     "lagrangian-price",
     "adaptive-lagrangian-price",
     "constant-pace",
+    "clear-slot-price",
 ]  # need a gain
 LONG = ["best-simple", "best-planner", "receding-horizon", "plan-once", "cycle"]  # tuned on the spot
 NUMBERED = [name for name in FORMS if re.fullmatch("[a-z-]+:[A-Z]+", name)]

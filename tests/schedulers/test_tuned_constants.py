@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import csv
+import importlib
 import re
 import tomllib
 from dataclasses import replace
@@ -9,7 +11,7 @@ import pytest
 from delay_systems import DelaySystem, delay_worlds
 
 from wavegym.core.errors import InputError
-from wavegym.evaluation import tune_constants
+from wavegym.evaluation import planner_sweep, tune_constants
 from wavegym.evaluation.task import Task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers import registry as names
@@ -17,6 +19,7 @@ from wavegym.schedulers import rollout, tuned_constants
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice
 from wavegym.schedulers.heuristics.registry import HEURISTICS
+from wavegym.schedulers.heuristics.rule_features import RuleFeatures
 from wavegym.schedulers.registry import is_scheduler, make_policy
 
 SYSTEM = DelaySystem()
@@ -119,11 +122,27 @@ def test_the_packaged_records_make_the_heuristics_that_they_name():
             assert is_scheduler(record["best-planner"])
 
 
-def test_the_command_tunes_compares_and_writes(tmp_path, monkeypatch, small_grids, capsys):
+@pytest.fixture
+def delay_task(monkeypatch):
     monkeypatch.setattr(tune_constants, "make_task", lambda env_id, settings: Task(env_id, SYSTEM, None, {}))
+
+
+def test_the_packaged_rules_are_for_the_features_that_the_systems_have():
+    found = {
+        name: record["searched-rule"] for name, record in tuned_constants.records().items() if "searched-rule" in record
+    }
+    assert found
+    for name, rule in found.items():
+        module, _, kind = name.partition(":")
+        system = getattr(importlib.import_module(module), kind)()
+        assert tuple(rule["features"]) == RuleFeatures(system).names, f"{name}: {tune_constants.parser().prog} ID"
+
+
+def test_the_command_tunes_compares_and_writes(tmp_path, delay_task, small_grids, capsys):
     out = tmp_path / "tuned_constants.toml"
     out.write_text(tuned_constants.as_toml({"Another": {"best-simple": "myopic", "myopic": {}}}))
-    tune_constants.main(["Delay-v0", "--worlds", "6", "--planners", "rollout:5,rollout:1", "--out", str(out)])
+    few = ["--worlds", "6", "--search-worlds", "4", "--evaluations", "15"]
+    tune_constants.main(["Delay-v0", *few, "--planners", "rollout:5,rollout:1", "--out", str(out)])
     table = tomllib.loads(out.read_text())
     key = tuned_constants.record_key(SYSTEM)
     record = table[key]
@@ -136,7 +155,72 @@ def test_the_command_tunes_compares_and_writes(tmp_path, monkeypatch, small_grid
     worlds = tune_constants.draw_worlds(SYSTEM, tune_constants.world_seeds(0, "tune", 6))
     cost = np.exp(np.log(rollout(SYSTEM, HEURISTICS[best].make(**record[best]), worlds).mean_cost).mean())
     assert record["costs"][best] == pytest.approx(cost, rel=1e-3)
-    assert re.search(f"{key}: best simple is {best}; {best} ", capsys.readouterr().out)
+    printed = capsys.readouterr().out
+    assert re.search(f"{key}: best simple is {best}; {best} ", printed)
+    assert "CMA-ES has 15 evaluations on 4 worlds for each of clear-slot-price, searched-rule" in printed
+    assert re.search(r"searched-rule was found with 15 evaluations in \d+(\.\d)? CPU seconds", printed)
+    assert record["searches"]["searched-rule"]["worlds"] == 4
+
+
+def test_the_command_searches_named_heuristics_alone_and_keeps_the_planner_as_measured(tmp_path, delay_task):
+    key, out = tuned_constants.record_key(SYSTEM), tmp_path / "tuned.toml"
+    before = {"best-simple": "aware-greedy", "best-planner": "rollout:3", "aware-greedy": {"kappa": 0.7, "ahead": 5}}
+    slow = {
+        name: dict(HEURISTICS[name].start) for name in HEURISTICS if HEURISTICS[name].grid and name != "aware-greedy"
+    }
+    out.write_text(tuned_constants.as_toml({key: {**before, **slow, "cycle": {"actions": [0, 2]}}}))
+    few = ["--worlds", "8", "--search-worlds", "8", "--evaluations", "20"]
+    tune_constants.main(["Delay-v0", *few, "--heuristics", "searched-rule", "--out", str(out)])
+    record = tomllib.loads(out.read_text())[key]
+    assert record["aware-greedy"] == before["aware-greedy"]
+    assert record["searches"].keys() >= {"searched-rule"}
+    assert record["best-simple"] == min(record["costs"], key=record["costs"].get) != "aware-greedy"
+    assert (record["best-planner"], record["planner-base"]) == ("rollout:3", "aware-greedy")
+    tune_constants.main(["Delay-v0", *few, "--heuristics", "none", "--out", str(out)])
+    assert tomllib.loads(out.read_text())[key] == record
+
+
+def test_the_command_sweeps_planners_and_records_the_best(tmp_path, delay_task, monkeypatch, capsys, small_grids):
+    for name, values in {"DEPTHS": (2, 4), "FUTURES": (2,), "HOLDS": ((1,),), "ROUNDS": (1,), "LOOKAHEADS": ()}.items():
+        monkeypatch.setattr(planner_sweep, name, values)
+    out = tmp_path / "tuned.toml"
+    few = ["--worlds", "6", "--search-worlds", "4", "--evaluations", "15", "--sweep-worlds", "5"]
+    tune_constants.main(["Delay-v0", *few, "--sweep", "600", "--sweep-out", str(tmp_path), "--out", str(out)])
+    rows = list(csv.DictReader((tmp_path / "Delay-v0.csv").open()))
+    (best,) = [row for row in rows if "unlimited" in row["best_within_ms"]]
+    record = tomllib.loads(out.read_text())[tuned_constants.record_key(SYSTEM)]
+    assert best["worlds"] == "5"
+    assert record.get("best-planner", "") == best["planner"]
+    assert record.get("planner-base", record["best-simple"]) == best["base"]
+    assert re.search("best within 100 ms: .* % of the best simple rule's cost", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--cpu-seconds", "5", "--evaluations", "9"], "both given, expected one"),
+        (["--cpu-seconds", "0"], r"CPU seconds is 0\.0"),
+        (["--evaluations", "0"], "evaluations is 0"),
+        (["--search-worlds", "0"], "search-worlds is 0"),
+        (["--sweep", "-1"], r"sweep is -1\.0"),
+        (["--sweep-worlds", "1"], "sweep-worlds is 1"),
+        (["--heuristics", "searched-rul"], "did you mean 'searched-rule'"),
+        (["--import", "no_such_package"], "package is 'no_such_package'"),
+    ],
+)
+def test_bad_options_are_told_in_one_line(tmp_path, delay_task, arguments, message):
+    with pytest.raises(InputError, match=message) as error:
+        tune_constants.main(["Delay-v0", *arguments, "--out", str(tmp_path / "tuned.toml")])
+    assert "\n" not in str(error.value)
+
+
+def test_a_rule_recorded_for_other_features_names_the_command(monkeypatch):
+    stale = {"features": ["gone"], "weights": [1.0], "scales": [1.0]}
+    record = {"best-simple": "searched-rule", "searched-rule": stale}
+    monkeypatch.setattr(tuned_constants, "records", lambda: {"delay_systems:DelaySystem": record})
+    for name in ("searched-rule", "best-simple"):
+        with pytest.raises(InputError, match=r"gone.*python -m wavegym\.evaluation\.tune_constants"):
+            make_policy(name, SYSTEM, None)
 
 
 def test_every_heuristic_and_planner_is_a_name():
@@ -150,6 +234,8 @@ def test_every_heuristic_and_planner_is_a_name():
         "gain:L",
         "cost-of-delay",
         "hold-until-detected",
+        "clear-slot-price",
+        "searched-rule",
     }
     planners = {
         "plan-once",

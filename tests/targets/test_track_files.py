@@ -121,6 +121,14 @@ def test_metres_are_taken_as_they_are_however_fast(written):
     assert checked.dropped["too fast"] == 1
 
 
+def test_the_columns_of_open_sky_and_of_gps_loggers(written):
+    """OpenSky's history calls the height above the ellipsoid geoaltitude, and has a barometric one too."""
+    (sky,) = read_tracks(written("time,icao24,lat,lon,baroaltitude,geoaltitude", "0,a,50,0,1,90", "9,a,50.001,0,1,90"))
+    (gps,) = read_tracks(written("t,lat,lng,alt", "0,50,0,90", "9,50.001,0,90"))
+    assert sky.height_known
+    np.testing.assert_array_equal(sky.positions, gps.positions)
+
+
 def test_the_later_of_two_reports_at_one_time_counts(written):
     (track,) = read_tracks(written("t,x,y", "0,0,0", "10,5,5", "20,7,7", "10,6,6"))
     assert track.positions[1].tolist() == [6, 6, 0]
@@ -143,7 +151,7 @@ def test_missing_heights(written):
         ([HEADER], "tracks.csv: no rows"),
         (
             ["time_s,lat_deg", "0,1"],
-            r"tracks.csv:1: no column lon_deg, lon or longitude; the header has time_s, lat_deg",
+            r"tracks.csv:1: no column lon_deg, lon, longitude or lng; the header has time_s, lat_deg",
         ),
         (["x,y", "0,1"], "no column time_s, time, t, timestamp, .*; the header has x, y"),
         (["t,latitud,longitud", "0,1,1"], "no position.*for 'latitud' did you mean 'latitude'"),
@@ -163,6 +171,9 @@ def test_missing_heights(written):
         (["t,x,y", ",1,2"], "tracks.csv:2: t is empty, expected a number"),
         (["t,x,y", "2026-11-23T08:30:00Z,1,2", "9,1,2"], "tracks.csv:3: t is '9', expected an ISO 8601 time as in"),
         (["t,x,y", "9,1,2", "2026-11-23T08:30:00Z,1,2"], "tracks.csv:3: t is '2026-11-23T08:30:00Z', expected a num"),
+        (["t;x;y", "0;1;2"], "tracks.csv:1: columns are separated by ';', expected commas"),
+        (["t\tx\ty", "0\t1\t2"], r"columns are separated by '\\t', expected commas"),
+        (["t,x,y", "1717228800000,1,2"], "tracks.csv:2: t is 1717228800000, expected seconds, not milliseconds"),
         (["t,lat,lon", "0,1,361"], "tracks.csv:2: lon is 361.0"),
     ],
 )

@@ -13,15 +13,17 @@ from wavegym.core.registry import import_package
 from wavegym.core.workers import add_worker_options, workers
 
 POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,
-myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:closed-form,
-myopic:progressive, myopic:slsqp and myopic:polish (these four with --set action=box), myopic-information,
+myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:mean-trace (of all tracks,
+however doubtful), myopic:closed-form, myopic:progressive, myopic:slsqp and myopic:polish (these four with
+--set action=box), myopic-information,
 myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H, optimum; heuristics whose constants
 are tuned on other worlds: cycle, gain:L, greedy, aware-greedy, cost-of-delay, hold-until-detected, lagrangian-price,
-adaptive-lagrangian-price, constant-pace, best-simple (the best of them); planners that simulate futures: rollout:H,
-tree:H, beam:W, mcts:N, receding-horizon, plan-once, best-planner; a planner that improves on another policy:
-rollout:H@POLICY; a baseline that the system names, such as open-loop of Urban; a scheduler registered by a package; ppo
-and dqn, the trained agents that come with the environment; the folder of a trained run (or of several runs, one for
-each seed); with --trust, a model saved by Stable-Baselines3 (FILE.zip) or package.module:factory"""
+adaptive-lagrangian-price, constant-pace, clear-slot-price, searched-rule, best-simple (the best of them); planners
+that simulate futures: rollout:H, tree:H, beam:W, mcts:N, receding-horizon, plan-once, best-planner; a planner that
+improves on another policy: rollout:H@POLICY; a baseline that the system names, such as open-loop of Urban; a
+scheduler registered by a package; ppo and dqn, the trained agents that come with the environment; the folder of a
+trained run (or of several runs, one for each seed); with --trust, a model saved by Stable-Baselines3 (FILE.zip) or
+package.module:factory"""
 
 RECORDED = "KershawEvansPosition-v0"
 
@@ -87,7 +89,8 @@ def task(options: Any) -> tuple[str, dict[str, Any]]:
     if options.tracks:
         system: Any = make_task(env_id, {}).system
         if not offers(system, RecordedTargets):
-            raise InputError(f"--tracks {options.tracks}: {env_id} takes no recorded targets, as {RECORDED} does")
+            refused = f"--tracks {options.tracks}: {env_id} takes no recorded targets"
+            raise InputError(f"{refused} (nearest: {RECORDED}, which does)")
         chosen["tracks"] = options.tracks
         if isinstance(system.targets, str):  # otherwise the number of targets
             chosen["targets"] = "recorded"

@@ -8,7 +8,8 @@ The columns are found by their names, in any order and case; other columns are i
              seconds, or ISO 8601 (UTC without offset)
     id       id, icao24, mmsi, track_id; left out where the file holds one target
     metres   x_m or x, y_m or y, and optionally z_m or z
-    degrees  lat_deg, lat or latitude; lon_deg, lon or longitude; optionally alt_m, alt or altitude (metres)
+    degrees  lat_deg, lat or latitude; lon_deg, lon, longitude or lng;
+             optionally alt_m, alt, altitude or geoaltitude (metres)
 
 docs/how_to/recorded_tracks.md says how reports are cleaned, cut and smoothed.
 """
@@ -27,6 +28,7 @@ from wavegym.core.errors import InputError
 if TYPE_CHECKING:
     from wavegym.targets import RecordedTrack, TrackSummary
 
+SLOW = 0.01  # m/s; degrees that are taken for metres move like this
 SINCE_1970 = 1e8  # s; later times are dates, earlier ones are seconds of a recorder's own
 HEAD = (
     "id", "reports", "used", "start", "duration s", "every s", "gaps", "longest gap s", "longest piece s",
@@ -87,6 +89,9 @@ def report(file: Path, found: Sequence[RecordedTrack], summaries: Sequence[Track
     flat = sum(not s.height_known for s in summaries)
     if flat:
         lines.append(f"without any height: {flat} of {len(summaries)} tracks, which lie at height 0")
+    if all(s.greatest_speed < SLOW for s in summaries):
+        lines.append(f"nothing moves faster than {SLOW:g} m/s: are the positions in metres, and the times in seconds?")
+    lines.append("speed m/s: least, median and greatest of the smoothed path")
     lines.append("moves m: RMS distance from the reports to the smoothed path; it should not exceed their errors")
     return "\n".join(lines)
 

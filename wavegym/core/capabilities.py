@@ -10,7 +10,7 @@ member to None.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -183,9 +183,15 @@ class InnovationCovariance(Capability, members=("innovation_covariance",), short
 
 
 class ClosedForm(Capability, members=("predicted",), shortcut_for=("predict", "cost")):
-    """Kershaw and Evans's loop, of which the best Gaussian chirp is known in closed form."""
+    """Kershaw and Evans's loop, of which the best Gaussian chirp is known in closed form.
+
+    Attributes:
+        carrier_hz: carrier frequency, Hz.
+        eclipsing: whether an echo may lose its first part to the radar's own pulse; there is no closed form then.
+    """
 
     carrier_hz: float
+    eclipsing: bool
 
     @abstractmethod
     def predicted(self, belief: Any) -> tuple[Array, Array]:
@@ -268,6 +274,19 @@ class RecordedTargets(Capability, members=("recorded_windows",)):
         """The windows of the recording that worlds draw, a ``wavegym.targets.Windows``; None without a recording."""
 
 
+class TimedPulses(Capability, members=("timings", "target_ranges")):
+    """Pulses with a timing, to be held against the targets' ranges and speeds."""
+
+    @property
+    @abstractmethod
+    def timings(self) -> Mapping[str, Any]:
+        """The timing of every pulse of one sensor, a ``wavegym.waveforms.PulseTiming``, by the pulse's label."""
+
+    @abstractmethod
+    def target_ranges(self, world: Any) -> Array:
+        """Range (m) and range-rate (m/s) of every target, at every sensor and step of its presence, (env, ..., 2)."""
+
+
 CAPABILITIES: tuple[type[Capability], ...] = (
     FusedTransition,
     BestAction,
@@ -287,6 +306,7 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     MeasurementObservation,
     DecisionMakers,
     RecordedTargets,
+    TimedPulses,
 )
 
 

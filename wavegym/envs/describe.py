@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import re
 from contextlib import suppress
 from typing import Any
@@ -17,9 +18,12 @@ import gymnasium as gym
 import numpy as np
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.arrays import Array
+from wavegym.core.capabilities import TimedPulses, offers
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import ObservationField, System
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.build import SETTINGS
 from wavegym.observations.scaling import LIMIT
 from wavegym.registration import full_id
@@ -43,6 +47,10 @@ INFO_AT_TIMES = {
     "final_obs": 'with `autoreset_mode="SameStep"`: last observation of an episode that ended in this step',
     "final_info": 'with `autoreset_mode="SameStep"`: last info of that episode',
 }
+EXTENT_WORLDS = 100  # in which the ranges and speeds of targets are looked up
+TIMING_HEAD = (
+    "pulse", "duration µs", "blind to km", "range folds at km", "range-rate folds at m/s", "% of a step on the air"
+)  # fmt: skip
 MOST_ROWS = 100  # of the table of a joint form; the order of the combinations defines a longer table
 FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system may accept only some
 
@@ -66,6 +74,7 @@ def describe(id: str, /, **parameters: Any) -> str:
         *(_chapter(heading, section(type(system), heading)) for heading in SECTIONS),
         "## Actions",
         *(_actions(form, chosen) for form, chosen in _forms(system).items()),
+        _timing(system),
         "## Observations",
         _observations(env.batch.episodes.observer.observation_fields),  # type: ignore[attr-defined]
         "## Info",
@@ -134,6 +143,41 @@ def _combinations(actions: JointLibrary) -> str:
         f"every combination of {count} waveforms at {actions.sensors} sensors, the first sensor's changing slowest. "
         f"The {count}: {listed}."
     )
+
+
+def _timing(system: System) -> str:
+    """Blind and ambiguous ranges and speeds of every pulse, against those of the targets."""
+    if not offers(system, TimedPulses):
+        return ""
+    (nearest, slowest), (farthest, fastest) = target_extent(system)
+    rows, labels = [], {}
+    for label, timing in system.timings.items():  # type: ignore[attr-defined]
+        labels.setdefault(timing, []).append(label)
+    for timing, alike in labels.items():
+        others = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
+        ambiguous = [
+            "none" if math.isinf(value) else f"{value:.4g}"
+            for value in (1e-3 * timing.unambiguous_range, timing.unambiguous_velocity)
+        ]
+        duty = f"{100 * timing.duration * timing.count / system.dt:.2g}"
+        lengths = f"{1e6 * timing.duration:.4g}", f"{1e-3 * timing.blind_range:.4g}"
+        rows.append((alike[0] + others, *lengths, *ambiguous, duty))
+    text = (
+        f"In {EXTENT_WORLDS} worlds the targets are {1e-3 * nearest:.4g} to {1e-3 * farthest:.4g} km away, at "
+        f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. The duration of a pulse holds 99 % of its energy. "
+        "[Waveform timing](../waveform_timing.md) defines the columns."
+    )
+    return f"## Timing\n\n{text}\n\n" + table(TIMING_HEAD, rows)
+
+
+def target_extent(system: Any) -> Array:
+    """Least and greatest range (m) and range-rate (m/s) of all targets in the first test worlds, (2, 2).
+
+    Args:
+        system: offers ``TimedPulses``.
+    """
+    ranges = system.target_ranges(draw_worlds(system, world_seeds(0, "test", EXTENT_WORLDS))).reshape(-1, 2)
+    return np.stack([ranges.min(axis=0), ranges.max(axis=0)])
 
 
 def _observations(fields: tuple[ObservationField, ...]) -> str:

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -131,6 +132,9 @@ def _from_source(source: str | Path, task: Task, trust: bool, tapes: Any) -> lis
         return saved.load_folder(Path(source), task.env_id, system)
     if saved.is_code(text):
         return as_policies(Factory(saved.load_code(text, trust)), task, text, trust=trust, tapes=tapes)
+    if close := difflib.get_close_matches(text.lower(), saved.LEARNERS, n=1, cutoff=0.6):
+        wanted = f"a scheduler, a trained agent or a folder; did you mean {close[0]!r}?"
+        raise InputError(f"policy is {text!r}, expected {wanted}")
     return [make_policy(text, system, _tapes(task, tapes))]  # an error that names the nearest
 
 

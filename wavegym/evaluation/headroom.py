@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +29,7 @@ from wavegym.evaluation.report import episodes
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
+from wavegym.schedulers.heuristics.searched_rule import ChangedFeaturesError
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded, records
 
@@ -45,6 +45,8 @@ LADDER = (
     "aware-greedy",
     "cost-of-delay",
     "hold-until-detected",
+    "clear-slot-price",
+    "searched-rule",
     SIMPLE,
     "plan-once",
     "best-planner",
@@ -61,7 +63,7 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
         worlds, root, jobs, progress: see ``wavegym.evaluation.compare``.
 
     Raises:
-        InputError: an unknown id, a number out of range.
+        InputError: an unknown id, a number out of range, a searched rule on record for other features.
     """
     system = make_task(env_id, {}).system
     tuning = tuning_tapes(system, root)
@@ -70,8 +72,12 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
     for name in LADDER:
         if (name == SIMPLE and simple in policies) or (name == "plan-once" and system.horizon > LONGEST):
             continue
-        with suppress(InputError, NotImplementedError):  # a policy that this system cannot have
+        try:
             policies[name] = _made(name, system, tuning)
+        except ChangedFeaturesError:
+            raise
+        except (InputError, NotImplementedError):  # a policy that this system cannot have
+            continue
     comparison = compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress)
     if SIMPLE in comparison.played:
         return comparison

@@ -222,4 +222,5 @@ def _equal(first: Any, second: Any) -> bool:
 
 
 def _shown(value: Any) -> str:
+    value = str(value) if isinstance(value, Path) else value
     return "none" if value is ABSENT else " ".join(repr(value).split())

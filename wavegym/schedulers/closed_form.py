@@ -148,11 +148,16 @@ class MyopicClosedForm:
         self.objective = check_choice("objective", objective, ("trace", "gate"))
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError for any other action set."""
+        """See ``Policy``. Raises an InputError for any other action set, or with eclipsing."""
         box = system.actions
         if not (isinstance(box, ParameterBox) and box.names == ("duration", "sweep") and offers(system, ClosedForm)):
             wanted = "expected Kershaw and Evans's box of duration and sweep (nearest: action='box')"
             raise InputError(f"policy 'myopic:closed-form' is not for {type(system).__name__} in this form, {wanted}")
+        if system.eclipsing:
+            raise InputError(
+                "policy 'myopic:closed-form' is for whole pulses, expected a system without eclipsing (nearest: "
+                "eclipsing=False)"
+            )
         duration, sweep = box.parameters
         self._system: Any = system
         self._box, self._limits = box, Limits(duration.low, duration.high, sweep.high)

@@ -37,7 +37,21 @@ def gate_volume(system: Any, belief: Any, candidates: Array) -> Array:
     return np.linalg.det(system.innovation_covariance(belief, candidates))
 
 
-OBJECTIVES: dict[str, Objective] = {"trace": trace, "determinant": determinant, "gate": gate_volume}
+def mean_trace(system: Any, belief: Any, candidates: Array) -> Array:
+    """Traces of all tracks in use after the update, summed: eq. (7) of Barbosa et al. times the number of tracks.
+
+    That number is the same for all candidates. Where a track can be lost, the cost differs: there it weighs a track
+    with its probability of existence. Where none can be lost, this is the cost.
+    """
+    return system.trace(system.predict(belief, candidates))
+
+
+OBJECTIVES: dict[str, Objective] = {
+    "trace": trace,
+    "determinant": determinant,
+    "gate": gate_volume,
+    "mean-trace": mean_trace,
+}
 
 
 class Myopic:
@@ -47,7 +61,8 @@ class Myopic:
     that search raises NotImplementedError (for a form of the action set, say), every candidate is tried.
 
     Args:
-        objective: "trace", "determinant" or "gate", or a function of (system, belief, candidates).
+        objective: "trace" (the cost), "determinant", "gate" or "mean-trace", or a function of (system, belief,
+            candidates).
         fused: whether the system's own search may be used.
         margin: number of standard deviations by which a prediction keeps targets inside the field of view, in place of
             the system's own.

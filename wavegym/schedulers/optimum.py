@@ -51,7 +51,7 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
     """The cheapest schedule of each environment, with a certificate (the module's docstring has the proof).
 
     Args:
-        recursion: model, measurement covariances and SNR of all steps.
+        recursion: model, and measurement covariances of all steps.
         tolerance: how much the cost may exceed the optimum, relative to that of a first schedule (about 1 % above the
             optimum); 0 is exact.
         nodes: beliefs kept per step, which bounds the memory (about 100 bytes per belief and waveform). Where they do
@@ -64,15 +64,16 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
 
     check_non_negative("tolerance", tolerance)
     limit = int(check_positive("nodes", nodes))
-    P0, F, Q, M, C, scale, weights = (np.array(a, np.float64, order="C") for a in recursion)
-    model, sizes = kernels.Model(F[None], Q[None], M[None], C, weights), ((0,) * len(F), (0,) * len(M))
-    room = kernels.make_nodes(limit, sizes[0]), kernels.make_nodes(limit * len(C) + 1, sizes[0])
-    origins, free = np.empty((scale.shape[1], limit), np.int64), np.zeros(scale.shape[1])
-    actions, cost, bound = np.zeros(scale.shape, np.int64), np.empty(len(scale)), np.empty(len(scale))
-    for e in range(len(scale)):
-        known, tools = (P0[e], model, scale[e]), (*room, origins, actions[e], *sizes)
+    P0, F, Q, M, R, weights = (np.array(a, np.float64, order="C") for a in recursion)
+    model, sizes = kernels.Model(F[None], Q[None], M[None], weights), ((0,) * len(F), (0,) * len(M))
+    count, horizon, candidates = R.shape[:3]
+    room = kernels.make_nodes(limit, sizes[0]), kernels.make_nodes(limit * candidates + 1, sizes[0])
+    origins, free = np.empty((horizon, limit), np.int64), np.zeros(horizon)
+    actions, cost, bound = np.zeros((count, horizon), np.int64), np.empty(count), np.empty(count)
+    for e in range(count):
+        known, tools = (P0[e], model, R[e]), (*room, origins, actions[e], *sizes)
         ceiling, _ = kernels.search(*known, BEAM_SLACK, 0.0, free, np.inf, min(BEAM, limit), *tools)
-        rest = kernels.cost_to_come(model, scale[e], *room, *sizes)
+        rest = kernels.cost_to_come(model, R[e], *room, *sizes)
         allowance = tolerance * ceiling / len(free)
         cost[e], lost = kernels.search(*known, 0.0, allowance, rest, ceiling, limit, *tools)
         bound[e] = min(cost[e], lost) - tolerance * ceiling

@@ -1,6 +1,7 @@
 """Branch and bound over waveform schedules in compiled form; ``optimum.py`` proves the dominance rule.
 
-Shapes: e environments, n states, m measurements, A actions, H steps, N nodes. F, Q (1, n, n), M (1, m, n), C (A, m, m).
+Shapes: e environments, n states, m measurements, A actions, H steps, N nodes. F, Q (1, n, n), M (1, m, n), R
+(H, A, m, m) measurement covariances.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -31,7 +32,6 @@ class Model(NamedTuple):
     F: NDArray[np.float64]
     Q: NDArray[np.float64]
     M: NDArray[np.float64]
-    C: NDArray[np.float64]
     weights: NDArray[np.float64]  # (n,)
 
 
@@ -85,18 +85,18 @@ def eliminates(b, B, a, A, factor, Z, nn):
 
 
 @kernel
-def branch(nodes, count, model, weights, scale, room, children, nn, mm):
-    """Every action at each of the first ``count`` nodes; returns how many children cost less than ``room``.
+def branch(nodes, count, model, weights, R, room, children, nn, mm):
+    """Every action, of R (A, m, m), at each of the first ``count`` nodes; how many children cost less than ``room``.
 
     Leaves the predicted covariance in ``nodes.P``.
     """
-    n, m, actions = len(nn), len(mm), model.C.shape[0]
+    n, m, actions = len(nn), len(mm), R.shape[0]
     T, L, D, V = np.empty((n, n)), np.empty((m, m)), np.empty(m), np.empty((n, m))
     born = 0
     for k in range(count):
         predict_covariance_one(k, nodes.P, model.F, model.Q, 0, T, nodes.P, nn)
         for a in range(actions):
-            factor_innovation_one(k, nodes.P, model.M, 0, model.C, a, scale, L, D, V, nn, mm)
+            factor_innovation_one(k, nodes.P, model.M, 0, R, a, 1.0, L, D, V, nn, mm)
             update_covariance_one(k, nodes.P, D, V, born, children.P, nn, mm)
             total = nodes.cost[k]
             for i in range(n):
@@ -141,19 +141,19 @@ def prune(children, born, slack, allowance, room, nodes, limit, nn):
 
 
 @kernel
-def cost_to_come(model, scale, nodes, children, nn, mm):
+def cost_to_come(model, R, nodes, children, nn, mm):
     """Bound from below (H,) on the cost of all steps after each, whatever the schedule and the covariance.
 
     Step u costs at least what the best schedule of the last DEPTH steps (at most) makes of a zero covariance.
     """
-    horizon, n = len(scale), len(nn)
+    horizon, n = len(R), len(nn)
     nothing = np.zeros(n), np.zeros((n, n))
     least, rest = np.zeros((horizon, DEPTH)), np.zeros(horizon)
     for start in range(horizon):
         copy(nothing[1], nodes.P[0], nn)
         nodes.cost[0], kept, lost = 0.0, 1, np.inf
         for d in range(min(DEPTH, horizon - start)):
-            born = branch(nodes, kept, model, nothing[0], scale[start + d], np.inf, children, nn, mm)
+            born = branch(nodes, kept, model, nothing[0], R[start + d], np.inf, children, nn, mm)
             least[start, d] = np.inf
             for k in range(born):
                 cost = 0.0
@@ -172,17 +172,17 @@ def cost_to_come(model, scale, nodes, children, nn, mm):
 
 
 @kernel
-def search(P0, model, scale, slack, allowance, rest, ceiling, limit, nodes, children, origins, plan, nn, mm):
+def search(P0, model, R, slack, allowance, rest, ceiling, limit, nodes, children, origins, plan, nn, mm):
     """Cost of the cheapest schedule below ``ceiling``, written to ``plan`` (H,), and a lower bound on those given up.
 
     Without such a schedule ``plan`` is unchanged and the cost is the ceiling. ``origins`` (H, limit) is scratch space.
     """
-    actions, bound = model.C.shape[0], np.inf
+    actions, bound = R.shape[1], np.inf
     copy(P0, nodes.P[0], nn)
     nodes.cost[0], kept = 0.0, 1
-    for k in range(len(scale)):
+    for k in range(len(R)):
         room = ceiling - rest[k]
-        born = branch(nodes, kept, model, model.weights, scale[k], room, children, nn, mm)
+        born = branch(nodes, kept, model, model.weights, R[k], room, children, nn, mm)
         kept, lost = prune(children, born, slack, allowance, room, nodes, limit, nn)
         bound = min(bound, lost + rest[k])
         for i in range(kept):
@@ -190,7 +190,7 @@ def search(P0, model, scale, slack, allowance, rest, ceiling, limit, nodes, chil
     if kept == 0:
         return ceiling, bound
     node = 0
-    for k in range(len(scale) - 1, -1, -1):
+    for k in range(len(R) - 1, -1, -1):
         plan[k] = origins[k, node] % actions
         node = origins[k, node] // actions
     return nodes.cost[0], bound

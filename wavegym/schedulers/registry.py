@@ -41,7 +41,8 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             constants), ``best-fixed`` (the best of the constants on ``tuning_worlds``), ``tuned-constant`` (the same,
             improved by a local search where actions are a box), ``tuned-cycle`` (the best schedule of one, two or three
             slots that a search on ``tuning_worlds`` finds), ``myopic``, ``myopic:exhaustive`` (without the system's own
-            search), ``myopic:determinant``, ``myopic:gate``, ``myopic:closed-form`` or ``myopic:progressive`` (for
+            search), ``myopic:determinant``, ``myopic:gate``, ``myopic:mean-trace`` (of all tracks, however
+            doubtful: the paper's in Urban), ``myopic:closed-form`` or ``myopic:progressive`` (for
             action="box", with Gaussian or generalised chirps), ``myopic:slsqp`` or ``myopic:polish`` (for
             action="box": a search by gradients from 8 drawn points, or from the grid's choice), ``myopic-information``
             (the most information at which every target has the system's threshold; also with ``:slsqp`` or
@@ -50,11 +51,12 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             (clairvoyant). Heuristics, with the constants recorded for the suite's systems
             (``schedulers.tuned_constants``) and otherwise tuned on ``tuning_worlds``: ``gain:L``, ``greedy``,
             ``aware-greedy``, ``cost-of-delay``, ``hold-until-detected``, ``lagrangian-price``,
-            ``adaptive-lagrangian-price``, ``constant-pace``, ``cycle`` and ``best-simple``, the best of them and of
-            ``myopic``. Planners, with the settings recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``,
-            ``beam:W``, ``mcts:N``, ``tree:H`` and ``best-planner``, the best one recorded. A planner improves on the
-            base policy recorded (``best-simple`` unless another is), or on the scheduler after an ``@``:
-            ``rollout:20@myopic``. Any scheduler registered with ``wavegym.register_scheduler``.
+            ``adaptive-lagrangian-price``, ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named
+            forecasts), ``cycle`` and ``best-simple``, the best of them and of ``myopic``. Planners, with the settings
+            recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H`` and
+            ``best-planner``, the best one recorded. A planner improves on the base policy recorded (``best-simple``
+            unless another is), or on the scheduler after an ``@``: ``rollout:20@myopic``. Any scheduler registered with
+            ``wavegym.register_scheduler``.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
         base: base policy of a planner, in place of the recorded one or the one after an ``@``.
@@ -205,6 +207,7 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {  # of a system, and of wor
     "myopic:exhaustive": lambda system, worlds: Myopic(fused=False),
     "myopic:determinant": _determinant,
     "myopic:gate": _gate,
+    "myopic:mean-trace": lambda system, worlds: Myopic("mean-trace"),
     "myopic:closed-form": lambda system, worlds: MyopicClosedForm(),
     "myopic:progressive": lambda system, worlds: Progressive(),
     "myopic:slsqp": lambda system, worlds: _ready(Continuous(starts=STARTS), system),

@@ -58,8 +58,8 @@ def tuned_heuristic(name: str, system: System, worlds: Any) -> Heuristic:
     if name == SIMPLE and SIMPLE in record:
         name = record[SIMPLE]
     elif name == SIMPLE:
-        name, constants, _ = best_simple(system, worlds)
-        return HEURISTICS[name].make(**constants[name])
+        tuned = best_simple(system, worlds)
+        return HEURISTICS[tuned.best].make(**tuned.constants[tuned.best])
     constants = record[name] if name in record else tune_heuristic(name, system, worlds)
     return HEURISTICS[name].make(**constants)
 

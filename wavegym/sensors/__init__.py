@@ -9,6 +9,8 @@
 >>> snr = range_law_snr(r)
 >>> print(f"{snr:.0f}, detected with probability {detection_probability(snr, false_alarm=0.01):.2f}")
 122, detected with probability 0.93
+>>> print(f"{detection_probability(snr, 0.01, 'swerling0'):.4f} if the echo is steady")
+1.0000 if the echo is steady
 
 False returns also fall into the tracker's validation gate, here of four standard deviations of (r, rdot):
 
@@ -18,10 +20,42 @@ False returns also fall into the tracker's validation gate, here of four standar
 >>> clutter = union_clutter(key=1, centre=[(r, rdot)], S=[S], gate=4.0, density=1e-4)  # 2.5 expected
 >>> bool(inside_gate(clutter - [r, rdot], S, gate=4.0).all())
 True
+
+A monostatic receiver is closed while its radar transmits. A chirp of 100 us is whole from 15 km on; nearer, its visible
+share is less, and so is its information (``docs/waveform_timing.md``):
+
+>>> from wavegym.sensors import EclipsedPulse
+>>> from wavegym.waveforms import TrapezoidChirp
+>>> eclipsed = EclipsedPulse(TrapezoidChirp(kind="hfm", duration=100e-6, sweep=15e6), energy=1.0)
+>>> print(eclipsed.visible_share([3e3, 8e3, 20e3]).round(3))
+[0.179 0.536 1.   ]
+>>> R = eclipsed.measurement_covariance([3e3, 8e3, 20e3], carrier_hz=10.4e9)
+>>> print(np.sqrt(R[:, 0, 0]).round(1), "m at SNR 1")
+[2931.4  265.3   25.5] m at SNR 1
 """
 
 from wavegym.sensors.clutter import union_clutter
 from wavegym.sensors.detection import detection_probability, energy_detection_probability
+from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse, EclipsePulses, EclipseTables, eclipse_tables
+from wavegym.sensors.fluctuation import FLUCTUATIONS, detected_snr, mean_inverse_detected_snr, realised_snr
+from wavegym.sensors.folding import (
+    Agreements,
+    Folded,
+    FoldHypotheses,
+    FoldUpdate,
+    PairUpdate,
+    agreeing_combinations,
+    combined_interval,
+    fold_hypotheses,
+    fold_pair_update,
+    fold_range,
+    fold_update,
+    fold_velocity,
+    outside_notch,
+    outside_notch_probability,
+    resolve_folds,
+    unfold,
+)
 from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
 from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
 from wavegym.sensors.multipath import Antenna
@@ -34,27 +68,52 @@ from wavegym.sensors.snr import range_law_snr
 from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [
+    "FLUCTUATIONS",
+    "Agreements",
     "Antenna",
     "ArrayReceiver",
     "Building",
     "Echoes",
+    "EclipsePulses",
+    "EclipseTables",
+    "EclipsedLibrary",
+    "EclipsedPulse",
+    "FoldHypotheses",
+    "FoldUpdate",
+    "Folded",
     "Multistatic",
+    "PairUpdate",
     "Peaks",
     "Road",
     "UrbanMap",
     "View",
+    "agreeing_combinations",
+    "combined_interval",
+    "detected_snr",
     "detection_probability",
+    "eclipse_tables",
     "energy_detection_probability",
+    "fold_hypotheses",
+    "fold_pair_update",
+    "fold_range",
+    "fold_update",
+    "fold_velocity",
     "fov_penalty",
     "gate_probability",
     "gate_volume",
     "inside_gate",
+    "mean_inverse_detected_snr",
     "multistatic_range_and_rate",
+    "outside_notch",
+    "outside_notch_probability",
     "platform_jacobian",
     "platform_measurement",
     "platform_view",
     "range_and_rate",
     "range_and_rate_jacobian",
     "range_law_snr",
+    "realised_snr",
+    "resolve_folds",
+    "unfold",
     "union_clutter",
 ]

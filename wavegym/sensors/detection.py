@@ -1,8 +1,9 @@
-"""Detection of a target whose echo fluctuates from scan to scan (Rayleigh amplitude, Swerling 1).
+"""Detection of a target, whose echo fluctuates from scan to scan as ``fluctuation.py`` names it.
 
-The matched filter's output is compared with a threshold set by the false-alarm probability Pf. The probability of
-detection is Pd = Pf^(1 / (1 + E/N0)), where E is the mean energy of the echo (Van Trees, *Detection, Estimation, and
-Modulation Theory*, part III, section 2.1). The project's SNR is eta = 2E/N0.
+The matched filter's output is compared with a threshold set by the false-alarm probability Pf. For an amplitude that is
+Rayleigh from scan to scan (Swerling 1), the probability of detection is Pd = Pf^(1 / (1 + E/N0)), where E is the mean
+energy of the echo (Van Trees, *Detection, Estimation, and Modulation Theory*, part III, section 2.1). The project's
+SNR is eta = 2E/N0.
 """
 
 from __future__ import annotations
@@ -10,26 +11,41 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_elements
+from wavegym.core.array_checks import check_broadcast, check_elements
 from wavegym.core.arrays import Array
-from wavegym.core.errors import check_positive, check_probability
+from wavegym.core.errors import check_choice, check_positive, check_probability
 from wavegym.sensors import detection_kernels as kernels
+from wavegym.sensors.fluctuation import FLUCTUATIONS, fluctuating_detection_probability
 
 
-def detection_probability(snr: ArrayLike, false_alarm: ArrayLike) -> Array:
-    """Pd = Pf^(1 / (1 + eta / 2)) for eta = 2E/N0, the SNR of this project.
+def detection_probability(
+    snr: ArrayLike, false_alarm: ArrayLike, fluctuation: str = "swerling1", pulses: int = 1, searched: int = 0
+) -> Array:
+    """Probability of detection; by default Pd = Pf^(1 / (1 + eta / 2)) for eta = 2E/N0, the SNR of this project.
 
     Args:
-        snr: mean eta, > 0 (a ratio, not dB), any shape.
-        false_alarm: Pf in (0, 1), any shape that broadcasts.
+        snr: mean eta of each pulse, > 0 (a ratio, not dB), any shape.
+        false_alarm: Pf in (0, 1) of a cell, which sets the threshold; any shape that broadcasts.
+        fluctuation: "swerling0" (a steady echo) to "swerling4", see ``wavegym.sensors.fluctuation``.
+        pulses: pulses that are integrated noncoherently, 1 to 1000. Coherent integration is a gain in eta.
+        searched: quantities, such as delay, Doppler and direction, over which the receiver takes the greatest value
+            about the echo; 0 for a known cell.
 
     Returns:
         Pd in (Pf, 1), in the broadcast shape.
 
     Raises:
-        InputError: an SNR that is not a finite number > 0, a Pf outside (0, 1), or shapes that do not broadcast.
+        InputError: an SNR that is not a finite number > 0, a Pf outside (0, 1), shapes that do not broadcast, an
+            unknown fluctuation, or a number of pulses or quantities out of range.
     """
-    return energy_detection_probability(check_elements(check_positive, "snr", snr) / 2, false_alarm)
+    check_choice("fluctuation", fluctuation, FLUCTUATIONS)
+    if (fluctuation, pulses, searched) == ("swerling1", 1, 0):
+        return energy_detection_probability(check_elements(check_positive, "snr", snr) / 2, false_alarm)
+    mean, alarm = check_broadcast(
+        snr=check_elements(check_positive, "snr", snr),
+        false_alarm=check_elements(check_probability, "false_alarm", false_alarm),
+    )
+    return fluctuating_detection_probability(mean, alarm, fluctuation, pulses, searched)
 
 
 def energy_detection_probability(energy_ratio: ArrayLike, false_alarm: ArrayLike) -> Array:

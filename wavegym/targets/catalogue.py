@@ -151,9 +151,10 @@ def _too_short(tracks: Sequence[RecordedTrack], dt: float, steps: int, max_gap: 
         for reason, count in track.dropped.items():
             counts[reason] = counts.get(reason, 0) + count
     left_out = ", ".join(f"{count} for {reason}" for reason, count in counts.items() if count)
+    shorter = f" (nearest: an episode of {longest.duration // dt:g} steps)" if longest.duration >= dt else ""
     return (
         f"{longest.source or 'the recording'}: longest gap-free piece lasts {longest.duration:g} s "
-        f"(track {longest.id!r}), {steps * dt:g} s needed; "
+        f"(track {longest.id!r}), {steps * dt:g} s needed{shorter}; "
         f"tracks are cut where reports lie more than {longest.longest_gap(max_gap):g} s apart"
         + (f"; reports left out: {left_out}" if left_out else "")
     )

@@ -18,8 +18,13 @@ from wavegym.core.errors import InputError, check_within, nearest
 TIME = ("time_s", "time", "t", "timestamp", "datetime", "basedatetime", "base_date_time")
 ID = ("id", "icao24", "mmsi", "track_id")
 METRES = (("x_m", "x"), ("y_m", "y"), ("z_m", "z"))
-DEGREES = (("lat_deg", "lat", "latitude"), ("lon_deg", "lon", "longitude"), ("alt_m", "alt", "altitude"))
+DEGREES = (
+    ("lat_deg", "lat", "latitude"),
+    ("lon_deg", "lon", "longitude", "lng"),
+    ("alt_m", "alt", "altitude", "geoaltitude"),
+)
 BOUNDS = ((-90.0, 90.0), (-180.0, 360.0))
+LATEST = 1e11  # s since 1970: the year 5138; greater numbers are milliseconds, or finer
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,9 @@ def _parse(path: Path, stream: TextIO) -> ReportTable:
     if first is None:
         raise InputError(f"{path}: empty, expected a header line and one line per report")
     header = [name.strip().lower() for name in first[1]]
+    other = next((mark for mark in ";\t|" if mark in first[1][0]), None)
+    if len(header) == 1 and other:
+        raise InputError(f"{path}:{first[0]}: columns are separated by {other!r}, expected commas")
     found = _find_columns(f"{path}:{first[0]}", header)
     rows = _Rows(path, header, [], [])
     for line, cells in numbered:
@@ -191,7 +199,12 @@ def _times(rows: _Rows, column: int) -> FloatArray:
         raise InputError(
             f"{name} is {shown}, expected a number (seconds) or an ISO 8601 time such as 2026-11-23T08:30:00Z"
         ) from None
-    return _numbers(rows, column)
+    times = _numbers(rows, column)
+    late = np.flatnonzero(np.abs(times) > LATEST)
+    if len(late):
+        cell = rows.cells[late[0]][column].strip()
+        raise InputError(f"{rows.where(late[0])}: {rows.header[column]} is {cell}, expected seconds, not milliseconds")
+    return times
 
 
 def _is_iso(cell: str) -> bool:

@@ -46,8 +46,8 @@ def read_tracks(
     - ``id``, ``icao24``, ``mmsi`` or ``track_id``, if there are several targets; without it the file is one track,
       named after the file;
     - ``x_m`` or ``x``, ``y_m`` or ``y``, optionally ``z_m`` or ``z``: metres; preferred if a file also has degrees;
-    - or ``lat_deg``, ``lat`` or ``latitude``; ``lon_deg``, ``lon`` or ``longitude``: degrees (WGS-84); optionally
-      ``alt_m``, ``alt`` or ``altitude``: metres above the ellipsoid.
+    - or ``lat_deg``, ``lat`` or ``latitude``; ``lon_deg``, ``lon``, ``longitude`` or ``lng``: degrees (WGS-84);
+      optionally ``alt_m``, ``alt``, ``altitude`` or ``geoaltitude``: metres above the ellipsoid.
 
     Rows may be in any order, with ids interleaved. Of several reports of a target at one time, the last in the file
     counts. Dropped are reports that repeat the position before, and reports that need more than ``max_acceleration``
@@ -65,9 +65,9 @@ def read_tracks(
         One track per id, in order of id; positions in metres. ``dropped`` counts what was left out and why.
 
     Raises:
-        InputError: no such file, an empty file, a missing column, a cell that is not a finite number or a time, a
-            latitude outside [-90, 90], an invalid origin, an origin for a file in metres, or more than half of the
-            reports contradict the others, as when a file of several targets has no column of ids.
+        InputError: no such file, an empty file, a missing column, a cell that is not a finite number or a time, a time
+            in milliseconds, a latitude outside [-90, 90], an invalid origin, an origin for a file in metres, or more
+            than half of the reports contradict the others, as when a file of several targets has no column of ids.
     """
     if max_acceleration is not None and not max_acceleration > 0:
         raise InputError(f"max_acceleration is {max_acceleration!r} m/s², expected a number > 0")

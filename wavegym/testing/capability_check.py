@@ -252,9 +252,8 @@ def _recursion(system: Any, world: Any) -> str | None:
     P = np.array(found.covariance)
     for step, index in enumerate((0, len(candidates) - 1)):
         state = system.transition(state, np.repeat(candidates[[index]], WORLDS, axis=0), world)
-        R = found.scale[:, step, None, None] * found.C[index]
         ahead = found.F @ P @ found.F.T + found.Q
-        S = found.M @ ahead @ found.M.T + R
+        S = found.M @ ahead @ found.M.T + found.R[:, step, index]
         P = ahead - ahead @ found.M.T @ np.linalg.solve(S, found.M @ ahead)
         cost = np.diagonal(P, axis1=1, axis2=2) @ found.weights
         want = system.cost(state.belief)

@@ -46,8 +46,10 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
             return f"predict() with actions {form}: {defect}"
     if not _same(before, belief):
         return "predict() changed the belief that it was given"
-    defect = capability_defect(system, seed) if predicts else None
-    return defect or _constants_defect(system, everything) or _mask_defect(system, belief, len(everything))
+    defect = _mask_defect(system, belief, len(everything))  # before anything plays allowed actions
+    if predicts:
+        defect = defect or capability_defect(system, seed)
+    return defect or _constants_defect(system, everything)
 
 
 def _predicted_defect(system: System, belief: Any, predicted: Any, shape: tuple[int, ...]) -> str | None:

@@ -54,6 +54,16 @@ Four moments describe a frequency law. One call therefore takes any mixture of l
 >>> chirp_measurement_covariance(moments[[0, 1, 1]], [1e-4, 1e-4, 5e-5], [15e6, -15e6, 1e6], carrier_hz=10.4e9).shape
 (3, 2, 2)
 
+A pulse blinds its radar. The time that counts is named, here 99 % of the energy or an amplitude above -60 dB (m):
+
+>>> from wavegym.waveforms import PulseTiming, transmitted_interval
+>>> by_energy, by_level = PulseTiming.of(chirp, 10.4e9), PulseTiming.of(chirp, 10.4e9, level_db=-60)
+>>> print(round(by_energy.blind_range), round(by_level.blind_range))
+54604 111431
+>>> timing = PulseTiming(duration=10e-6, interval=100e-6, count=64, carrier_hz=10.4e9, max_duty=0.1)
+>>> print(f"{timing.unambiguous_range:.0f} m, +-{timing.unambiguous_velocity / 2:.1f} m/s")
+14990 m, +-72.1 m/s
+
 ``plot_ambiguity(chirp).savefig("chirp.png")`` draws the ambiguity function and its cuts. To add a pulse, derive a
 subclass of ``Waveform`` with a label, a support, an envelope and a phase; all of the above then works by quadrature.
 """
@@ -72,6 +82,7 @@ from wavegym.waveforms.library import gaussian_chirp_library, measurement_covari
 from wavegym.waveforms.numeric import numeric_fisher_information
 from wavegym.waveforms.picture import plot_ambiguity
 from wavegym.waveforms.pulse_train import PulseTrain
+from wavegym.waveforms.timing import PulseTiming, check_dwells, pulse_timings, time_left, transmitted_interval
 from wavegym.waveforms.trapezoid import (
     ChirpLaw,
     TrapezoidChirp,
@@ -87,10 +98,12 @@ __all__ = [
     "FisherFactors",
     "FrequencyLaw",
     "GaussianChirp",
+    "PulseTiming",
     "PulseTrain",
     "TrapezoidChirp",
     "Waveform",
     "ambiguity",
+    "check_dwells",
     "chirp_law",
     "chirp_measurement_covariance",
     "chirp_rate_for_sweep",
@@ -101,7 +114,10 @@ __all__ = [
     "numeric_fisher_information",
     "parse_law",
     "plot_ambiguity",
+    "pulse_timings",
     "sweep_for_chirp_rate",
+    "time_left",
+    "transmitted_interval",
     "trapezoid_chirp_library",
     "trapezoid_fisher_factors",
     "zero_delay_cut",

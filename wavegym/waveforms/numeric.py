@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
 from wavegym.waveforms.fisher import FisherFactors
-from wavegym.waveforms.legendre import Expansion, resolve
+from wavegym.waveforms.legendre import NODES, Expansion, resolve
 
 ComplexArray = NDArray[np.complex128]
 
@@ -73,6 +74,67 @@ def numeric_fisher_factors(waveform: _Pulse) -> FisherFactors:
     left = frequency - slope * time
     residual = (envelope_rate * envelope_rate * samples.weights).sum() / energy + (left * left * density).sum()
     return FisherFactors(residual, slope, spread)
+
+
+def numeric_energy_interval(waveform: _Pulse, energy: float) -> tuple[float, float]:
+    """Central interval (s) with this share of the energy: (1 - energy)/2 of it lies before, as much after.
+
+    The quantiles of a^2 are found by root finding; the quadrature is exact to rounding.
+    """
+    from scipy.optimize import brentq  # the waveforms load without SciPy
+
+    samples = sample(waveform)
+    density = samples.values[0] ** 2 * samples.weights
+    panels = density.sum(axis=-1).ravel()
+    half = np.broadcast_to(samples.half[:, None], samples.centres.shape).ravel()
+    begins = samples.centres.ravel() - half
+    x, w = leggauss(NODES)
+
+    def part(low: float, high: float) -> float:
+        """Energy between two times of one panel."""
+        width = 0.5 * (high - low)
+        return float((waveform.envelope(low + width * (x + 1.0)) ** 2 * w).sum() * width)
+
+    def tail(sizes: FloatArray, order: NDArray[np.intp]) -> float:
+        """The time at which the energy, summed over the panels in this order, reaches the share that is left out."""
+        left_out = 0.5 * (1.0 - energy) * sizes.sum()
+        before = np.concatenate([[0.0], np.cumsum(sizes[order])])
+        at = min(int(np.searchsorted(before, left_out, side="right")) - 1, len(order) - 1)
+        k, rest = order[at], left_out - before[at]
+        low, high = float(begins[k]), float(begins[k] + 2.0 * half[k])
+        forward = len(order) < 2 or order[0] < order[1]
+        inside = (lambda t: part(low, t) - rest) if forward else (lambda t: part(t, high) - rest)
+        if inside(low) * inside(high) >= 0.0:  # the end of a panel, up to rounding
+            return low if abs(inside(low)) <= abs(inside(high)) else high
+        return float(brentq(inside, low, high, xtol=1e-15 * (high - low), rtol=1e-14))
+
+    order = np.arange(len(panels))
+    return tail(panels, order), tail(panels, order[::-1])
+
+
+def numeric_level_interval(waveform: _Pulse, ratio: float) -> tuple[float, float]:
+    """From the first to the last time (s) at which the envelope exceeds ``ratio`` times its peak."""
+    from scipy.optimize import brentq
+
+    low, high = waveform.support
+    times = np.unique(np.concatenate([sample(waveform).times.ravel(), np.linspace(low, high, 4097)]))
+    amplitude = np.abs(waveform.envelope(times))
+    level = ratio * float(amplitude.max())
+    above = np.flatnonzero(amplitude > level)
+
+    def crossing(inner: float, outer: float) -> float:
+        if inner == outer:
+            return float(inner)
+
+        def excess(t: float) -> float:
+            return float(np.abs(waveform.envelope(np.asarray(t)))) - level
+
+        if excess(outer) >= 0.0:  # the end of the support
+            return float(outer)
+        return float(brentq(excess, inner, outer, xtol=1e-15 * (high - low), rtol=1e-14))
+
+    first, last = above[0], above[-1]
+    return crossing(times[first], times[max(first - 1, 0)]), crossing(times[last], times[min(last + 1, len(times) - 1)])
 
 
 def _check_no_jump(waveform: _Pulse) -> None:

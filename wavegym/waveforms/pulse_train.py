@@ -102,6 +102,14 @@ class PulseTrain(Waveform):
             row += self.pulse.ambiguity_row(delay - lag, dopplers) * pairs
         return row / self.count
 
+    def energy_interval(self, energy: float) -> tuple[float, float]:
+        """That of the single pulse, in the pulse's own time."""
+        return self.pulse.energy_interval(energy)
+
+    def level_interval(self, ratio: float) -> tuple[float, float]:
+        """That of the single pulse, in the pulse's own time."""
+        return self.pulse.level_interval(ratio)
+
     @property
     def _centres(self) -> FloatArray:
         return (np.arange(self.count, dtype=np.float64) - 0.5 * (self.count - 1)) * self.interval

@@ -263,6 +263,22 @@ class TrapezoidChirp(Waveform):
         """From the moments of the law (see ``trapezoid_fisher_factors``)."""
         return trapezoid_fisher_factors(self.law.moments, self.duration, self.signed_sweep)
 
+    def energy_interval(self, energy: float) -> tuple[float, float]:
+        """Closed form; the whole pulse at ``energy`` = 1."""
+        rise, left_out = self.law.rise_fraction, 0.5 * (1.0 - energy) * (1.0 - 4.0 * self.law.rise_fraction / 3.0)
+        in_rise = rise / 3.0  # energy of the rise, in units of the flat top's density
+        cut = float(np.cbrt(3.0 * rise * rise * left_out)) if left_out <= in_rise else rise + left_out - in_rise
+        return self._cut(cut)
+
+    def level_interval(self, ratio: float) -> tuple[float, float]:
+        """Closed form; the whole pulse as ``ratio`` goes to 0."""
+        return self._cut(self.law.rise_fraction * ratio)
+
+    def _cut(self, share: float) -> tuple[float, float]:
+        """The pulse without this share of its duration at each end."""
+        half = (0.5 - share) * self.duration
+        return (-half, half)
+
     def measurement_covariance(self, carrier_hz: float, snr: float) -> FloatArray:
         """Cramer-Rao covariance of (range in m, range-rate in m/s), (2, 2).
 

@@ -10,7 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import check_positive
 from wavegym.waveforms.fisher import FisherFactors
-from wavegym.waveforms.numeric import correlate, numeric_fisher_factors
+from wavegym.waveforms.numeric import (
+    correlate,
+    numeric_energy_interval,
+    numeric_fisher_factors,
+    numeric_level_interval,
+)
 
 
 class Waveform(ABC):
@@ -80,3 +85,11 @@ class Waveform(ABC):
     def ambiguity_row(self, delay: float, dopplers: FloatArray) -> NDArray[np.complex128]:
         """chi(delay, nu) at one delay (s) for all Dopplers (Hz), (doppler,); by quadrature unless overridden."""
         return correlate(self, delay, dopplers)
+
+    def energy_interval(self, energy: float) -> tuple[float, float]:
+        """Central interval (s) that holds this share of one pulse's energy; see ``transmitted_interval``."""
+        return numeric_energy_interval(self, energy)
+
+    def level_interval(self, ratio: float) -> tuple[float, float]:
+        """Interval (s) over which one pulse's amplitude exceeds ``ratio`` of its peak; see ``transmitted_interval``."""
+        return numeric_level_interval(self, ratio)

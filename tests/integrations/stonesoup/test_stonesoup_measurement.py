@@ -11,6 +11,7 @@ from stonesoup.models.base import Model
 from stonesoup.types.array import StateVector, StateVectors
 from stonesoup.types.state import State
 
+from wavegym.core.errors import InputError
 from wavegym.integrations.stonesoup import WaveformRadar, radars_of
 from wavegym.sensors import range_law_snr
 from wavegym.systems.composed import PlanarRadar, Pulses
@@ -31,7 +32,7 @@ def planar(**placing):
 @given(r=st.floats(50.0, 200e3), rate=st.floats(-500.0, 500.0), waveform=st.integers(0, len(LIBRARY) - 1))
 @settings(max_examples=60, deadline=None)
 def test_the_covariance_is_the_law_of_kershaw_and_evans(r, rate, waveform):
-    system = KershawEvans(durations=DURATIONS, sweeps=SWEEPS)
+    system = KershawEvans(durations=DURATIONS, sweeps=SWEEPS, reference_range=50e3, eclipsing=False)
     (radar,) = radars_of(system)
     radar.waveform = waveform
     state = State(StateVector([r, rate]))
@@ -59,6 +60,13 @@ def test_every_waveform_of_the_environment_measures_as_in_wavegym():
         normal = world.normal[i, 1, -2:]
         z = truth.targets[i] + np.linalg.cholesky(found.R[i]) @ normal
         np.testing.assert_allclose(z, found.z[i], rtol=1e-10)
+
+
+def test_pulses_of_ones_own_are_whole():
+    eclipsed = KershawEvans(library=LIBRARY)
+    with pytest.raises(InputError, match=r"library is given with eclipsing, .* \(nearest: eclipsing=False\)"):
+        radars_of(eclipsed)
+    assert len(radars_of(KershawEvans(library=LIBRARY, eclipsing=False))) == 1
 
 
 def test_range_and_rate_in_the_plane_are_seen_from_the_radar():

@@ -41,7 +41,7 @@ def test_advance_equals_the_plain_loop_and_filterpy(kwargs, sweeps, tolerance):
     system = KershawEvans(sweeps=sweeps, **kwargs)
     n, dt = len(system.weights), system.dt
     F, Q = oracles.motion(n, dt, system.q)
-    pulses = [oracles.chirp_covariance(k, sweep) for k in system.durations for sweep in sweeps]
+    pulses = [(k, sweep) for k in system.durations for sweep in sweeps]
     worlds = oracles.worlds(system, 4)
     actions = np.random.default_rng(2).integers(len(pulses), size=(4, system.horizon))
     start, states = system.initial(worlds), play(system, worlds, actions)
@@ -52,7 +52,7 @@ def test_advance_equals_the_plain_loop_and_filterpy(kwargs, sweeps, tolerance):
         for k, state in enumerate(states):
             draws = worlds.normal[e, k + 1]
             truth = F @ truth + np.linalg.cholesky(Q) @ draws[:n]
-            R = pulses[actions[e, k]] * (truth[0] / 50e3) ** 4
+            R = oracles.received_covariance(*pulses[actions[e, k]], truth[0], system.reference_range)
             z = truth[:2] + np.linalg.cholesky(R) @ draws[n:]
             x, P = oracles.predict(x, P, F, Q)
             x, P = oracles.update(x, P, z - x[:2], np.eye(2, n), R)
@@ -151,9 +151,11 @@ def test_all_forms_of_imagine_agree(kwargs):
         for one, other in zip(single[:3], many[:3], strict=True):
             assert (one == other[:, c]).all()
     assert (system.cost(many)[:, 0] == system.cost(oracles.rows(many, (slice(None), 0)))).all()
-    R = system.unit_covariance(shared) * ((many.mean[:, 0, 0] / 50e3) ** 4)[:, None, None, None]
+    pulses = [(k, sweep) for k in system.durations for sweep in system.sweeps][::7]
+    ranges = many.mean[:, 0, 0]
+    R = [[oracles.received_covariance(*pulse, r, system.reference_range) for pulse in pulses] for r in ranges]
     predicted = system.predicted(belief)[0][:, None, :2, :2]
-    np.testing.assert_allclose(system.innovation_covariance(belief, shared), predicted + R, rtol=1e-12)
+    np.testing.assert_allclose(system.innovation_covariance(belief, shared), predicted + R, rtol=1e-9)
 
 
 def test_library_and_box_transmit_the_same_pulses():
@@ -172,7 +174,7 @@ def test_the_steady_covariance_is_a_fixed_point(kwargs):
     system = KershawEvans(**kwargs)
     n = len(system.weights)
     F, Q = oracles.motion(n, system.dt, system.q)
-    R = oracles.chirp_covariance(system.durations[4], max(system.sweeps)) * (30e3 / 50e3) ** 4
+    R = oracles.received_covariance(system.durations[4], max(system.sweeps), 185e3, system.reference_range)
     P = system.steady_covariance
     _, ahead = oracles.predict(np.zeros(n), P, F, Q)
     _, ahead = oracles.update(np.zeros(n), ahead, np.zeros(2), np.eye(2, n), R)
@@ -213,11 +215,11 @@ def test_the_recursion_is_the_loops_covariance():
     system = KershawEvansPosition(horizon=5)
     worlds = oracles.worlds(system, 3)
     recursion = system.deterministic_recursion(worlds)
-    actions = np.random.default_rng(1).integers(len(recursion.C), size=(3, 5))
+    actions = np.random.default_rng(1).integers(recursion.R.shape[2], size=(3, 5))
     P = recursion.covariance
     for k, state in enumerate(play(system, worlds, actions)):
         for e in range(3):
-            R = recursion.scale[e, k] * recursion.C[actions[e, k]]
+            R = recursion.R[e, k, actions[e, k]]
             _, ahead = oracles.predict(np.zeros(2), P[e], recursion.F, recursion.Q)
             _, ahead = oracles.update(np.zeros(2), ahead, np.zeros(2), recursion.M, R)
             assert oracles.covariance_distance(ahead, state.belief.covariance[e]) < 1e-9
@@ -256,7 +258,7 @@ def test_parameters_are_checked(parameters, words):
 
 MISMATCHES: list[tuple[dict[str, Any], slice]] = [  # and the steps in which it shows
     ({"q": 16.0}, slice(20, 40)),
-    ({"reference_range": 30e3}, slice(20, 40)),
+    ({"reference_range": 200e3}, slice(20, 40)),
     ({"prior_variance": (9e4, 9e4)}, slice(0, 1)),
 ]
 
@@ -264,7 +266,7 @@ MISMATCHES: list[tuple[dict[str, Any], slice]] = [  # and the steps in which it 
 @pytest.mark.parametrize("settings", [{}, {"model": "ca", "weights": (1, 1, 1), "prior_variance": (1e4, 1e4, 1.0)}])
 def test_a_compiled_step_is_that_of_its_parts(settings) -> None:
     """But for rounding: the measurement carries R = C (1 / eta), the compiled step computes 1 / eta at once."""
-    system = KershawEvans(**settings, sweeps=MODERATE, truth={"q": 3.0, "reference_range": 45e3})
+    system = KershawEvans(**settings, sweeps=MODERATE, truth={"q": 3.0, "reference_range": 280e3})
     world = oracles.worlds(system, 9)
     fused = composed = system.initial(world)
     for k in range(6):
@@ -327,7 +329,7 @@ def test_the_adaptive_tracker_is_better_than_a_kalman_filter_of_the_wrong_noise(
 
 
 def test_a_truth_equal_to_the_assumptions_changes_nothing() -> None:
-    told = KershawEvans(truth={"q": 1.0, "reference_range": 50e3, "start_range": (20e3, 40e3)})
+    told = KershawEvans(truth={"q": 1.0, "reference_range": 310e3, "start_range": (175e3, 195e3)})
     worlds, actions = oracles.worlds(told, 4), np.random.default_rng(2).integers(88, size=(4, told.horizon))
     for one, other in zip(play(told, worlds, actions), play(KershawEvans(), worlds, actions), strict=True):
         for a, b in zip((*one.truth, *one.belief), (*other.truth, *other.belief), strict=True):

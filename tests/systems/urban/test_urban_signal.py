@@ -26,10 +26,10 @@ PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    """Neither walls nor trees, one target."""
+    """Neither walls nor trees, one target, whose echo is steady."""
     file = tmp_path_factory.mktemp("city") / "plain.toml"
     file.write_text(PLAIN)
-    return UrbanSignal(city=str(file), arrivals=(0.0,), truth={"sigma": 0.0})
+    return UrbanSignal(city=str(file), arrivals=(0.0,), truth={"sigma": 0.0}, fluctuation="swerling0")
 
 
 def scanned(system, scan, count, waveform):
@@ -87,8 +87,9 @@ def test_noise_is_independent():
 
 @pytest.mark.slow
 def test_it_is_tracked_as_well_as_at_the_measurement_level():
-    """Ten episodes at each level, equal pulses and threshold: mean GOSPA within four standard errors and .5 m."""
-    worse = per_episode(SYSTEM) - per_episode(Urban(pulses=25, false_alarm=math.exp(-SYSTEM.signals.thresholds[0])))
+    """Ten episodes at each level, equal pulses and detection: mean GOSPA within four standard errors and .5 m."""
+    drawn = Urban(pulses=25, searched=3, false_alarm=math.exp(-SYSTEM.signals.thresholds[0]))
+    worse = per_episode(SYSTEM) - per_episode(drawn)
     assert abs(worse.mean()) < 4.0 * worse.std() / math.sqrt(len(worse)) + 0.5
 
 

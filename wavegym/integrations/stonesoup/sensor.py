@@ -24,6 +24,8 @@ from wavegym.sensors import energy_detection_probability
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.composed import LineOfSightRadar, Loop, PlanarRadar, Pulses
 from wavegym.systems.kershaw_evans import KershawEvans
+from wavegym.systems.kershaw_evans.eclipsing import visible_information
+from wavegym.waveforms import SPEED_OF_LIGHT
 
 
 class ClutterRadar(PlanarRadar):
@@ -32,6 +34,15 @@ class ClutterRadar(PlanarRadar):
     def detection(self, states: Array, pulse: Array) -> Array:
         """Pd."""
         return energy_detection_probability(self.snr(states), float(self.false_alarm or 0.0))
+
+
+class EclipsedChirpRadar(LineOfSightRadar):
+    """The law of ``KershawEvans``: the receiver is off while it sends a Gaussian chirp of duration sqrt(2 C11)/c."""
+
+    def covariance(self, states: Array, pulse: Array) -> Array:
+        """C / eta of what the receiver sees of the pulse."""
+        share = visible_information(np.sqrt(2.0 * pulse[..., 0, 0]) / SPEED_OF_LIGHT, states[..., 0])
+        return super().covariance(states, pulse) / share[..., None, None]
 
 
 class ChangeWaveform(Action):
@@ -148,7 +159,7 @@ class WaveformRadar(Sensor):
         return self._model(self.law.covariance(states, self.pulses.pulse(np.array(self.waveform)))[0])
 
     def snr(self, state: Any) -> float:
-        """Eta of a state: the factor by which its covariance is smaller than that at unit SNR."""
+        """Eta of a state, what is eclipsed left out: the factor by which its covariance is smaller than at unit SNR."""
         return float(self.measurement_model.noise_covar[0, 0] / self.model_at(state).noise_covar[0, 0])
 
     def _model(self, R: Array) -> WaveformMeasurement:
@@ -203,12 +214,15 @@ def radars_of(system: System, *, seed: int | None = None, **placing: Any) -> tup
         **placing: ``ndim_state`` and ``mapping`` of the radars; by default the state vectors are the system's.
 
     Raises:
-        InputError: another system, or actions that are no index.
+        InputError: another system, actions that are no index, or pulses of one's own that are eclipsed.
     """
     law: Any
     places: tuple[Any, ...] = (None,)
     if isinstance(system, KershawEvans) and isinstance(system.actions, Library):
-        law = LineOfSightRadar(system.reference_range, system.nearest_range)
+        if system.eclipsing and system.library is not None:
+            raise InputError("library is given with eclipsing, expected Gaussian chirps (nearest: eclipsing=False)")
+        kind = EclipsedChirpRadar if system.eclipsing else LineOfSightRadar
+        law = kind(system.reference_range, system.nearest_range)
         pulses, n = Pulses(system.actions, system.carrier_hz), len(system.motion.names)
     elif isinstance(system, Loop) and isinstance(system.waveforms, Pulses):
         law, pulses, n = system.sensor, system.waveforms, len(system.targets.motion.names)

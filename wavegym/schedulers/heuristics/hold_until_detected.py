@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import GainByTarget, delays
 from wavegym.core.errors import check_int
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
-
-FAR = 32  # steps: longest time out of sight that is distinguished
+from wavegym.schedulers.heuristics.clear_slots import hidden_steps
 
 
 class HoldUntilDetected(Heuristic):
@@ -35,9 +32,5 @@ class HoldUntilDetected(Heuristic):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        visible, rows = belief.visible, np.arange(len(belief.step))[:, None]
-        when = belief.step[:, None] + np.arange(1, FAR + 1)
-        back = visible[rows, np.minimum(when, visible.shape[1] - 1)]  # (env, step, target)
-        hidden = np.where(back.any(axis=1), back.argmax(axis=1), FAR)
-        values = self.system.gain(belief, 0, self.ahead + hidden)
+        values = self.system.gain(belief, 0, self.ahead + hidden_steps(belief))
         return self.candidates[greatest(values, mask, delays(self.system, belief))]

@@ -53,11 +53,11 @@ class Gain(Heuristic):
         for start in range(0, count, chunk):
             part = np.arange(start, min(start + chunk, count))
             predicted = self.system.predict(trees.take(belief, part), self.candidates[None])
-            values[part] = _weighted(predicted.covariance, self._weights)
+            values[part] = weighted(predicted.covariance, self._weights)
         return self.candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]
 
 
-def _weighted(covariance: Array, M: Array) -> Array:
+def weighted(covariance: Array, M: Array) -> Array:
     """trace(M P) summed over the targets, (env, candidate), of covariances (env, candidate[, target], n, n)."""
     products = covariance * M
     return products.reshape(*products.shape[:2], -1).sum(axis=2)

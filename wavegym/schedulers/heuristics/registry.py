@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core import trees
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, PolicyAsHeuristic
+from wavegym.schedulers.heuristics.clear_slots import ClearSlotPrice
+from wavegym.schedulers.heuristics.cma_search import Budget, Interval, searched_constants
 from wavegym.schedulers.heuristics.dwell import best_dwell
 from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Greedy
 from wavegym.schedulers.heuristics.l_step import Gain
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
+from wavegym.schedulers.heuristics.searched_rule import SearchedRule, search_rule
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.rollout import allowed
@@ -26,6 +29,7 @@ from wavegym.schedulers.simple import Cycle
 AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
 FAR = (1, 2, 4, 6, 8, 11, 14, 20, 25, 32, 40, 60)  # for accounts that must last
 MOST = 50_000  # beliefs predicted in an episode, so that tuning "gain" takes a reasonable time
+CLEAR_SLOT = {"price": 100.0, "power": 1.0, "cushion": 1.0, "ahead": 4.0, "reach": 1.0, "scale": 0.0}
 FEW_WORLDS = 16  # for a heuristic that predicts to the episode's end
 
 
@@ -35,11 +39,12 @@ class TunableHeuristic:
 
     Args:
         make: makes the heuristic from its constants.
-        grid: values of each constant.
+        grid: values of each constant; none where ``intervals`` are given, or where another search is made.
         start: the constants from which tuning starts.
         worlds: largest number of tuning worlds; None for all.
         budget: rollouts of each descent.
         also: starts of further descents.
+        intervals: of constants that CMA-ES searches, from the best of ``start`` and ``also``.
     """
 
     make: Callable[..., Heuristic]
@@ -48,6 +53,36 @@ class TunableHeuristic:
     worlds: int | None = None
     budget: int = BUDGET
     also: tuple[Constants, ...] = ()
+    intervals: Mapping[str, Interval] = field(default_factory=dict)
+
+
+class Search(NamedTuple):
+    """How CMA-ES searches the constants of a heuristic, each time anew.
+
+    Attributes:
+        evaluations: largest number of policies played; None for any number.
+        seconds: CPU seconds; None for any number. With it the result depends on the machine.
+        seed: of the random numbers, >= 0.
+        worlds: number of worlds, the first of those for tuning.
+    """
+
+    evaluations: int | None = 300
+    seconds: float | None = None
+    seed: int = 0
+    worlds: int = 64
+
+    def budget(self) -> Budget:
+        """A new budget. Raises an InputError for a number out of range."""
+        return Budget(self.evaluations, self.seconds)
+
+
+class Simple(NamedTuple):
+    """Every heuristic that a system admits, tuned and compared."""
+
+    best: str
+    constants: dict[str, Constants]
+    costs: dict[str, float]  # ``log_cost`` on all worlds
+    searches: dict[str, dict[str, Any]]  # evaluations and CPU seconds of those that CMA-ES found
 
 
 def _cycle(actions: Any) -> Heuristic:
@@ -58,6 +93,7 @@ def _myopic() -> Heuristic:
     return PolicyAsHeuristic(Myopic())
 
 
+QUICK = Search()
 HEURISTICS: dict[str, TunableHeuristic] = {
     "myopic": TunableHeuristic(_myopic, {}, {}),
     "cycle": TunableHeuristic(_cycle, {}, {}),
@@ -102,23 +138,70 @@ HEURISTICS: dict[str, TunableHeuristic] = {
     "constant-pace": TunableHeuristic(
         ConstantPace, {"ahead": FAR, "share": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0, 8.0)}, {"ahead": 4, "share": 1.0}
     ),
+    "clear-slot-price": TunableHeuristic(
+        ClearSlotPrice,
+        {},
+        CLEAR_SLOT,
+        also=tuple({**CLEAR_SLOT, "price": float(f"{price:.3g}")} for price in np.geomspace(1.0, 1e5, 11)),
+        intervals={
+            "price": Interval(0.01, 1e7, is_log=True),
+            "power": Interval(0.0, 4.0),
+            "cushion": Interval(0.0, 20.0),
+            "ahead": Interval(1.0, 40.0),
+            "reach": Interval(0.0, 3.0),
+            "scale": Interval(0.0, 1.5),
+        },
+    ),
+    SearchedRule.name: TunableHeuristic(SearchedRule, {}, {}),
 }
 
 
-def tune_heuristic(name: str, system: System, worlds: Any) -> Constants:
+def tune_heuristic(
+    name: str, system: System, worlds: Any, search: Search = QUICK, reference: Policy | None = None
+) -> Constants:
     """The constants of the heuristic ``name``, found on ``worlds``.
+
+    Args:
+        name: one of ``HEURISTICS``.
+        system: the closed loop.
+        worlds: tapes for tuning, axis 0 = world.
+        search: for a heuristic whose constants CMA-ES finds.
+        reference: the policy under which the scales of a searched rule are found; the one-step scheduler by default.
 
     Raises:
         InputError: the heuristic cannot be computed for this system.
     """
+    return _tuned(name, system, worlds, search, reference)[0]
+
+
+def _tuned(
+    name: str, system: System, worlds: Any, search: Search, reference: Policy | None
+) -> tuple[Constants, dict[str, Any]]:
+    """The constants, and what CMA-ES spent on them, if it did."""
     heuristic = HEURISTICS[name]
     if name == "cycle":
-        return {"actions": best_dwell(system, worlds).tolist()}
+        return {"actions": best_dwell(system, worlds).tolist()}, {}
+    if name == SearchedRule.name:
+        few = trees.first(worlds, check_int("worlds", search.worlds, 1))
+        rule = search_rule(system, worlds, search.budget(), search.seed, reference, few)
+        return rule.constants, _spent(rule.evaluations, rule.cpu_seconds)
     check(name, system, worlds)
-    few = trees.first(worlds, heuristic.worlds)
     starts = (heuristic.start, *heuristic.also)
+    if heuristic.intervals:
+        few, budget = trees.first(worlds, check_int("worlds", search.worlds, 1)), search.budget()
+
+        def cost(constants: Constants) -> float:
+            return log_cost(system, heuristic.make(**constants), few)
+
+        found, _ = searched_constants(cost, heuristic.intervals, starts, budget, search.seed)
+        return found, _spent(budget.evaluations, budget.used)
+    few = trees.first(worlds, heuristic.worlds)
     ends = [tuned(heuristic.make, heuristic.grid, start, system, few, heuristic.budget) for start in starts]
-    return min(ends, key=lambda end: end[1])[0]
+    return min(ends, key=lambda end: end[1])[0], {}
+
+
+def _spent(evaluations: int, seconds: float) -> dict[str, Any]:
+    return {"evaluations": evaluations, "cpu_seconds": round(seconds, 1)}
 
 
 def check(name: str, system: System, worlds: Any) -> None:
@@ -136,17 +219,34 @@ def check(name: str, system: System, worlds: Any) -> None:
     policy.act(belief, None, allowed(system, belief))
 
 
-def best_simple(system: System, worlds: Any) -> tuple[str, dict[str, Constants], dict[str, float]]:
+def best_simple(
+    system: System, worlds: Any, search: Search = QUICK, known: Mapping[str, Constants] | None = None
+) -> Simple:
     """Every heuristic that the system admits, tuned on ``worlds`` and compared there.
 
-    Returns:
-        The name of the best heuristic, the constants of all, and the ``log_cost`` of all.
+    The searched rule comes last: the best of the others is the reference of its scales.
+
+    Args:
+        system: the closed loop.
+        worlds: tapes for tuning, axis 0 = world.
+        search: for heuristics whose constants CMA-ES finds.
+        known: constants of heuristics that are not tuned again.
     """
-    constants, costs = {}, {}
+    constants: dict[str, Constants] = {}
+    costs: dict[str, float] = {}
+    searches: dict[str, dict[str, Any]] = {}
     for name, heuristic in HEURISTICS.items():
+        best = min(costs, key=lambda name: costs[name], default=None)
+        reference = None if best is None else HEURISTICS[best].make(**constants[best])
+        spent: dict[str, Any] = {}
         try:
-            constants[name] = tune_heuristic(name, system, worlds)
+            if known and name in known:
+                constants[name] = known[name]
+            else:
+                constants[name], spent = _tuned(name, system, worlds, search, reference)
         except (InputError, NotImplementedError):
             continue
         costs[name] = log_cost(system, heuristic.make(**constants[name]), worlds)
-    return min(costs, key=lambda name: costs[name]), constants, costs
+        if spent:
+            searches[name] = spent
+    return Simple(min(costs, key=lambda name: costs[name]), constants, costs, searches)

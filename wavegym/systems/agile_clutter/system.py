@@ -22,6 +22,7 @@ from wavegym.core.capabilities import (
     FusedTransition,
     LinearCost,
     SensorBySensor,
+    TimedPulses,
 )
 from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_positive, check_within
@@ -65,6 +66,7 @@ from wavegym.trackers import GaussianMixture, Particles, predict_covariance, sin
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.protocol import Tracker, own_tracker
+from wavegym.waveforms import PulseTiming, pulse_timings
 
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
@@ -72,7 +74,9 @@ MOST_STARTS = 256  # of a recording, at which the clutter in the gates is checke
 
 
 @system_parameters
-class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers, PlaysRecordings):
+class AgileClutter(
+    System, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers, TimedPulses, PlaysRecordings
+):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -274,6 +278,16 @@ class AgileClutter(System, FusedTransition, BestAction, LinearCost, SensorBySens
         """Every sensor; its observation fields are those of the targets at this sensor."""
         makers, targets = makers_by_form(self.actions), len(self.starts)
         return tuple(maker._replace(fields=sensor_fields(targets, i)) for i, maker in enumerate(makers, 1))
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """One pulse, or one train, of each sensor in a step."""
+        return pulse_timings(filter(None, self.action_set.sensor_library), self.carrier_hz)
+
+    def target_ranges(self, world: World) -> Array:
+        """Of every target at every sensor, (env, target, lifetime + 1, sensor, 2)."""
+        path = self.initial(world).truth.path
+        return range_and_rate(path[..., None, :], np.array(self.sensors))
 
     def candidates(self) -> Array:
         """Every combination of the sensors' waveforms."""

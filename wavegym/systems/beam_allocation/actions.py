@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 
@@ -12,7 +12,7 @@ from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.systems.agile_clutter.actions import ChirpActions
-from wavegym.waveforms import measurement_covariances, trapezoid_chirp_library
+from wavegym.waveforms import PulseTrain, measurement_covariances, trapezoid_chirp_library
 from wavegym.waveforms.waveform import Waveform
 
 
@@ -22,18 +22,31 @@ class BeamActions(ChirpActions):
 
     Args:
         targets: number of targets.
+        counts: number of pulses of each chirp's train; 1 is the chirp alone.
+        interval: time between the pulses of a train, s.
     """
 
     targets: int
+    counts: tuple[int, ...] = field(kw_only=True)
+    interval: float = field(kw_only=True)
 
     @cached_property
     def library(self) -> Library:
-        """Every law with each pair of a duration and a sweep, rising. InputError for unequal numbers of them."""
-        if len(self.durations) != len(self.sweeps):
-            wanted = "as many durations as sweeps, one of each for every chirp"
-            raise InputError(f"durations is {self.durations} and sweeps is {self.sweeps}, expected {wanted}")
-        pairs = product(self.laws, zip(self.durations, self.sweeps, strict=True))
-        return Library(tuple(trapezoid_chirp_library((law,), (d,), (s,))[0] for law, (d, s) in pairs))
+        """Every law with each duration, sweep and number of pulses, rising.
+
+        InputError for unequal numbers of them, or for an interval without room for a pulse.
+        """
+        given = {"durations": self.durations, "sweeps": self.sweeps, "counts": self.counts}
+        if len({len(values) for values in given.values()}) > 1:
+            listed = ", ".join(f"{name} is {values}" for name, values in given.items())
+            raise InputError(f"{listed}, expected one of each for every chirp")
+        trains = zip(*given.values(), strict=True)
+        return Library(tuple(self._sent(law, *train) for law, train in product(self.laws, trains)))
+
+    def _sent(self, law: str, duration: float, sweep: float, count: int) -> Waveform:
+        """A chirp, or a train of it."""
+        chirp = trapezoid_chirp_library((law,), (duration,), (sweep,))[0]
+        return chirp if count == 1 else PulseTrain(chirp, count=count, interval=self.interval)
 
     @cached_property
     def joint(self) -> JointLibrary:

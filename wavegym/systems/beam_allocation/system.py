@@ -41,8 +41,9 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         Motion, measurements, clutter and tracker are those of wavegym/AgileClutter-v0. A beam illuminates one target: a
         sensor can detect only the target in its beam, and opens only that target's gate. The radars see the targets at
         right angles: each resolves another direction, and a target needs both. The receivers' memory limits the
-        time-bandwidth product: a short, wide chirp measures range well, a long, narrow one range-rate. Targets hide
-        behind hills that are on the map, at times known from the beginning; a beam at a hidden target receives no
+        time-bandwidth product: a short, wide chirp measures range well, a long, narrow one range-rate. A radar that is
+        deaf while it sends could not receive the long one from these ranges (``counts`` makes a train of it). Targets
+        hide behind hills that are on the map, at times known from the beginning; a beam at a hidden target receives no
         return and opens no gate. For the cost one step ahead the range of the least known target matters most; over
         several steps, velocities and the target about to hide.
 
@@ -88,6 +89,8 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         "sweep of each chirp, as many as durations; every law with every pair, rising, can be sent at every target",
         unit="Hz",
     )
+    counts: tuple[Count, ...] = parameter((1, 1), "number of coherent pulses of each chirp, as many as durations")
+    interval: float = parameter(250e-6, "time between the pulses of a train", unit="s", gt=0)
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
     tracker: Any = changed_default(AgileClutter, "tracker", "mixture")
@@ -119,7 +122,9 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     def action_set(self) -> BeamActions:
         """The target and the chirp of every sensor."""
         chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
-        return BeamActions(*chirps, len(self.sensors), self.action, len(self.starts))
+        return BeamActions(
+            *chirps, len(self.sensors), self.action, len(self.starts), counts=self.counts, interval=self.interval
+        )
 
     def draw_world(self, rng: np.random.Generator) -> World:  # type: ignore[override]
         """All draws of one episode."""

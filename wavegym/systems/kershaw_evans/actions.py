@@ -10,6 +10,8 @@ import numpy as np
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse
+from wavegym.systems.kershaw_evans.eclipsing import visible_information
 from wavegym.waveforms import gaussian_chirp_library, measurement_covariances
 from wavegym.waveforms.fisher import unchecked_covariance
 from wavegym.waveforms.gaussian import unchecked_gaussian_factors
@@ -24,6 +26,7 @@ class GaussianActions:
         sweeps: in Hz, negative = down.
         carrier_hz: fc.
         continuous: actions are points of the box instead of indices.
+        eclipsing: whether the receiver is off while a pulse is sent.
         own: pulses to transmit in place of the durations and sweeps.
     """
 
@@ -31,6 +34,7 @@ class GaussianActions:
     sweeps: tuple[float, ...]
     carrier_hz: float
     continuous: bool
+    eclipsing: bool
     own: Library | None = None
 
     @cached_property
@@ -53,6 +57,16 @@ class GaussianActions:
     def actions(self) -> Library | ParameterBox:
         """What an action means."""
         return self.box if self.continuous else self.library
+
+    @cached_property
+    def _eclipsed_pulses(self) -> EclipsedLibrary:
+        """The given pulses as seen by their own radar."""
+        return EclipsedLibrary([EclipsedPulse(pulse) for pulse in self.library])
+
+    @cached_property
+    def _distinct_durations(self) -> tuple[Array, Array]:
+        """The durations (d,) in s, and which of them each pulse of the library has, (A,) int."""
+        return np.array(self.durations), np.repeat(np.arange(len(self.durations)), len(self.sweeps))
 
     @property
     def middle(self) -> int:
@@ -81,3 +95,21 @@ class GaussianActions:
         duration, sweep = values[..., 0], values[..., 1]
         rate = np.pi * sweep / (2.0 * duration)
         return unchecked_covariance(*unchecked_gaussian_factors(duration, rate), self.carrier_hz)
+
+    def received_covariance(self, actions: Array, ranges: Array) -> Array:
+        """C at unit SNR of what the receiver sees of echoes from ``ranges`` (env,) in m, (env or 1, candidate, 2, 2).
+
+        ``actions`` are (env or 1, candidate), in a box (env or 1, candidate, 2). The first axis is that of ``actions``
+        without eclipsing. With it the information of a Gaussian chirp falls as a whole; see ``visible_information``.
+        """
+        if self.eclipsing and self.own:
+            return self._eclipsed_pulses.measurement_covariance(actions, abs(ranges)[:, None], self.carrier_hz)
+        C = self.unit_covariance(actions)
+        if not self.eclipsing:
+            return C
+        if self.continuous:
+            share = visible_information(self.box.decode(actions)[..., 0], ranges[:, None])
+        else:
+            each, which = self._distinct_durations
+            share = np.take_along_axis(visible_information(each, ranges[:, None]), which.take(actions), axis=1)
+        return C / share[..., None, None]

@@ -1,8 +1,9 @@
 """The Kershaw-Evans loop in compiled form: one pass over the batch for each function of the system.
 
 Shapes: e environments, c candidates, H steps, n states (r, rdot[, rddot]), m = 2 measurements (r, rdot); C is the
-measurement covariance at unit SNR, R = C / eta. M (1, 2, n) is the measurement matrix [I 0]. F and Q come as (1, n, n);
-what predicts takes them as (e, n, n), too, for a tracker whose process noise differs from environment to environment.
+measurement covariance at unit SNR, of what the receiver sees of the pulse; R = C / eta. M (1, 2, n) is the measurement
+matrix [I 0]. F and Q come as (1, n, n); what predicts takes them as (e, n, n), too, for a tracker whose process noise
+differs from environment to environment.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -132,31 +133,37 @@ def measure(mean, P, truth, out):
 
 
 @kernel
-def predicted_scales(e, mean, levels, F, f, r0, nearest, scale, nn):
-    """scale[l] = 1 / eta at the mean predicted l + 1 steps ahead of mean[e]."""
-    now, ahead = mean[e : e + 1].copy(), np.empty((1, len(nn)))
-    for level in range(levels):
-        predict_mean_one(0, now, F, f, ahead, nn)
-        now, ahead = ahead, now
-        scale[level] = inverse_snr(now[0, 0], r0, nearest)
+def ranges_ahead(mean, F, levels, nn):
+    """Ranges predicted 1 ... ``levels`` steps ahead, (e, levels)."""
+    out = np.empty((mean.shape[0], levels))
+    ahead = np.empty((1, len(nn)))
+    for e in range(mean.shape[0]):
+        f = e if F.shape[0] > 1 else 0
+        now = mean[e : e + 1].copy()
+        for level in range(levels):
+            predict_mean_one(0, now, F, f, ahead, nn)
+            now, ahead = ahead, now
+            out[e, level] = now[0, 0]
+    return out
 
 
 @kernel
-def lookahead(mean, P, C, step, horizon, depth, weights, F, Q, M, r0, nearest, nn, mm):
-    """First action of the best sequence of ``depth`` steps (fewer at the episode's end), and that sequence's cost.
+def lookahead(mean, P, C, r, step, horizon, weights, F, Q, M, r0, nearest, nn, mm):
+    """First action of the best sequence of as many steps as r has (fewer at the episode's end), and its cost.
 
     Depth first, so the memory is one covariance a level; a branch ends where its cost so far reaches the best total
-    (costs are not negative). C (c, 2, 2) is shared. The SNR follows the predicted mean, as in ``predict``.
+    (costs are not negative). r (e, levels) are the predicted ranges, which set the SNR, and C (e or 1, levels or 1, c,
+    2, 2) the covariances there.
     """
-    count, n = mean.shape[0], len(nn)
+    count, n, depth, candidates = mean.shape[0], len(nn), r.shape[1], C.shape[2]
     best, first = np.full(count, np.inf), np.zeros(count, np.int64)
     T, L, D, V = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2))
     updated, predicted = np.empty((depth + 1, n, n)), np.empty((depth, n, n))
-    spent, scale, tried = np.zeros(depth + 1), np.empty(depth), np.empty(depth, np.int64)
+    spent, tried = np.zeros(depth + 1), np.empty(depth, np.int64)
     for e in range(count):
         levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action nobody will use
         f = e if F.shape[0] > 1 else 0
-        predicted_scales(e, mean, levels, F, f, r0, nearest, scale, nn)
+        C_own = C[e if C.shape[0] > 1 else 0]
         updated[0] = P[e]
         level = 0
         tried[0] = -1
@@ -164,10 +171,11 @@ def lookahead(mean, P, C, step, horizon, depth, weights, F, Q, M, r0, nearest, n
             if tried[level] < 0:
                 predict_covariance_one(level, updated, F, Q, f, T, predicted, nn)
             tried[level] += 1
-            if tried[level] == C.shape[0]:
+            if tried[level] == candidates:
                 level -= 1
                 continue
-            factor_innovation_one(level, predicted, M, 0, C, tried[level], scale[level], L, D, V, nn, mm)
+            scale, C_there = inverse_snr(r[e, level], r0, nearest), C_own[level if C.shape[1] > 1 else 0]
+            factor_innovation_one(level, predicted, M, 0, C_there, tried[level], scale, L, D, V, nn, mm)
             update_covariance_one(level, predicted, D, V, level + 1, updated, nn, mm)
             total = spent[level]
             for i in range(n):

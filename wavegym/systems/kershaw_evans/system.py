@@ -23,6 +23,7 @@ from wavegym.core.capabilities import (
     LinearCost,
     MeasurementObservation,
     RecordedTargets,
+    TimedPulses,
 )
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
@@ -53,6 +54,7 @@ from wavegym.targets.recorded_paths import recorded_paths
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
+from wavegym.waveforms import PulseTiming, pulse_timings
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -71,6 +73,7 @@ class KershawEvans(
     ClosedForm,
     MeasurementObservation,
     RecordedTargets,
+    TimedPulses,
 ):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
@@ -80,7 +83,9 @@ class KershawEvans(
         range and range-rate with covariance R = C(k, g) / eta, where C is the inverse Fisher information at unit SNR
         and eta = (r0 / r)^4 at the *true* range: the receiver measures its SNR, with the r0 that the tracker assumes.
         Every pulse detects. Long pulses measure range-rate, short ones range, and a chirp couples the two errors;
-        det R is the same for all.
+        det R is the same for all. One pulse is sent in a step. The receiver is off while it is sent
+        (``eclipsing``): an echo that comes earlier loses its first part and the information in it. The targets are
+        170 to 200 km away, beyond the blind range of the longest pulse, so every pulse of the library can be used.
 
     Rewards
         -trace(Lambda P) with Lambda = diag(weights); P in m^2 and m^2/s^2, so a weight on range-rate has the unit s^2
@@ -104,7 +109,12 @@ class KershawEvans(
     horizon: int = parameter(50, "steps in an episode", ge=1, le=100_000)
     dt: float = parameter(1.0, "time step", unit="s", gt=0)
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
-    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
+    eclipsing: bool = parameter(
+        True,
+        "the receiver is off while the radar transmits, which is while 99 % of a pulse's energy passes",
+        unit="",
+    )
+    reference_range: float = parameter(310e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
     nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
     model: Literal["cv", "ca"] = parameter("cv", "constant velocity or constant acceleration", unit="")
     q: float = parameter(1.0, "process noise density (ca: m^2/s^5)", unit="m^2/s^3", truth=True, ge=0)
@@ -132,7 +142,7 @@ class KershawEvans(
     densities: tuple[NonNegative, ...] = parameter(
         (0.01, 1.0, 100.0), "process noise densities with tracker='imm' (ca: m^2/s^5)", unit="m^2/s^3", min_length=1
     )
-    start_range: Interval = parameter((20e3, 40e3), "bounds of the first range", unit="m", truth=True)
+    start_range: Interval = parameter((175e3, 195e3), "bounds of the first range", unit="m", truth=True)
     start_speed: Interval = parameter((-200.0, 200.0), "bounds of the first range-rate", unit="m/s", truth=True)
     start_acceleration: Interval = parameter(
         (-5.0, 5.0), "bounds of the first acceleration (ca)", unit="m/s^2", truth=True
@@ -152,7 +162,7 @@ class KershawEvans(
     )
     tracks: Path | None = tracks_parameter()
     radar: tuple[float, ...] | None = radar_parameter()
-    farthest_range: float = farthest_range_parameter(200e3)
+    farthest_range: float = farthest_range_parameter(210e3)
     smoothing: float | None = smoothing_parameter()
 
     nees_dimension = 2  # range and range-rate
@@ -206,12 +216,21 @@ class KershawEvans(
     def action_set(self) -> GaussianActions:
         """What may be transmitted."""
         pulses = (self.durations, self.sweeps, self.carrier_hz)
-        return GaussianActions(*pulses, continuous=self.action == "box", own=self.library)
+        return GaussianActions(*pulses, self.action == "box", self.eclipsing, own=self.library)
 
     @property
     def actions(self) -> Library | ParameterBox:
         """The library, or the box that it spans."""
         return self.action_set.actions
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """One pulse in a step: nothing folds."""
+        return pulse_timings(self.action_set.library, self.carrier_hz)
+
+    def target_ranges(self, world: World) -> Array:
+        """The paths, (env, H + 1, 2)."""
+        return self.initial(world).truth.path[..., :MEASURED]
 
     def candidates(self) -> Array:
         """The pulses of the library: indices (A,), or their points of the box (A, 2)."""
@@ -225,9 +244,9 @@ class KershawEvans(
     @cached_property
     def steady_covariance(self) -> Array:
         """Fixed point of the covariance recursion, (n, n), with the middle pulse at the middle of the start range."""
-        R = self.action_set.covariances[self.action_set.middle] / range_law_snr(
-            np.mean(self.start_range), self.reference_range, self.nearest_range
-        )
+        middle = np.full(1, np.mean(self.start_range))
+        C = self.action_set.received_covariance(self.candidates()[None], middle)[0, self.action_set.middle]
+        R = C / range_law_snr(middle[0], self.reference_range, self.nearest_range)
         P = np.diag(self.prior_variance).astype(np.float64)
         for _ in range(1000):
             P = update_covariance(predict_covariance(P, self.motion.F, self.motion.Q), self._model[2][0], R)
@@ -309,7 +328,7 @@ class KershawEvans(
         if self._own_tracker:
             return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance, *_) = state
-        C = self.unit_covariance(action)
+        C = self._received(action, path[np.arange(len(step)), step + 1, 0])
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         kernels.transition(
             mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar(state.belief), x, P,
@@ -323,7 +342,7 @@ class KershawEvans(
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
         """Range and range-rate with an error of covariance C / eta at the true range."""
-        C, z = self.unit_covariance(action), np.empty((len(belief.step), MEASURED))
+        C, z = self._received(action, truth.targets[:, 0]), np.empty((len(belief.step), MEASURED))
         kernels.receive(truth.targets, belief.step, world.normal, C, *self.truth_model._snr_law, z)
         eta = range_law_snr(abs(truth.targets[:, 0]), *self._snr_law)
         return Measurements(z, C * (1.0 / eta)[:, None, None])
@@ -351,7 +370,7 @@ class KershawEvans(
         The process noise that the tracker believes in stays as it is.
         """
         several = actions.ndim == (2 if self.action == "library" else 3)
-        C = self.unit_covariance(actions if several else actions[:, None])
+        C = self._expected(belief, actions if several else actions[:, None])
         x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar(belief))
         step, Q = np.broadcast_to(belief.step[:, None] + 1, x.shape[:2]), belief.process_noise
         if not several:
@@ -367,14 +386,29 @@ class KershawEvans(
     def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
         """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
         P, eta = self.predicted(belief)
-        return P[:, None, :MEASURED, :MEASURED] + self.unit_covariance(actions) / eta[:, None, None, None]
+        return P[:, None, :MEASURED, :MEASURED] + self._expected(belief, actions) / eta[:, None, None, None]
 
     def best_sequence(self, belief: Belief, depth: int) -> tuple[Array, Array]:
         """Fused search over all sequences of ``depth`` candidates: first candidate (env,) and total cost (env,)."""
-        C = self.unit_covariance(self.candidates())
+        ranges = self._ranges_ahead(belief, depth)
+        C = self.action_set.received_covariance(self.candidates()[None], ranges.reshape(-1))
+        C = C.reshape(*(ranges.shape if len(C) > 1 else (1, 1)), *C.shape[1:])
         return kernels.lookahead(
-            belief.mean, belief.covariance, C, belief.step, self.horizon, depth, self._weights, *self._radar(belief)
+            belief.mean, belief.covariance, C, ranges, belief.step, self.horizon, self._weights, *self._radar(belief)
         )
+
+    def _received(self, action: Array, ranges: Array) -> Array:
+        """C (env, 2, 2) of the pulses of actions (env,) or (env, 2) as received from ranges (env,)."""
+        return self.action_set.received_covariance(action[:, None], ranges)[:, 0]
+
+    def _expected(self, belief: Belief, actions: Array) -> Array:
+        """C (env or 1, candidate, 2, 2) of actions (env or 1, candidate) as received from the predicted range."""
+        return self.action_set.received_covariance(actions, self._ranges_ahead(belief, 1)[:, 0])
+
+    def _ranges_ahead(self, belief: Belief, steps: int) -> Array:
+        """Ranges predicted 1 ... ``steps`` steps ahead, (env, steps)."""
+        F, *_, n, _ = self._radar(belief)
+        return kernels.ranges_ahead(belief.mean, F, steps, n)
 
     def deterministic_recursion(self, world: World) -> Recursion:
         """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone.
@@ -385,9 +419,12 @@ class KershawEvans(
         if self._own_tracker:
             raise NotImplementedError
         state = self.initial(world)
-        eta = range_law_snr(abs(state.truth.path[:, 1:, 0]), *self._snr_law)
-        (F, Q, M), C = self._model, self.unit_covariance(self.candidates())
-        return Recursion(state.belief.covariance, F[0], Q[0], M[0], C, 1.0 / eta, self._weights)
+        ranges = state.truth.path[:, 1:, 0]
+        eta = range_law_snr(abs(ranges), *self._snr_law)[..., None, None, None]
+        C = self.action_set.received_covariance(self.candidates()[None], ranges.reshape(-1))
+        C = C.reshape(*(ranges.shape if len(C) > 1 else (1, 1)), *C.shape[1:])
+        F, Q, M = self._model
+        return Recursion(state.belief.covariance, F[0], Q[0], M[0], C * (1.0 / eta), self._weights)
 
     def cost(self, belief: Belief) -> Array:
         """trace(Lambda P)."""
@@ -476,14 +513,15 @@ class KershawEvansPosition(KershawEvans):
         -trace(Lambda P) with Lambda = diag(1, 0): minus the variance of range in m^2.
 
     Starting state
-        Range (``start_range``) 15 to 25 km and range-rate (``start_speed``) 0 to 300 m/s outbound, both uniform, as is
-        ``start_acceleration`` with ``model="ca"``; the first estimate is drawn around the truth with covariance
+        Range (``start_range``) 170 to 195 km and range-rate (``start_speed``) 0 to 300 m/s outbound, both uniform, as
+        is ``start_acceleration`` with ``model="ca"``; the first estimate is drawn around the truth with covariance
         diag(1e4 m^2, 1e4 m^2/s^2) (``prior_variance``), each entry times 10^U(-1, 1) (``start_covariance="random"``).
     """
 
     q: float = changed_default(KershawEvans, "q", 100.0)
     weights: tuple[NonNegative, ...] = changed_default(KershawEvans, "weights", (1.0, 0.0))
     sweeps: tuple[float, ...] = changed_default(KershawEvans, "sweeps", SWEEPS[:7])
-    start_range: Interval = changed_default(KershawEvans, "start_range", (15e3, 25e3))
+    reference_range: float = changed_default(KershawEvans, "reference_range", 455e3)
+    start_range: Interval = changed_default(KershawEvans, "start_range", (170e3, 195e3))
     start_speed: Interval = changed_default(KershawEvans, "start_speed", (0.0, 300.0))
     start_covariance: Literal["steady", "random"] = changed_default(KershawEvans, "start_covariance", "random")

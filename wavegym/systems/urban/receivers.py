@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wavegym.core.arrays import Array
 from wavegym.core.counter_rng_kernels import stream, uniform
+from wavegym.sensors.fluctuation import realised_snr
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.sensors.multistatic_kernels import snr_at
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
@@ -34,6 +35,7 @@ class UrbanReceivers:
         arrays: signal chain of each waveform.
         snr: eta of each waveform at 100 m, (waveform,).
         density: noise peaks above the threshold, per (m x m/s).
+        fluctuation: of the echo of each path from scan to scan, see ``wavegym.sensors.fluctuation``.
     """
 
     pairs: Sequence[Multistatic]
@@ -41,6 +43,7 @@ class UrbanReceivers:
     arrays: Sequence[ArrayReceiver]
     snr: Array
     density: float
+    fluctuation: str = "swerling0"
 
     @cached_property
     def thresholds(self) -> list[float]:
@@ -74,7 +77,7 @@ class UrbanReceivers:
     def samples(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> NDArray[np.complex128]:
         """Samples at the receiver of pair m in one scan: targets, static echoes, noise; (pulse, element, sample).
 
-        An echo has the SNR of the measurement level, and a new phase in every scan.
+        An echo has the mean SNR of the measurement level. Phase and fluctuation are new in every scan, for every path.
         """
         array, pair, own = self.arrays[waveform], self.pairs[m], _stream(key, scan, m)
         visible = self.scene.path_count[m, scan]
@@ -85,7 +88,9 @@ class UrbanReceivers:
         received = r <= array.reach
         target, slot, delays = target[received], slot[received], delays[received]
         eta = snr_at(r[received], self.snr[waveform], self.scene.reflected[m, scan, target, slot])
-        phases = [uniform(_stream(own, number), 0) for number in target * self.scene.path_index.shape[-1] + slot]
+        numbers = target * self.scene.path_index.shape[-1] + slot
+        phases, draws = ([uniform(_stream(own, number), i) for number in numbers] for i in (0, 1))
+        eta = realised_snr(draws, eta, self.fluctuation)
         amplitudes = np.sqrt(0.5 * eta) * np.exp(2j * np.pi * np.array(phases))
         samples = array.receive(delays, amplitudes) + self._static_echoes[waveform][m]
         add_noise(_stream(own, NOISE), 1.0, samples.reshape(-1))

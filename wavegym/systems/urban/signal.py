@@ -17,7 +17,9 @@ class UrbanSignal(Urban):
         echoes of targets over all paths, of walls and trees, and noise. The mean of thirty frames without targets is
         subtracted. A matched filter per element gives an image over delay and Doppler. Peaks in the best direction,
         above a threshold that noise exceeds ``clutter_density`` times per (m x m/s), are measured by a quadratic fit to
-        log |A|^2. Paths less than a resolution cell apart return one peak. A train has 25 pulses, 25 ms.
+        log |A|^2. Paths less than a resolution cell apart return one peak. A train has 25 pulses, 25 ms. The echo of
+        each path has a new phase and a new amplitude in every scan (``fluctuation``). The tracker knows that a receiver
+        takes the greatest value of an image: Pd is that of ``wavegym.sensors.detection_probability`` with searched = 3.
 
     Rewards
         As wavegym/Urban-v0.

@@ -17,6 +17,7 @@ from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import Antenna, Multistatic
+from wavegym.sensors.fluctuation import detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import kernels
@@ -41,6 +42,7 @@ from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "confirm_after": 8}
 """Settings of the tracker that directions of arrival make possible; without directions those of the paper."""
+SEARCHED = 3  # quantities over which the receivers of signals take the greatest value: delay, Doppler, direction
 EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps its bandwidth in this time
 
 
@@ -52,7 +54,8 @@ class Urban(System, DecisionMakers):
         One or more transmitters, two or more receivers, and buildings that hide targets and reflect signals. Two
         targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left turn, speeding
         up. A scan is a train of Gaussian chirps of one of four kinds. Each receiver detects each propagation path from
-        a transmitter by a target, over up to two walls, with Pd = Pfa^(1 / (1 + eta / 2)). The path is measured in
+        a transmitter by a target, over up to two walls, with Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or
+        ``searched`` name another law. The path is measured in
         range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for range-rate, and in direction of
         arrival; eta falls with the fourth power of the half path length and by a factor of .4 at each wall. Each
         receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between its
@@ -141,6 +144,19 @@ class Urban(System, DecisionMakers):
     false_alarm: Probability | None = parameter(
         None, "Pfa; by default 1e-3, or with fidelity='signal' the value that follows from clutter_density", truth=True
     )
+    fluctuation: Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerling4"] = parameter(
+        "swerling1",
+        "fluctuation of echoes from scan to scan; a train is one coherent pulse, so 2 is as 1, and 4 as 3",
+        unit="",
+        truth=True,
+    )
+    searched: int | None = parameter(
+        None,
+        "quantities over which receivers take the greatest value of an image about an echo, which raises Pd; by "
+        "default 0, the value at a known cell; with fidelity='signal' always 3: delay, Doppler shift, direction",
+        unit="",
+        ge=0,
+    )
     rate_floor: float = parameter(
         0.1, "standard deviation of range-rate in addition to its noise", unit="m/s", truth=True, gt=0
     )
@@ -159,6 +175,8 @@ class Urban(System, DecisionMakers):
         if self.fidelity == "signal" and self.false_alarm is not None:
             wanted = "expected none with fidelity='signal': it follows from clutter_density"
             raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
+        if self.fidelity == "signal" and self.searched not in (None, SEARCHED):
+            raise InputError(f"searched is {self.searched}, expected {SEARCHED} with fidelity='signal'")
         if len(self.truth_model.arrivals) != len(self.arrivals):
             given = len(self.truth_model.arrivals)
             raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)} as without truth")
@@ -228,7 +246,7 @@ class Urban(System, DecisionMakers):
         """The receivers for ``fidelity="signal"``."""
         trains = [train for train in self.library.entries if isinstance(train, PulseTrain)]
         arrays = [ArrayReceiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
-        return UrbanReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density)
+        return UrbanReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density, self.fluctuation)
 
     @property
     def _false_alarm(self) -> float:
@@ -236,13 +254,20 @@ class Urban(System, DecisionMakers):
             return math.exp(-self.signals.thresholds[0])  # all waveforms sweep the same band
         return 1e-3 if self.false_alarm is None else self.false_alarm
 
+    @property
+    def _searched(self) -> int:
+        if self.fidelity == "signal":
+            return SEARCHED
+        return 0 if self.searched is None else self.searched
+
     @cached_property
     def urban_tracker(self) -> UrbanTracker:
         """The tracker."""
         return UrbanTracker(
             self.map, self.transmitters, self.receivers, **self._tracker_settings,
             models=self.tracker, dt=self.dt, slots=self.slots,
-            clutter_density=self.clutter_density, false_alarm=self._false_alarm, rate_floor=self.rate_floor,
+            clutter_density=self.clutter_density, false_alarm=self._false_alarm,
+            fluctuation=self.fluctuation, searched=self._searched, rate_floor=self.rate_floor,
             reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
 
@@ -297,9 +322,13 @@ class Urban(System, DecisionMakers):
         )
 
     @cached_property
+    def _detection_table(self) -> Array:
+        return detection_table(self._false_alarm, self.fluctuation, self._searched)
+
+    @cached_property
     def _sensor_law(self) -> kernels.SensorLaw:
         return kernels.SensorLaw(
-            self.clutter_density, math.log(self._false_alarm), self.rate_floor, self.reach,
+            self.clutter_density, math.log(self._false_alarm), self._detection_table, self.rate_floor, self.reach,
             self.urban_tracker.elements, self.ambiguity,
         )  # fmt: skip
 

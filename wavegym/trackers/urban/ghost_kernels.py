@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.detection_kernels import detection
+from wavegym.sensors.detection_kernels import tabulated
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.multipath_kernels import MOST_WALLS
 from wavegym.sensors.multistatic_kernels import snr_at
@@ -65,7 +65,8 @@ def claim_path(
         near = np.exp(log_density(squared, log_determinant, ll)) / constants.gate_probability
         claims[n] = near if squared <= constants.gate else 0.0
         total += claims[n] / constants.density
-    chance = constants.gate_probability * detection(0.5 * eta, constants.log_false_alarm) * existence
+    chance = tabulated(eta, constants.log_false_alarm, constants.detection_table)
+    chance = constants.gate_probability * chance * existence
     for n in range(count):
         if claims[n] > 0.0:
             mine = chance * claims[n] / constants.density / total

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.detection_kernels import detection
+from wavegym.sensors.detection_kernels import tabulated
 from wavegym.sensors.multistatic_kernels import snr_at
 from wavegym.trackers.imm_kernels import mix_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
@@ -91,7 +91,7 @@ def predict_measurements(tracks, constants, pair, reference, predicted, scratch,
             and constants.back_visible[pair, i, j, 0]
             and r <= constants.reach
         )
-        chance = detection(0.5 * predicted.eta[t], constants.log_false_alarm) if lit else HIDDEN
+        chance = tabulated(predicted.eta[t], constants.log_false_alarm, constants.detection_table) if lit else HIDDEN
         predicted.pd[t] = constants.gate_probability * chance
 
 

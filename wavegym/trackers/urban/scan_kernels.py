@@ -45,6 +45,7 @@ class TrackerConstants(NamedTuple):
     start_gate: float  # squared, of a new track
     gate_probability: float
     log_false_alarm: float
+    detection_table: Any  # of fluctuation.detection_table
     rate_floor: float
     reach: float
     survival: float

@@ -31,6 +31,7 @@ from wavegym.core.errors import (
     check_within,
 )
 from wavegym.core.parameters import in_one_line
+from wavegym.sensors.fluctuation import detection_table
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.sensors.visibility import Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
@@ -89,6 +90,8 @@ class UrbanTracker:
         clutter_density: expected false returns in a scan of a receiver, per (m x m/s).
         gate_probability: Pg, probability that a gate holds the measurement of a detected target.
         false_alarm: Pfa, which relates SNR and detection probability.
+        fluctuation: of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.fluctuation``.
+        searched: quantities over which receivers take the greatest value about an echo, see ``detection_probability``.
         rate_floor: standard deviation of range-rate in addition to its noise, m/s.
         reach: half path length beyond which nothing is received, m.
         survival: probability that a target exists in the next scan too.
@@ -123,6 +126,8 @@ class UrbanTracker:
     clutter_density: float = 1e-3
     gate_probability: float = 0.99
     false_alarm: float = 1e-3
+    fluctuation: str = "swerling1"
+    searched: int = 0
     rate_floor: float = 0.1
     reach: float = 300.0
     survival: float = 0.99
@@ -304,6 +309,7 @@ class UrbanTracker:
             gate=float(chdtri(self.quantities, 1.0 - self.gate_probability)),
             start_gate=float(chdtri(4, 1.0 - self.gate_probability)),
             gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
+            detection_table=detection_table(self.false_alarm, self.fluctuation, self.searched),
             rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
             confirm=self.confirm, confirm_after=self.confirm_after,
             drop_tentative=self.drop[0], drop_confirmed=self.drop[1],
