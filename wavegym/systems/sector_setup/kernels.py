@@ -1,8 +1,8 @@
 """Kernels of the closed loop of one illuminator and its receivers: move, set up, measure, track.
 
-Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by
-receiver, n = 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; after the last
-step none is. Where visibility is foretold, the tracker is not told (``visibility_kernels.py``). Arrays come one by one: Numba takes
+Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by receiver, n
+= 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; after the last step none is.
+Where visibility is foretold, the tracker is not told (``visibility_kernels.py``). Arrays come one by one: Numba takes
 microseconds to look at each field of a NamedTuple.
 """
 
@@ -18,7 +18,7 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.sight_kernels import SightTable
-from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, of_a_miss, is_foretold, sight_one
+from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, is_foretold, of_a_miss, sight_one
 from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
 from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import sigma_points_one

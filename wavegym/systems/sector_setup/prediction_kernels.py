@@ -26,8 +26,8 @@ from wavegym.systems.sector_setup.visibility_kernels import (
     condition_one,
     condition_worth,
     drawn_place,
-    of_a_miss,
     is_foretold,
+    of_a_miss,
     sight_one,
 )
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
@@ -343,8 +343,8 @@ def observe(step, mean, P, pointed, dead, q, visible, missed, radar, soon, out, 
 
     Time left, dead steps left; for every target: whether set up, visible in this step, steps until that changes (up to
     ``soon``), fraction of the next ``soon`` steps in which it is visible, q, variances of position and velocity one
-    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate. Where
-    visibility is foretold, a probability stands for whether it is visible, and changes where it passes 1/2.
+    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate. Where visibility is
+    foretold, a probability stands for whether it is visible, and changes where it passes 1/2.
     """
     n, receivers, horizon, shown = len(nn), len(radar.sites) - 1, visible.shape[1], np.empty(soon)
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
