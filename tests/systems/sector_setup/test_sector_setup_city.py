@@ -91,14 +91,16 @@ def test_of_filed_targets_only_the_times_are_used():
 
 
 def test_worlds_are_the_same_in_both_modes():
-    """Starts and paths; visibility is the same in the first step, except where a manoeuvre crosses an edge."""
-    worlds = oracles.worlds(FILED, 50)
+    """Starts and paths. Visibility differs in a fifth of all target-steps, .22 in 1000 worlds: hardly in the first."""
+    worlds = oracles.worlds(FILED, 200)
     filed, foretold = FILED.initial(worlds), SYSTEM.initial(worlds)
     np.testing.assert_array_equal(filed.truth.targets, foretold.truth.targets)
-    assert (filed.truth.visible[:, 0] == foretold.truth.visible[:, 0]).mean() > 0.97
-    assert (filed.truth.visible != foretold.truth.visible)[:, -20:].mean() > 0.15
+    assert (filed.truth.visible[:, 0] == foretold.truth.visible[:, 0]).mean() > 0.98
+    wrong = (filed.truth.visible != foretold.truth.visible).mean(axis=(1, 2))
+    assert abs(wrong.mean() - 0.22) < 5 * wrong.std() / np.sqrt(len(wrong))
+    assert 0.15 < wrong.mean() < 0.3
     assert foretold.belief.visible.all()
-    zero = np.zeros(50, np.int64)
+    zero = np.zeros(200, np.int64)
     for _ in range(5):
         filed, foretold = (s.transition(at, zero, worlds) for s, at in ((FILED, filed), (SYSTEM, foretold)))
     np.testing.assert_array_equal(filed.truth.targets, foretold.truth.targets)
@@ -123,7 +125,8 @@ def test_the_environment_conforms_and_its_capabilities_agree(visibility):
 def test_buildings_hide_targets_where_they_truly_are(change, count):
     """Every step of every target against shapely, and no detection of a hidden target.
 
-    The straight course from the true start, taken for the truth, is wrong in a fifth of the late steps.
+    The straight course from the true start, taken for the truth, is wrong in a fifth of the target-steps; in the other
+    world, in more.
     """
     system = make_checked(SectorSetupCity, {"visibility": "foretold", **change})
     worlds = oracles.worlds(system, count)
@@ -139,7 +142,7 @@ def test_buildings_hide_targets_where_they_truly_are(change, count):
         wrong.append(hidden_by_shapely(system, course.reshape(-1, 2)) != hidden.ravel())
     assert 0.3 < state.truth.visible.mean() < 0.7
     assert detections > 5 * count
-    assert np.mean(wrong[-20:]) > 0.15
+    assert np.mean(wrong) > 0.15
 
 
 def test_visibility_is_foretold_as_often_as_it_comes():

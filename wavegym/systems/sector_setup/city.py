@@ -36,8 +36,8 @@ class SectorSetupCity(SectorSetup):
         the centre line, and drive along them. Each target has filed its route: its exact start and a constant velocity.
         A target is hidden when, on its filed route, a building stands between it and the illuminator or a receiver;
         otherwise it is visible, even if manoeuvres or a turn rate have taken it off the route. These times depend on
-        the true start: schedulers can use them, the tracker does not. In about a fifth of the target-steps late in an
-        episode, when targets have manoeuvred, visibility from the true place is different.
+        the true start: schedulers can use them, the tracker does not. Visibility from the true place is different in
+        about a fifth of all target-steps, most of them late, when targets have manoeuvred.
 
         ``visibility="foretold"`` takes it from the true place at the end of each step. Tracker and schedulers know the
         map and the estimates, and foretell the probability that a target is visible, anew in each step. The tracker
