@@ -175,9 +175,10 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         """Constants of the kernels as the tracker assumes them; ``truth_model._radar`` has the world's."""
         accuracy = self.reference_snr * np.square(np.array(self.waveforms))
         sites, strength = np.array([self.illuminator, *self.receivers]), self.reference_snr * self.reference_range**4
-        law = (strength, self.nearest_range, math.log(self.false_alarm))
-        settings = (self.dt, self.turn_rate, self.dead_steps, self.iterations)
-        return kernels.Radar(sites, accuracy, *law, *settings, *self._hiding)
+        return kernels.Radar(
+            sites, accuracy, strength, self.nearest_range, math.log(self.false_alarm), self.dt, self.turn_rate,
+            self.dead_steps, self.iterations, *self._hiding
+        )  # fmt: skip
 
     @cached_property
     def _hiding(self) -> tuple[SightTable, Array, Array]:
