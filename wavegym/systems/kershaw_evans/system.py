@@ -328,7 +328,8 @@ class KershawEvans(
         if self._own_tracker:
             return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance, *_) = state
-        C = self._received(action, path[np.arange(len(step)), step + 1, 0])
+        ahead = np.minimum(step + 1, self.horizon)  # past the end of an episode nobody uses the result
+        C = self._received(action, path[np.arange(len(step)), ahead, 0])
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         kernels.transition(
             mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar(state.belief), x, P,
