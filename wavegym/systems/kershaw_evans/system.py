@@ -85,7 +85,7 @@ class KershawEvans(
         Every pulse detects. Long pulses measure range-rate, short ones range, and a chirp couples the two errors;
         det R is the same for all. One pulse is sent in a step. The receiver is off while it is sent
         (``eclipsing``): an echo that comes earlier loses its first part and the information in it. The targets are
-        170 to 200 km away, beyond the blind range of the longest pulse, so every pulse of the library can be used.
+        165 to 205 km away, beyond the blind range of the longest pulse, so every pulse of the library can be used.
 
     Rewards
         -trace(Lambda P) with Lambda = diag(weights); P in m^2 and m^2/s^2, so a weight on range-rate has the unit s^2
@@ -507,7 +507,7 @@ class KershawEvansPosition(KershawEvans):
 
     Description
         As wavegym/KershawEvans-v0 with a position-only cost, q = 100 m^2/s^3 and sweeps up to 1 MHz. A long pulse
-        measures range-rate, which is worth nothing now and much one step later, so the best schedule is about 15 %
+        measures range-rate, which is worth nothing now and much one step later, so the best schedule is about 14 %
         below the one-step scheduler.
 
     Rewards
