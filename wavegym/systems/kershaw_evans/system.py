@@ -392,8 +392,7 @@ class KershawEvans(
     def best_sequence(self, belief: Belief, depth: int) -> tuple[Array, Array]:
         """Fused search over all sequences of ``depth`` candidates: first candidate (env,) and total cost (env,)."""
         ranges = self._ranges_ahead(belief, depth)
-        C = self.action_set.received_covariance(self.candidates()[None], ranges.reshape(-1))
-        C = C.reshape(*(ranges.shape if len(C) > 1 else (1, 1)), *C.shape[1:])
+        C = self._covariances_along(ranges)
         return kernels.lookahead(
             belief.mean, belief.covariance, C, ranges, belief.step, self.horizon, self._weights, *self._radar(belief)
         )
@@ -405,6 +404,11 @@ class KershawEvans(
     def _expected(self, belief: Belief, actions: Array) -> Array:
         """C (env or 1, candidate, 2, 2) of actions (env or 1, candidate) as received from the predicted range."""
         return self.action_set.received_covariance(actions, self._ranges_ahead(belief, 1)[:, 0])
+
+    def _covariances_along(self, ranges: Array) -> Array:
+        """C of all candidates at ranges (env, step), (env or 1, step or 1, candidate, 2, 2)."""
+        C = self.action_set.received_covariance(self.candidates()[None], ranges.reshape(-1))
+        return C.reshape(*(ranges.shape if len(C) > 1 else (1, 1)), *C.shape[1:])
 
     def _ranges_ahead(self, belief: Belief, steps: int) -> Array:
         """Ranges predicted 1 ... ``steps`` steps ahead, (env, steps)."""
@@ -422,10 +426,9 @@ class KershawEvans(
         state = self.initial(world)
         ranges = state.truth.path[:, 1:, 0]
         eta = range_law_snr(abs(ranges), *self._snr_law)[..., None, None, None]
-        C = self.action_set.received_covariance(self.candidates()[None], ranges.reshape(-1))
-        C = C.reshape(*(ranges.shape if len(C) > 1 else (1, 1)), *C.shape[1:])
         F, Q, M = self._model
-        return Recursion(state.belief.covariance, F[0], Q[0], M[0], C * (1.0 / eta), self._weights)
+        R = self._covariances_along(ranges) * (1.0 / eta)
+        return Recursion(state.belief.covariance, F[0], Q[0], M[0], R, self._weights)
 
     def cost(self, belief: Belief) -> Array:
         """trace(Lambda P)."""
