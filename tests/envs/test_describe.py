@@ -119,7 +119,7 @@ def test_sections_come_from_the_class_or_else_from_its_base():
     assert section(KershawEvans, "No such heading") == ""
     page = describe("wavegym/KershawEvansPosition-v0")
     headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
-    first = ["Description", "Rewards", "Starting state", "Episode end", "Actions", "Observations", "Info", "Parameters"]
+    first = ["Description", "Rewards", "Starting state", "Episode end", "Actions", "Timing", "Observations", "Info"]
     assert headings[: len(first)] == first
 
 

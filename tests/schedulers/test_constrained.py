@@ -154,7 +154,7 @@ def test_a_polished_choice_is_better_than_the_grids_and_never_worse(system):
 
 @pytest.mark.parametrize("starts", [0, 4])
 def test_slsqp_reaches_the_optimum_in_closed_form(starts):
-    system = KershawEvansPosition(action="box")
+    system = KershawEvansPosition(action="box", eclipsing=False)
     belief = beliefs(system, 3, 4)
     policies = Myopic(), MyopicClosedForm(), Continuous(starts=starts)
     grid, optimum, found = (system.cost(system.predict(belief, act(p, system, belief))) for p in policies)

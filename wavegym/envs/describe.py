@@ -150,7 +150,7 @@ def _timing(system: System) -> str:
     if not offers(system, TimedPulses):
         return ""
     (nearest, slowest), (farthest, fastest) = target_extent(system)
-    rows, labels = [], {}
+    rows, labels = [], dict[Any, list[str]]()
     for label, timing in system.timings.items():  # type: ignore[attr-defined]
         labels.setdefault(timing, []).append(label)
     for timing, alike in labels.items():
