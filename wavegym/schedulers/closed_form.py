@@ -27,7 +27,7 @@ form without cancellation and the search over durations are derived here.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -153,13 +153,13 @@ class MyopicClosedForm:
         if not (isinstance(box, ParameterBox) and box.names == ("duration", "sweep") and offers(system, ClosedForm)):
             wanted = "expected Kershaw and Evans's box of duration and sweep (nearest: action='box')"
             raise InputError(f"policy 'myopic:closed-form' is not for {type(system).__name__} in this form, {wanted}")
-        self._system: Any = system
-        if self._system.eclipsing:
+        if cast(Any, system).eclipsing:
             raise InputError(
                 "policy 'myopic:closed-form' is for whole pulses, expected a system without eclipsing (nearest: "
                 "eclipsing=False)"
             )
         duration, sweep = box.parameters
+        self._system: Any = system
         self._box, self._limits = box, Limits(duration.low, duration.high, sweep.high)
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
