@@ -315,6 +315,7 @@ GOOD: dict[str, dict[str, Argument]] = {
         "duration": positive(1e-5), "carrier_hz": positive(1e10), "interval": positive(1e-3),
         "count": Argument("count", 4), "recovery": non_negative(1e-6), "max_duty": Argument("probability", 0.1),
     },
+    "pulse_timings": {"waveforms": given_as((CHIRP,)), "carrier_hz": positive(1e10)},
     "time_left": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
     "check_dwells": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
     "ambiguity": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2)), "dopplers": finite(np.zeros(2))},

@@ -222,7 +222,8 @@ class PulseTiming:
 
 def pulse_timings(waveforms: Iterable[Waveform], carrier_hz: float) -> dict[str, PulseTiming]:
     """The timing of every waveform (``PulseTiming.of``) by its label. Carrier in Hz; errors are those of the class."""
-    return {waveform.label: PulseTiming.of(waveform, carrier_hz) for waveform in waveforms}
+    timed = [(PulseTiming.of(waveform, carrier_hz), waveform) for waveform in waveforms]
+    return {waveform.label: timing for timing, waveform in timed}
 
 
 def time_left(dwells: ArrayLike, step: ArrayLike, switching: ArrayLike = 0.0) -> FloatArray:
