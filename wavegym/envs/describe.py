@@ -27,6 +27,7 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.build import SETTINGS
 from wavegym.observations.scaling import LIMIT
 from wavegym.registration import full_id
+from wavegym.waveforms.timing import ENERGY
 
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
@@ -164,8 +165,8 @@ def _timing(system: System) -> str:
         rows.append((alike[0] + others, *lengths, *ambiguous, duty))
     text = (
         f"In {EXTENT_WORLDS} worlds the targets are {1e-3 * nearest:.4g} to {1e-3 * farthest:.4g} km away, at "
-        f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. The duration of a pulse holds 99 % of its energy. "
-        "[Waveform timing](../waveform_timing.md) defines the columns."
+        f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. The duration of a pulse holds "
+        f"{100 * ENERGY:g} % of its energy. [Waveform timing](../waveform_timing.md) defines the columns."
     )
     return f"## Timing\n\n{text}\n\n" + table(TIMING_HEAD, rows)
 

@@ -55,6 +55,7 @@ from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
 from wavegym.waveforms import PulseTiming, pulse_timings
+from wavegym.waveforms.timing import ENERGY
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
@@ -111,7 +112,7 @@ class KershawEvans(
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
     eclipsing: bool = parameter(
         True,
-        "the receiver is off while the radar transmits, which is while 99 % of a pulse's energy passes",
+        f"the receiver is off while the radar transmits, which is while {100 * ENERGY:g} % of a pulse's energy passes",
         unit="",
     )
     reference_range: float = parameter(310e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
