@@ -20,8 +20,7 @@ from wavegym.systems.sector_setup.visibility_kernels import BLUR
 from wavegym.testing import check_vector_env
 from wavegym.testing.capability_check import capability_defect
 
-FILED = SectorSetupCity()
-SYSTEM = SectorSetupCity(visibility="foretold")
+SYSTEM = SectorSetupCity()
 
 
 def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
@@ -57,65 +56,15 @@ def wander(system, count, seed=1):
         yield last
 
 
-def test_filed_windows_are_those_of_the_straight_course():
-    """Straight lines from the filed positions of some targets to the three antennas, by shapely; everybody is told."""
-    worlds = oracles.worlds(FILED, 4)
-    state = FILED.initial(worlds)
-    start = state.truth.targets
-    for k in range(FILED.horizon):
-        course = start[..., ::2] + FILED.dt * (k + 1) * start[..., 1::2]
-        hidden = hidden_by_shapely(FILED, course.reshape(-1, 2)).reshape(4, -1)
-        np.testing.assert_array_equal(state.belief.visible[:, k], ~hidden)
-    assert 0.3 < state.belief.visible.mean() < 0.7
-    for told in state.truth.visible, FILED.visible_ahead(state.belief, FILED.horizon):
-        np.testing.assert_array_equal(told, state.belief.visible)
+def test_the_environment_conforms_and_its_capabilities_agree():
+    check_vector_env("wavegym/SectorSetupCity-v0", horizon=6)
+    assert capability_defect(SectorSetupCity(horizon=12)) is None
 
 
-def test_of_filed_targets_only_the_times_are_used():
-    """As SectorSetup: no table, no draw of a place, fields that tell whether, and a miss says nothing of the place."""
-    worlds = oracles.worlds(FILED, 20)
-    state = FILED.initial(worlds)
-    assert FILED.outcome_shape == (2,)
-    assert FILED.observation_fields == sector_fields(4, 2, 3)
-    assert FILED._radar.table.clear.size == 0
-    unset, zero = np.zeros((20, 2, 2)), np.zeros(20, np.int64)
-    nothing = Measurements(unset, np.zeros((20, 2), np.bool_), np.zeros(20, np.bool_))
-    belief = state.belief._replace(pointed=zero)
-    after, coasted = FILED.track(belief, zero, nothing), FILED.predict(belief, zero + 2)
-    np.testing.assert_array_equal(after.mean, coasted.mean)
-    np.testing.assert_array_equal(after.covariance, coasted.covariance)
-    hidden = ~state.truth.visible[:, 0, 0]
-    assert hidden.any()
-    after = FILED.transition(state._replace(belief=belief), zero, worlds)
-    assert (after.truth.detections[hidden] == 0).all()
-
-
-def test_worlds_are_the_same_in_both_modes():
-    """Starts and paths. Visibility differs in a fifth of all target-steps, .22 in 1000 worlds: hardly in the first."""
-    worlds = oracles.worlds(FILED, 200)
-    filed, foretold = FILED.initial(worlds), SYSTEM.initial(worlds)
-    np.testing.assert_array_equal(filed.truth.targets, foretold.truth.targets)
-    assert (filed.truth.visible[:, 0] == foretold.truth.visible[:, 0]).mean() > 0.98
-    wrong = (filed.truth.visible != foretold.truth.visible).mean(axis=(1, 2))
-    assert abs(wrong.mean() - 0.22) < 5 * wrong.std() / np.sqrt(len(wrong))
-    assert 0.15 < wrong.mean() < 0.3
-    assert foretold.belief.visible.all()
-    zero = np.zeros(200, np.int64)
-    for _ in range(5):
-        filed, foretold = (s.transition(at, zero, worlds) for s, at in ((FILED, filed), (SYSTEM, foretold)))
-    np.testing.assert_array_equal(filed.truth.targets, foretold.truth.targets)
-
-
-def test_an_unknown_visibility_is_refused():
-    with pytest.raises(InputError, match="visibility") as error:
-        make_checked(SectorSetupCity, {"visibility": "told"})
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("visibility", ["filed", "foretold"])
-def test_the_environment_conforms_and_its_capabilities_agree(visibility):
-    check_vector_env("wavegym/SectorSetupCity-v0", visibility=visibility, horizon=6)
-    assert capability_defect(SectorSetupCity(visibility=visibility, horizon=12)) is None
+def test_nobody_is_told_when_buildings_hide_a_target():
+    belief = SYSTEM.initial(oracles.worlds(SYSTEM, 20)).belief
+    assert belief.visible.all()
+    assert SYSTEM.observation_fields == sector_fields(4, 2, 3, foretold=True)
 
 
 @pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.slow)])
@@ -128,7 +77,7 @@ def test_buildings_hide_targets_where_they_truly_are(change, count):
     The straight course from the true start, taken for the truth, is wrong in a fifth of the target-steps; in the other
     world, in more.
     """
-    system = make_checked(SectorSetupCity, {"visibility": "foretold", **change})
+    system = make_checked(SectorSetupCity, change)
     worlds = oracles.worlds(system, count)
     state, rows = system.initial(worlds), np.arange(count)
     start, wrong, detections = state.truth.targets, [], 0
@@ -196,7 +145,7 @@ def test_a_look_that_finds_nothing_has_the_moments_of_the_hidden_places():
     count, zero = len(chance), np.zeros(len(chance), np.int64)
     nothing = Measurements(np.zeros((count, 2, 2)), np.zeros((count, 2), np.bool_), np.zeros(count, np.bool_))
     after, before = SYSTEM.track(belief, zero, nothing), SYSTEM.predict(belief, zero + 2)
-    assert after.missed.all()
+    assert (after.looked == -1).all()
     off = []
     for e in range(count):
         x, P = before.mean[e, 0], before.covariance[e, 0]
@@ -240,8 +189,8 @@ def test_a_predicted_miss_is_the_trackers():
     for _ in range(2):  # the second after a miss
         predicted = SYSTEM.predict(belief, zero, np.full((60, 3), 0.999))
         after = SYSTEM.track(belief, zero, nothing)
-        assert predicted.missed.all()  # draws of .999 are no detections
-        for name in ("mean", "covariance", "missed", "pointed", "dead"):
+        assert (predicted.looked == -1).all()  # draws of .999 are no detections
+        for name in ("mean", "covariance", "looked", "pointed", "dead"):
             np.testing.assert_allclose(getattr(predicted, name), getattr(after, name), rtol=1e-9, atol=1e-9)
         misses += (
             np.abs(after.covariance - SYSTEM.predict(belief, zero + 2).covariance).max(axis=(1, 2, 3)) > 1e-6
@@ -264,7 +213,7 @@ def test_the_expected_outcome_is_the_mean_of_drawn_ones():
         coasted = SYSTEM.predict(one, zero[:1] + 2).mean[0, 0]
         eta = plain.measure(SYSTEM, coasted)[1]
         share = SYSTEM.visible_ahead(one, 1)[0, 0, 0] * (1 - np.prod(1 - plain.detection(SYSTEM, eta)))
-        assert abs((~drawn.missed).mean() - share) < 5 * np.sqrt(share * (1 - share) / 10_000) + 1e-9
+        assert abs((drawn.looked == 1).mean() - share) < 5 * np.sqrt(share * (1 - share) / 10_000) + 1e-9
 
 
 def test_gain_is_what_a_look_takes_off_the_costs_to_come():
@@ -324,13 +273,14 @@ def test_direct_visibility_is_that_of_the_first_image():
     assert antenna.directly_visible((0.0, 50.0)).shape == ()
 
 
-@pytest.mark.parametrize("visibility", ["filed", "foretold"])
-def test_given_windows_replace_those_of_the_map(visibility):
-    system = SectorSetupCity(windows=((1, 5, 9),), visibility=visibility)
+def test_given_windows_replace_those_of_the_map():
+    system = SectorSetupCity(windows=((1, 5, 9),))
     state = system.initial(oracles.worlds(SYSTEM, 2))
     for visible in state.belief.visible, state.truth.visible, system.visible_ahead(state.belief, 60):
         assert visible.sum() == visible.size - 2 * 5
     assert system.outcome_shape == (2,)
+    assert system.observation_fields == sector_fields(4, 2, 3)
+    assert system._radar.table.clear.size == 0
 
 
 @pytest.mark.parametrize(

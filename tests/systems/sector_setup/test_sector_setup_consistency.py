@@ -15,7 +15,6 @@ from wavegym.systems.sector_setup.system import SectorSetup
 SYSTEMS = {
     "plain": SectorSetup(),
     "city": SectorSetupCity(),
-    "foretold": SectorSetupCity(visibility="foretold"),
 }
 WORLDS = 400
 
@@ -58,7 +57,7 @@ def test_nees_over_all_steps(name, policy):
         trace += np.trace(state.belief.covariance, axis1=2, axis2=3).sum(axis=1)
     error = np.sqrt(8 / nees[0].size)
     means = np.mean(nees, axis=(1, 2))
-    if name == "foretold":
+    if name == "city":
         assert abs(means.mean() - 4) < 0.4
         assert np.mean(np.array(nees) > 18.47) < 0.01
         return
@@ -101,7 +100,7 @@ def measure_all(system, points):
 
 @pytest.mark.parametrize("seen", [(True, True), (True, False)], ids=["both receivers", "one receiver"])
 @pytest.mark.parametrize(
-    ("name", "spread", "speed"), [("plain", 500.0, 25.0), ("city", 15.0, 1.0), ("foretold", 15.0, 1.0)]
+    ("name", "spread", "speed"), [("plain", 500.0, 25.0), ("city", 15.0, 1.0)]
 )
 def test_an_update_has_the_moments_of_the_posterior(name, spread, speed, seen):
     """A prior many times as wide as a measurement is fine, in 8 cases.

@@ -17,7 +17,6 @@ from wavegym.systems.sector_setup.system import SectorSetup
 SYSTEMS = {
     "plain": SectorSetup(),
     "city": SectorSetupCity(),
-    "foretold": SectorSetupCity(visibility="foretold"),
 }
 EVERY = pytest.mark.parametrize("name", SYSTEMS)
 WORLD = (
@@ -68,7 +67,7 @@ def test_the_tracker_is_not_told_of_manoeuvres(name):
         )
     assert here.truth.detections.sum() > 200
     for field in ("covariance", "q", "visible"):
-        seen = field == "covariance" and name == "foretold"  # of target 0 it is known where it is visible
+        seen = field == "covariance" and name == "city"  # of target 0 it is known where it is visible
         one, other = (getattr(each.belief, field)[:, 1 if seen else 0 :] for each in (here, there))
         np.testing.assert_array_equal(one, other)
     assert np.abs(here.belief.mean - there.belief.mean).max() > 0.01

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,21 +29,15 @@ FARTHEST = 1e7  # m: where the map of targets that drive on ends
 
 @system_parameters
 class SectorSetupCity(SectorSetup):
-    """One illuminator serves several targets on an urban map; buildings hide them at times known from the start.
+    """One illuminator serves several targets on an urban map; buildings hide them where they truly are.
 
     Description
         As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
-        the centre line, and drive along them. Each target has filed its route: its exact start and a constant velocity.
-        A target is hidden when, on its filed route, a building stands between it and the illuminator or a receiver;
-        otherwise it is visible, even if manoeuvres or a turn rate have taken it off the route. These times depend on
-        the true start: schedulers can use them, the tracker does not. Visibility from the true place is different in
-        about a fifth of all target-steps, most of them late, when targets have manoeuvred.
-
-        ``visibility="foretold"`` takes it from the true place at the end of each step. Tracker and schedulers know the
-        map and the estimates, and foretell the probability that a target is visible, anew in each step. The tracker
-        learns from every look: a detection says that the target was visible, and a look that finds nothing that it was
-        probably hidden. This identifier will move to it when its planner and agents are made anew. With ``windows`` the
-        times are those given, and buildings hide nothing.
+        the centre line, and drive along them. A target is hidden when, at the end of a step, a building stands between
+        its true place and the illuminator or a receiver. Nobody knows these times. Tracker and schedulers know the map
+        and the estimates, and foretell the probability that a target is visible, anew in each step. The tracker learns
+        from every look: a detection says that the target was visible, and a look that finds nothing that it was
+        probably hidden. With ``windows`` the times are those given, known from the start, and buildings hide nothing.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -63,12 +57,6 @@ class SectorSetupCity(SectorSetup):
         "an urban map of wavegym, or a TOML file, with roads; region, shown and hidden are not used",
         unit="",
         truth=True,
-    )
-    visibility: Literal["filed", "foretold"] = parameter(
-        "filed",
-        "where buildings hide targets: 'filed', on straight routes known from the start, or 'foretold', at their true "
-        "places, which nobody knows; not used with windows",
-        unit="",
     )
     dt: float = changed_default(SectorSetup, "dt", 0.5)
     illuminator: Point = changed_default(SectorSetup, "illuminator", (0.0, 0.0))
@@ -128,8 +116,8 @@ class SectorSetupCity(SectorSetup):
 
     @property
     def _times_are_known(self) -> bool:
-        """Whether the times of visibility are known from the start: filed, or given by ``windows``."""
-        return bool(self.windows) or self.visibility == "filed"
+        """Whether the times of visibility are known from the start."""
+        return bool(self.windows)
 
     @cached_property
     def _hiding(self) -> tuple[SightTable, Array, Array]:
@@ -155,13 +143,7 @@ class SectorSetupCity(SectorSetup):
         """Whether no building hides the targets at the end of each step, bool (env, H, target)."""
         if self.windows:
             return super()._visible(world, true_states)
-        places = self._filed(true_states) if self.visibility == "filed" else self._driven(world, true_states)
-        return np.logical_and.reduce([site.directly_visible(places) for site in self._sites])
-
-    def _filed(self, true_states: Array) -> Array:
-        """Places on the filed routes at the end of each step, (env, H, target, 2)."""
-        t = self.dt * np.arange(1, self.horizon + 1)[:, None, None]
-        return true_states[:, None, :, ::2] + t * true_states[:, None, :, 1::2]
+        return np.logical_and.reduce([site.directly_visible(self._driven(world, true_states)) for site in self._sites])
 
     def _driven(self, world: World, true_states: Array) -> Array:
         """True places at the end of each step, (env, H, target, 2).

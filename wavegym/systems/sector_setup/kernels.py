@@ -271,13 +271,13 @@ def update_one(i, x, P, w, z, seen, radar, work, nn):
 
 
 @kernel
-def notice_one(i, x, P, found, again, radar, work, nn):
+def notice_one(i, x, P, found, last, radar, work, nn):
     """Update x[i], P[i] with what a look says of the place: in sight of all sites if ``found``, perhaps hidden if not.
 
-    A look that finds nothing has the likelihood 1 - Pd v: Pd of any receiver, at the predicted place. ``again``: the
-    last step's look at this target found nothing either.
+    A look that finds nothing has the likelihood 1 - Pd v: Pd of any receiver, at the predicted place. ``last``: what
+    the last step's look at this target found, 1, nothing, -1, or 0 without a look.
     """
-    sight_one(i, x, P, again and not found, radar, work.sight)
+    sight_one(i, x, P, 0 if found else last, radar, work.sight)
     if found:
         condition_one(i, x, P, work.sight, DOUBT, 1.0 - DOUBT, nn)
         return
@@ -288,11 +288,11 @@ def notice_one(i, x, P, found, again, radar, work, nn):
 
 
 @inlined
-def track_one(e, t, w, sent, again, mean, P, q, z, seen, radar, x, P_out, work, nn):
+def track_one(e, t, w, sent, last, mean, P, q, z, seen, radar, x, P_out, work, nn):
     """x[e], P_out[e]: all targets of environment e one step on, and target t updated where a receiver detects it.
 
     ``sent``: whether the target was illuminated, which says something of its place where visibility is foretold;
-    ``again``: whether the last step's look at it found nothing. Returns whether this step's does.
+    ``last``: see ``notice_one``. Returns the same of this step's look.
     """
     for i in range(x.shape[1]):
         coast_mean_one(i, mean[e], radar.dt, radar.turn_rate, i, x[e])
@@ -303,8 +303,8 @@ def track_one(e, t, w, sent, again, mean, P, q, z, seen, radar, x, P_out, work, 
     if detections > 0:
         update_one(t, x[e], P_out[e], w, z[e], seen[e], radar, work, nn)
     if sent and is_foretold(radar):
-        notice_one(t, x[e], P_out[e], detections > 0, again, radar, work, nn)
-    return sent and detections == 0
+        notice_one(t, x[e], P_out[e], detections > 0, last, radar, work, nn)
+    return 0 if not sent else (1 if detections > 0 else -1)
 
 
 @kernel
@@ -329,21 +329,21 @@ def measure(
 
 @kernel
 def track(
-    mean, P, pointed, dead, q, missed, target, waveform, z, seen, radar, x, P_out, pointed_out, dead_out, missed_out, nn
+    mean, P, pointed, dead, q, looked, target, waveform, z, seen, radar, x, P_out, pointed_out, dead_out, looked_out, nn
 ):  # fmt: skip
     """Fill the belief one step later from z (e, a) and seen (e, j). ``radar`` is the one that the tracker assumes."""
     work = scratch(seen.shape[1], len(nn))
     for e in range(len(target)):
         t, w = target[e], waveform[e]
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
-        again = missed[e] and pointed[e] == t
-        missed_out[e] = track_one(e, t, w, sent, again, mean, P, q, z, seen, radar, x, P_out, work, nn)
+        last = looked[e] if pointed[e] == t else 0
+        looked_out[e] = track_one(e, t, w, sent, last, mean, P, q, z, seen, radar, x, P_out, work, nn)
 
 
 @kernel
 def transition(
-    step, mean, P, pointed, dead, q, missed, targets, true_q, visible, target, waveform, process, uniform, error, L,
-    radar, assumed, targets_out, z, seen, silent, x, P_out, pointed_out, dead_out, missed_out, nn
+    step, mean, P, pointed, dead, q, looked, targets, true_q, visible, target, waveform, process, uniform, error, L,
+    radar, assumed, targets_out, z, seen, silent, x, P_out, pointed_out, dead_out, looked_out, nn
 ):  # fmt: skip
     """``move``, ``measure`` and ``track`` in one pass; ``radar`` is the world's, ``assumed`` the tracker's."""
     work = scratch(seen.shape[1], len(nn))
@@ -353,5 +353,5 @@ def transition(
         pointed_out[e], dead_out[e], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
         silent[e] = not sent
         measure_one(e, k, t, w, sent, targets_out, visible, uniform, error, radar, z, seen, work.H)
-        again = missed[e] and pointed[e] == t
-        missed_out[e] = track_one(e, t, w, sent, again, mean, P, q, z, seen, assumed, x, P_out, work, nn)
+        last = looked[e] if pointed[e] == t else 0
+        looked_out[e] = track_one(e, t, w, sent, last, mean, P, q, z, seen, assumed, x, P_out, work, nn)

@@ -116,14 +116,14 @@ def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
 
 
 @kernel
-def draw_one(i, x, P, w, draws, again, radar, work, d, sight, truth, nn):
+def draw_one(i, x, P, w, draws, last, radar, work, d, sight, truth, nn):
     """Update x[i], P[i] with the look that uniform draws decide: a receiver detects where its draw is below Pd.
 
     Where visibility is foretold, the first draw picks a place of the target, seen if it is visible. A look that finds
-    nothing changes the estimate as in the tracker. Returns whether it finds nothing.
+    nothing changes the estimate as in the tracker. Returns 1 if it finds the target, and -1 if nothing.
     """
     first, detected = len(draws) - len(work[1]), 0
-    if first == 0 or drawn_place(i, x, P, draws[0], again, radar, truth, nn):
+    if first == 0 or drawn_place(i, x, P, draws[0], last, radar, truth, nn):
         for j in range(len(work[1])):
             detected += (draws[first + j] < work[1][j]) << j
     if first == 0:
@@ -133,13 +133,13 @@ def draw_one(i, x, P, w, draws, again, radar, work, d, sight, truth, nn):
     elif detected:
         absorb_place(i, x, P, detected, w, radar, work, d, truth, nn)
     else:
-        sight_one(i, x, P, again, radar, sight)
+        sight_one(i, x, P, last, radar, sight)
         condition_one(i, x, P, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
-    return detected == 0
+    return 1 if detected else -1
 
 
 @inlined
-def look_ahead(t, x, P, again, radar, work, sight, P_missed, nn):
+def look_ahead(t, x, P, last, radar, work, sight, P_missed, nn):
     """Write a look at target t to ``work``, and to P_missed[t] the covariance if it finds nothing.
 
     Returns the probability that the target is visible.
@@ -148,17 +148,17 @@ def look_ahead(t, x, P, again, radar, work, sight, P_missed, nn):
     copy_one(t, P, t, P_missed, nn)
     if not is_foretold(radar):
         return 1.0
-    clear = sight_one(t, x, P, again, radar, sight)
+    clear = sight_one(t, x, P, last, radar, sight)
     condition_covariance(t, P_missed, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
     return clear
 
 
 @kernel
 def predict(
-    step, mean, P, pointed, dead, q, visible, missed, target, waveform, draws, radar, x_out, P_out, pointed_out,
-    dead_out, missed_out, nn
+    step, mean, P, pointed, dead, q, visible, looked, target, waveform, draws, radar, x_out, P_out, pointed_out,
+    dead_out, looked_out, nn
 ):  # fmt: skip
-    """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n); pointed_out ... missed_out (e, c).
+    """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n); pointed_out ... looked_out (e, c).
 
     target, waveform (e or 1, c); draws (e, c or 1, j) uniform, where visibility is foretold (e, c or 1, 1 + j), or
     (e, c or 1, 0) for the expected outcome.
@@ -171,31 +171,31 @@ def predict(
         for t in range(targets):
             coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, t, ahead)
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], t, V)
-        last = -1
+        before = -1
         for c in range(candidates):
             t, w = target[own, c], waveform[own, c]
             pointed_out[e, c], dead_out[e, c], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
-            missed_out[e, c], again = False, missed[e] and pointed[e] == t
+            looked_out[e, c], last = 0, looked[e] if pointed[e] == t else 0
             for i in range(targets):
                 copy_one(i, V, i, P_out[e, c], nn)
                 for a in range(n):
                     x_out[e, c, i, a] = ahead[i, a]
             if not (sent and is_visible(e, step[e], t, visible)):
-                missed_out[e, c] = sent
+                looked_out[e, c] = -1 if sent else 0
                 continue
             given = draws[e, c if draws.shape[1] > 1 else 0]
             if len(given) == 0:
-                if t != last:
-                    clear = look_ahead(t, ahead, V, again, radar, work, sight, V_missed, nn)
+                if t != before:
+                    clear = look_ahead(t, ahead, V, last, radar, work, sight, V_missed, nn)
                 expect(t, V, w, radar, clear, V_missed, work, t, P_out[e, c], nn)
-                missed_out[e, c] = clear * (1.0 - none_detects(work[1])) < 0.5
+                looked_out[e, c] = -1 if clear * (1.0 - none_detects(work[1])) < 0.5 else 1
             else:
-                if t != last:
+                if t != before:
                     look_all(t, ahead, radar, work)
-                missed_out[e, c] = draw_one(
-                    t, x_out[e, c], P_out[e, c], w, given, again, radar, work, d, sight, truth, nn
+                looked_out[e, c] = draw_one(
+                    t, x_out[e, c], P_out[e, c], w, given, last, radar, work, d, sight, truth, nn
                 )  # fmt: skip
-            last = t
+            before = t
 
 
 @inlined
@@ -256,7 +256,7 @@ def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
 
 
 @kernel
-def gain(step, mean, P, pointed, q, visible, missed, target, waveform, wait, M, radar, out, nn, mm):
+def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, radar, out, nn, mm):
     """out (e, c): trace(M[l - 1] (P_without - P_with)) of the candidate's target, one look after ``wait`` steps.
 
     target, waveform (c,), candidates of one target adjacent; wait (e or 1, c or 1); l: number of steps counted, up
@@ -291,8 +291,8 @@ def gain(step, mean, P, pointed, q, visible, missed, target, waveform, wait, M, 
                 project_one(V, weights, work[3], U, G, B, nn, mm)
                 last, late = t, delay
                 if is_foretold(radar):
-                    again = missed[e] and pointed[e] == t and delay == 0
-                    clear, found = sight_one(0, ahead, V, again, radar, sight), 1.0 - none_detects(work[1])
+                    recent = looked[e] if pointed[e] == t and delay == 0 else 0
+                    clear, found = sight_one(0, ahead, V, recent, radar, sight), 1.0 - none_detects(work[1])
                     learned = (1.0 - clear * found) * condition_worth(
                         0, V, sight, 1.0, of_a_miss(1.0 - found), weights, nn
                     )
@@ -302,7 +302,7 @@ def gain(step, mean, P, pointed, q, visible, missed, target, waveform, wait, M, 
 
 
 @inlined
-def foretell_one(e, k, t, ahead, V, q, visible, again, radar, shown, x, P, nn):
+def foretell_one(e, k, t, ahead, V, q, visible, last, radar, shown, x, P, nn):
     """Fill shown (s,): probability that target t is visible in steps k, k + 1 ...; ahead[0], V[0]: after step k.
 
     x (1, n) and P (1, n, n) are scratch space.
@@ -313,17 +313,17 @@ def foretell_one(e, k, t, ahead, V, q, visible, again, radar, shown, x, P, nn):
         return
     for s in range(len(shown)):
         if s == 0:
-            shown[0] *= chance_one(0, ahead, V, again, radar, radar.places)
+            shown[0] *= chance_one(0, ahead, V, last, radar, radar.places)
             coast_mean_one(0, ahead, radar.dt, radar.turn_rate, 0, x)
             coast_one(0, V, radar.dt, radar.turn_rate, q, 0, P)
         elif shown[s] > 0.0:
-            shown[s] *= chance_one(0, x, P, False, radar, radar.few)
+            shown[s] *= chance_one(0, x, P, 0, radar, radar.few)
             coast_mean_one(0, x, radar.dt, radar.turn_rate, 0, x)
             coast_one(0, P, radar.dt, radar.turn_rate, q, 0, P)
 
 
 @kernel
-def foretell(step, mean, P, pointed, dead, q, visible, missed, radar, out, nn):
+def foretell(step, mean, P, pointed, dead, q, visible, looked, radar, out, nn):
     """out (e, s, t): the probability that each target is visible in the next steps; 0 after the last step."""
     ahead, V = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn)))
     x, P_later, shown = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn))), np.empty(out.shape[1])
@@ -331,14 +331,14 @@ def foretell(step, mean, P, pointed, dead, q, visible, missed, radar, out, nn):
         for t in range(mean.shape[1]):
             coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
-            again = missed[e] and pointed[e] == t
-            foretell_one(e, step[e], t, ahead, V, q[e, t], visible, again, radar, shown, x, P_later, nn)
+            last = looked[e] if pointed[e] == t else 0
+            foretell_one(e, step[e], t, ahead, V, q[e, t], visible, last, radar, shown, x, P_later, nn)
             for s in range(len(shown)):
                 out[e, s, t] = shown[s]
 
 
 @kernel
-def observe(step, mean, P, pointed, dead, q, visible, missed, radar, soon, out, nn):
+def observe(step, mean, P, pointed, dead, q, visible, looked, radar, soon, out, nn):
     """out (e, field), in the order of ``SectorSetup.observation_fields``; variances where the field is a deviation.
 
     Time left, dead steps left; for every target: whether set up, visible in this step, steps until that changes (up to
@@ -357,8 +357,8 @@ def observe(step, mean, P, pointed, dead, q, visible, missed, radar, soon, out, 
             coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
             look_all(0, ahead, radar, work)
-            again = missed[e] and pointed[e] == t
-            foretell_one(e, k, t, ahead, V, q[e, t], visible, again, radar, shown, later, P_later, nn)
+            last = looked[e] if pointed[e] == t else 0
+            foretell_one(e, k, t, ahead, V, q[e, t], visible, last, radar, shown, later, P_later, nn)
             now, change, share = shown[0], soon, 0.0
             for s in range(soon - 1, -1, -1):
                 share += shown[s]

@@ -53,7 +53,7 @@ class Belief(NamedTuple):
     dead: Array  # (env,) int: remaining set-up steps without sensing
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
     visible: Array  # (env, H, target) bool: visible from step k to k + 1 as known from the start; all True if foretold
-    missed: Array  # (env,) bool: whether the last step's pulse found nothing
+    looked: Array  # (env,) int: 1 if the last step's pulse found its target, -1 if it found nothing, 0 without a pulse
 
 
 def report_fields(receivers: int, reference_range: float, speed: float) -> tuple[ObservationField, ...]:

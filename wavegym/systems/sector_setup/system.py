@@ -216,7 +216,7 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         zero, silent = np.zeros(count, np.int64), np.zeros(count, np.bool_)
         visible, q = real._visible(world, true_states), real._densities(world)
         known, known_q = self._known(world, true_states, visible), q if real is self else self._densities(world)
-        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), known_q, known, silent.copy())
+        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), known_q, known, zero.copy())
         return State(Truth(true_states, q, visible, zero.copy(), silent, window), belief)
 
     def _densities(self, world: World) -> Array:
@@ -248,7 +248,7 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         truth, belief = state
         targets, report, fresh = np.empty(truth.targets.shape), self._report(belief), self._fresh(belief)
         kernels.transition(
-            *belief[:6], belief.missed, *truth[:3], *self._split(action), world.process, world.detection, world.error,
+            *belief[:6], belief.looked, *truth[:3], *self._split(action), world.process, world.detection, world.error,
             self.motion.noise_factor, self.truth_model._radar, self._radar, targets, *report, *fresh, NN
         )  # fmt: skip
         measurements = self._measurements(*report)
@@ -282,7 +282,7 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         z, detected, _ = measurements
         fresh = self._fresh(belief)
         kernels.track(
-            *belief[1:6], belief.missed, *self._split(action), z.reshape(len(z), -1), detected, self._radar, *fresh, NN
+            *belief[1:6], belief.looked, *self._split(action), z.reshape(len(z), -1), detected, self._radar, *fresh, NN
         )  # fmt: skip
         return self._following(belief, *fresh)
 
@@ -299,13 +299,13 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         return Measurements(z.reshape(*detected.shape, 2), detected, silent)
 
     def _fresh(self, belief: Belief) -> tuple[Array, ...]:
-        """Empty means, covariances, targets set up, dead steps and misses."""
-        changing = (belief.mean, belief.covariance, belief.pointed, belief.dead, belief.missed)
+        """Empty means, covariances, targets set up, dead steps and results of looks."""
+        changing = (belief.mean, belief.covariance, belief.pointed, belief.dead, belief.looked)
         return tuple(np.empty_like(a) for a in changing)
 
     def _following(self, belief: Belief, mean: Array, covariance: Array, *settings: Array) -> Belief:
         """The belief one step later."""
-        changed = dict(zip(("pointed", "dead", "missed"), settings, strict=True))
+        changed = dict(zip(("pointed", "dead", "looked"), settings, strict=True))
         return belief._replace(step=belief.step + 1, mean=mean, covariance=covariance, **changed)
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
@@ -319,16 +319,16 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         lead = (len(belief.step), chosen.shape[1])
         draws = np.empty((lead[0], 1, 0)) if outcome is None else np.asarray(outcome, np.float64)
         x, P = (np.empty((*lead, *a.shape[1:])) for a in (belief.mean, belief.covariance))
-        (pointed, dead), missed = np.empty((2, *lead), np.int64), np.empty(lead, np.bool_)
+        pointed, dead, looked = np.empty((3, *lead), np.int64)
         prediction.predict(
             *belief, *self._split(chosen), draws if draws.ndim == 3 else draws[:, None], self._radar,
-            x, P, pointed, dead, missed, NN
+            x, P, pointed, dead, looked, NN
         )  # fmt: skip
         step = belief.step + 1
         if not several:
-            return Belief(step, x[:, 0], P[:, 0], pointed[:, 0], dead[:, 0], belief.q, belief.visible, missed[:, 0])
+            return Belief(step, x[:, 0], P[:, 0], pointed[:, 0], dead[:, 0], belief.q, belief.visible, looked[:, 0])
         step, q, visible = (np.repeat(a[:, None], lead[1], axis=1) for a in (step, belief.q, belief.visible))
-        return Belief(step, x, P, pointed, dead, q, visible, missed)
+        return Belief(step, x, P, pointed, dead, q, visible, looked)
 
     @cached_property
     def _target_and_waveform(self) -> tuple[Array, Array]:
@@ -358,11 +358,11 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         """
         out = np.empty((len(belief.step), len(self.actions)))
         later = np.atleast_2d(np.asarray(wait, np.int64))
-        step, mean, covariance, pointed, _, q, visible, missed = belief
+        step, mean, covariance, pointed, _, q, visible, looked = belief
         target, waveform = self._target_and_waveform
         M, rows = self.weights_ahead(ahead), (0,) * (2 * len(self.receivers))
         prediction.gain(
-            step, mean, covariance, pointed, q, visible, missed, target, waveform, later, M, self._radar, out, NN, rows
+            step, mean, covariance, pointed, q, visible, looked, target, waveform, later, M, self._radar, out, NN, rows
         )
         return out
 

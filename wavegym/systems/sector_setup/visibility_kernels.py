@@ -17,7 +17,8 @@ from wavegym.sensors.sight_kernels import is_clear
 BLUR = 0.05  # of a variance of 1: half the mean distance of 48 points, squared
 UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model: it changes nothing
 DOUBT = 0.1  # least weight of a place that a look contradicts: the density is not quite Gaussian, and its tails decide
-AGAIN = 0.3  # weight of a place that was visible when the last look found nothing; calibrated
+CONTRADICTED = 0.3  # weight of a place that the last look contradicts: visible when it found nothing; calibrated
+SHADOWED = 0.1  # the same: hidden when it found the target; calibrated
 FLAT = 1e-12  # least share of a variance that is left in the other coordinate
 
 
@@ -43,52 +44,61 @@ def slopes_one(i, P, k, a, b, c):
 
 
 @inlined
-def place_one(i, x, P, a, b, c, u, w, again, radar):
+def place_one(i, x, P, a, b, c, u, w, last, radar):
     """Whether the place of the point (u, w) is visible, and the weight of the point.
 
-    If a look found nothing a step ago (``again``), a place that was visible then probably has no target in it, although
-    the Gaussian reaches there: it has the weight ``AGAIN``.
+    ``last``: 1 if a look found the target a step ago, -1 if it found nothing, 0 if there was none. A place that was
+    hidden when the target was found, or visible when nothing was, probably has no target in it, although the Gaussian
+    reaches there.
     """
     px, py = x[i, 0] + a * u, x[i, 2] + b * u + c * w
     clear = is_clear(px, py, radar.table)
-    if not again:
+    if last == 0:
         return clear, 1.0
     (g, h), (m, n) = slopes_one(i, P, 1, a, b, c), slopes_one(i, P, 3, a, b, c)
     px -= radar.dt * (x[i, 1] + g * u + h * w)
     py -= radar.dt * (x[i, 3] + m * u + n * w)
-    return clear, AGAIN if is_clear(px, py, radar.table) else 1.0
+    before = is_clear(px, py, radar.table)
+    if last > 0:
+        return clear, 1.0 if before else SHADOWED
+    return clear, CONTRADICTED if before else 1.0
 
 
 @kernel
-def chance_one(i, x, P, again, radar, places):
-    """Probability that target i is visible; ``again``: the last step's look at it found nothing."""
+def chance_one(i, x, P, last, radar, places):
+    """Probability that target i is visible; ``last``: what the last step's look at it found."""
     a, b, c = root_one(i, P)
     visible, total = 0.0, 0.0
     for p in range(len(places)):
-        clear, weight = place_one(i, x, P, a, b, c, places[p, 0], places[p, 1], again, radar)
+        clear, weight = place_one(i, x, P, a, b, c, places[p, 0], places[p, 1], last, radar)
         visible += weight if clear else 0.0
         total += weight
     return visible / total
 
 
 @kernel
-def sight_one(i, x, P, again, radar, sight):
-    """Fill sight (6,) with the means of v, v u and v u u' over all points; returns ``chance_one``."""
+def sight_one(i, x, P, last, radar, sight):
+    """Fill sight (6,) with the means of v, v u and v u u' over all points; returns ``chance_one``.
+
+    Of v, what a second look without a find says is discounted: the Gaussian does not remember the first one. After a
+    find it does, since the target's place is known well.
+    """
     a, b, c = root_one(i, P)
-    total = 0.0
+    visible, total = 0.0, 0.0
     sight[:] = 0.0
     for p in range(len(radar.places)):
         u, w = radar.places[p, 0], radar.places[p, 1]
-        clear, weight = place_one(i, x, P, a, b, c, u, w, again, radar)
+        clear, weight = place_one(i, x, P, a, b, c, u, w, last, radar)
         total += weight
         if clear:
+            visible += weight
+            weight = weight if last < 0 else 1.0
             sight[0] += weight
             sight[1] += weight * u
             sight[2] += weight * w
             sight[3] += weight * u * u
             sight[4] += weight * u * w
             sight[5] += weight * w * w
-    visible = sight[0]
     for m in range(6):
         sight[m] /= len(radar.places)
     return visible / total
@@ -160,17 +170,23 @@ def condition_worth(i, P, sight, base, slope, M, nn):
 
 
 @inlined
-def drawn_place(i, x, P, draw, again, radar, d, nn):
+def drawn_place(i, x, P, draw, last, radar, d, nn):
     """Fill d (n,): a place of target i less its mean, picked by a uniform draw; returns whether it is visible."""
     a, b, c = root_one(i, P)
     count = len(radar.places)
-    p = min(int(draw * count), count - 1)
-    rest, clear = draw * count - p, False
-    for _ in range(count):
-        clear, weight = place_one(i, x, P, a, b, c, radar.places[p, 0], radar.places[p, 1], again, radar)
-        if rest < weight:
-            break
-        p = (p + 1) % count
+    total = float(count)
+    if last != 0:
+        total = 0.0
+        for p in range(count):
+            total += place_one(i, x, P, a, b, c, radar.places[p, 0], radar.places[p, 1], last, radar)[1]
+    p, left = 0, draw * total
+    if last == 0:
+        p = min(int(left), count - 1)
+    clear, weight = place_one(i, x, P, a, b, c, radar.places[p, 0], radar.places[p, 1], last, radar)
+    while last != 0 and left >= weight and p < count - 1:
+        left -= weight
+        p += 1
+        clear, weight = place_one(i, x, P, a, b, c, radar.places[p, 0], radar.places[p, 1], last, radar)
     for k in range(len(nn)):
         g, h = slopes_one(i, P, k, a, b, c)
         d[k] = g * radar.places[p, 0] + h * radar.places[p, 1]
