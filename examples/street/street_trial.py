@@ -1,8 +1,8 @@
 """Is there a decision for the street in which planning gains 5 %? The figures of docs/street.md.
 
-    cd examples/street && python street_trial.py --worlds 100 --page ../../docs/street.md
+    cd examples/street && python street_trial.py --choices "turning beam,energy" --page ../../docs/street.md
 
-Four choices of ``street.py``. The best simple rule is chosen on tuning worlds, and planners follow it. All policies
+Three choices of ``street.py``. The best simple rule is chosen on tuning worlds, and planners follow it. All policies
 meet the same test worlds.
 """
 
@@ -29,9 +29,11 @@ TRIALS = {
     "turning beam": {"kind": "revisit", "dead_scans": 4},
     "energy": {"kind": "energy"},
     "time": {"kind": "time"},
-    "revisit": {"kind": "revisit"},
 }
-TUNING = 20
+HEAD = (
+    "| choice | policy | mean cost, m² | cost against the best simple rule, % (95 %) | squared GOSPA, % (95 %) |",
+    "|:--|:--|--:|--:|--:|",
+)
 BEGIN, END = "<!-- made by `street_trial.py`: -->", "<!-- street to here -->"
 
 
@@ -77,10 +79,10 @@ def against(values: Any, reference: Any) -> str:
     return f"{middle:+.1f} ({low:+.1f} to {high:+.1f})"
 
 
-def rows(name: str, settings: dict[str, Any], count: int) -> Iterator[str]:
+def rows(name: str, tunings: int, count: int) -> Iterator[str]:
     """The table's lines of one choice."""
-    system = Street(**settings)
-    tuning, test = (draw_worlds(system, world_seeds(0, split, n)) for split, n in (("tune", TUNING), ("test", count)))
+    system = Street(**TRIALS[name])
+    tuning, test = (draw_worlds(system, world_seeds(0, split, n)) for split, n in (("tune", tunings), ("test", count)))
     rules = dict(simple_rules(system))
     costs = {rule: float(np.log(played(system, policy, tuning)[0]).mean()) for rule, policy in rules.items()}
     best = min(costs, key=lambda rule: costs[rule])
@@ -92,30 +94,35 @@ def rows(name: str, settings: dict[str, Any], count: int) -> Iterator[str]:
         yield f"| | {policy} | {cost.mean():.0f} | {by_belief} | {by_truth} |"
 
 
-def renew(page: Path, lines: list[str]) -> None:
-    """Put the table into the page."""
+def renew(page: Path, name: str, lines: list[str]) -> None:
+    """Put the lines of one choice into the page's table; those of others stay."""
     before, _, rest = page.read_text().partition(BEGIN)
-    _, _, after = rest.partition(END)
-    page.write_text(f"{before}{BEGIN}\n\n" + "\n".join(lines) + f"\n\n{END}{after}")
+    table, _, after = rest.partition(END)
+    kept: dict[str, list[str]] = {}
+    choice = ""
+    for line in table.strip().splitlines()[len(HEAD) :]:
+        choice = line.split("|")[1].strip() or choice
+        kept.setdefault(choice, []).append(line)
+    kept[name] = lines
+    made = [line for choice in TRIALS for line in kept.get(choice, [])]
+    page.write_text(f"{before}{BEGIN}\n\n" + "\n".join((*HEAD, *made)) + f"\n\n{END}{after}")
 
 
 def main() -> None:
     """The command."""
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     options.add_argument("--worlds", type=int, default=100, help="test worlds (default: 100)")
+    options.add_argument("--tuning", type=int, default=20, help="tuning worlds (default: 20)")
     options.add_argument("--choices", default=",".join(TRIALS), help="of the trial (default: all)")
     options.add_argument("--page", type=Path, default=None, help="a page whose table is renewed")
     given = options.parse_args()
-    lines = [
-        "| choice | policy | mean cost, m² | cost against the best simple rule, % (95 %) | squared GOSPA, % (95 %) |",
-        "|:--|:--|--:|--:|--:|",
-    ]
     for name in given.choices.split(","):
-        for line in rows(name, TRIALS[name], given.worlds):
+        lines = []
+        for line in rows(name, given.tuning, given.worlds):
             print(line, flush=True)
             lines.append(line)
         if given.page:
-            renew(given.page, lines)
+            renew(given.page, name, lines)
 
 
 if __name__ == "__main__":
