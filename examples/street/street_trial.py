@@ -47,7 +47,7 @@ def simple_rules(system: Street) -> Iterator[tuple[str, Any]]:
             yield f"lagrangian-price({price:g}, {ahead}, {power:g})", LagrangianPrice(price, ahead, power)
         return
     for scans in (1, 2, 3, 4, 5, 6, 7, 8, 10, 12):
-        yield f"{scans} scans each", Cycle(np.repeat([0, 1], scans))
+        yield f"{scans} scan{'s' * (scans > 1)} each", Cycle(np.repeat([0, 1], scans))
     if system.kind == "time":
         yield "always both", Cycle(np.array([2]))
     for alpha, ahead, power in product((0.3,), (8, 20), (0.4, 1.3)):
