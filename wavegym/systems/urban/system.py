@@ -51,6 +51,7 @@ class Urban(System, DecisionMakers):
     """A multistatic radar in urban terrain tracks an unknown number of targets and chooses its pulses scan by scan.
 
     Description
+        The paper's tracking benchmark, with nothing to decide: by default one pulse, the first, is best in every scan.
         One or more transmitters, two or more receivers, and buildings that hide targets and reflect signals. Two
         targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left turn, speeding
         up. A scan is a train of Gaussian chirps of one of four kinds. Each receiver detects each propagation path from
