@@ -277,7 +277,13 @@ class RecordedTargets(Capability, members=("recorded_windows",)):
 
 
 class TimedPulses(Capability, members=("timings", "target_ranges")):
-    """Pulses with a timing, to be held against the targets' ranges and speeds."""
+    """Pulses with a timing, to be held against the targets' ranges and speeds.
+
+    Attributes:
+        bistatic: whether the receivers are antennas of their own, which listen while the transmitter sends.
+    """
+
+    bistatic: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -286,7 +292,10 @@ class TimedPulses(Capability, members=("timings", "target_ranges")):
 
     @abstractmethod
     def target_ranges(self, world: Any) -> Array:
-        """Range (m) and range-rate (m/s) of every target, at every sensor and step of its presence, (env, ..., 2)."""
+        """Range (m) and range-rate (m/s) of every target, at every sensor and step of its presence, (env, ..., 2).
+
+        With separate receivers half of the path's length and of its rate.
+        """
 
 
 CAPABILITIES: tuple[type[Capability], ...] = (
