@@ -530,6 +530,18 @@ class AgileClutter(
         prediction.predict_present(*belief[:3], self._targets, *self._model, x, P, present, NN)
         return PredictedTargets(x, P, present)
 
+    def assumed_noise(self, belief: Belief, action: Array, sensor: int) -> tuple[Array, Array]:
+        """Which targets have a gate at a sensor's next scan (env, target), bool, and their noise (env, target, 2, 2).
+
+        As predicted before any sensor of the step measures; the noise of targets without a gate is 0.
+        """
+        predicted = self.predicted_targets(belief)
+        lit, pd = np.empty(predicted.present.shape, np.bool_), np.empty(predicted.present.shape)
+        noise = np.empty((*pd.shape, 2, 2))
+        pulse = self.pulse(belief, action[:, None]).rows((len(belief.step), 1))
+        kernels.assume(sensor, belief.step, *predicted[:2], pulse, self._targets, self._radar, lit, noise, pd, NN)
+        return lit, noise
+
     def sensor_costs(self, predicted: PredictedTargets, sensor: int, C: Array, windows: Array) -> Array:
         """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR and
         receive windows (env or 1, candidate, 10).
