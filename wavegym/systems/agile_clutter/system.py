@@ -66,7 +66,7 @@ from wavegym.trackers import GaussianMixture, Particles, predict_covariance, sin
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.protocol import Tracker, own_tracker
-from wavegym.waveforms import PulseTiming, pulse_timings
+from wavegym.waveforms import PulseTiming, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
@@ -199,6 +199,7 @@ class AgileClutter(
         check_positive("sum of weights", sum(self.weights))
         self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
+        check_time_on_target(self.timings, self.dt)
         self._check_targets()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
         self._check_clutter()
