@@ -189,7 +189,7 @@ def predict_folded(system, x, P, settings):
     """The expected covariance, row by row: a row counts where it is seen and its fold is certain."""
     x, P = predict(system, x, P)
     h, C = stacked(system, x)
-    prior, share = P.copy(), 0.0
+    prior, share, rows = P.copy(), 0.0, []
     for j, p in enumerate(settings):
         if h[j, 0] < system.nearest_range:
             continue
@@ -200,13 +200,14 @@ def predict_folded(system, x, P, settings):
         for q, (width, half) in enumerate(zip(widths_of(system, p), hidden_zones(system, p), strict=True)):
             seen *= outside(h[j, q], np.sqrt(spread[q]), width, half)
         for q, width in enumerate((*widths_of(system, p), np.inf)):
-            v = P @ C[j, q]
-            s = C[j, q] @ v + R[q]
-            used = seen * single_fold(s, width) if q < 2 else 1.0
-            P = P - used * np.outer(v, v) / s
-            s = spread[q] + R[q]
-            used = seen * single_fold(s, width) if q < 2 else 1.0
-            share += used * spread[q] / (s - used * spread[q])
+            certain = seen if q < 2 else 1.0
+            rows.append((q < 2, C[j, q], R[q], certain, width))
+            used = certain * single_fold(spread[q] + R[q], width)
+            share += used * spread[q] / (spread[q] + R[q] - used * spread[q])
+    for _, row, R, certain, width in sorted(rows, key=lambda r: r[0]):  # azimuths first
+        v = P @ row
+        s = row @ v + R
+        P = P - certain * single_fold(s, width) * np.outer(v, v) / s
     return Foreseen(x, P, share)
 
 

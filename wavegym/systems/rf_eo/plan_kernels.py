@@ -11,7 +11,7 @@ import numpy as np
 
 from wavegym.core.kernels import kernel
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
-from wavegym.systems.rf_eo.search_kernels import SWEEPS, absorb_platform, best_of_two, tabulate
+from wavegym.systems.rf_eo.search_kernels import SWEEPS, absorb_all, best_of_two, tabulate
 from wavegym.trackers.kernels import predict_covariance_one
 
 BETTER = 1e-9  # least relative improvement for which the plan is changed
@@ -24,8 +24,7 @@ def follow(U, H, tables, chosen, s, last, weights, F, Q, bound, T, v, nn):
     for k in range(s, last + 1):
         for t in range(U.shape[1]):
             predict_covariance_one(t, U[k], F, Q, 0, T, U[k + 1], nn)
-        for j in range(chosen.shape[1]):
-            absorb_platform(U[k + 1], H[k], (R[k], seen[k], widths), j, chosen[k, j, 0], chosen[k, j, 1], v, nn)
+        absorb_all(U[k + 1], H[k], (R[k], seen[k], widths), chosen[k], v, nn)
         for t in range(U.shape[1]):
             for i in range(len(nn)):
                 total += weights[i] * U[k + 1, t, i, i]
@@ -84,6 +83,5 @@ def plan(mean, P, step, horizon, axes, sizes, weights, F, Q, places, fence, rule
             tables = (R[k], seen[k], widths)
             tabulate(U[k + 1], h, H[k], axes, fence, rules, tables, spread)
             best_of_two(U[k + 1], H[k], tables, sizes, weights, chosen[e, k], other, W, rest, v, nn)
-            for j in range(platforms):
-                absorb_platform(U[k + 1], H[k], tables, j, chosen[e, k, j, 0], chosen[e, k, j, 1], v, nn)
+            absorb_all(U[k + 1], H[k], tables, chosen[e, k], v, nn)
         cost[e] = improve(U, H, (R, seen, widths), chosen[e, :levels], sizes, weights, F, Q, T, v, nn)

@@ -49,9 +49,11 @@ def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
             out = P_out[e, c]
             for t in range(targets):
                 x[e, c, t], out[t] = ahead[t], V[t]
-                for a in range(3 * platforms):
+                for turn in range(6 * platforms if rules.folding else 3 * platforms):
+                    a = turn % (3 * platforms)
                     j, q = a // 3, a % 3
-                    if h[t, 3 * j] < rules.nearest:
+                    early = rules.folding and turn < 3 * platforms  # azimuths first, as in the tracker
+                    if h[t, 3 * j] < rules.nearest or (rules.folding and early != (q == 2)):
                         continue
                     if rules.margin > 0.0:
                         spread = spread_of(q, t, V, H[t], a)

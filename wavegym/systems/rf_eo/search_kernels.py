@@ -62,14 +62,67 @@ def tabulate(V, h, H, axes, fence, rules, tables, spread):
 
 @kernel
 def absorb_platform(V, H, tables, j, prf, angle, v, nn):
-    """Update V (t, n, n) with the measurements of platform j at the points ``prf`` and ``angle`` of its axes."""
+    """Update V (t, n, n) with the measurements of platform j at the points ``prf`` and ``angle`` of its axes.
+
+    A negative point: not chosen yet.
+    """
     R, seen, widths = tables
     for t in range(V.shape[0]):
         for q in range(3):
             a, g = 3 * j + q, angle if q == 2 else prf
-            gain = gain_of(q, t, V, H[t], a, v, nn)
-            s = expected_innovation(gain, R[t, a, g], seen[t, j, g], widths[g, q])
-            shrink_one(t, V, v, s, nn)
+            if g >= 0:
+                gain = gain_of(q, t, V, H[t], a, v, nn)
+                s = expected_innovation(gain, R[t, a, g], seen[t, j, g], widths[g, q])
+                shrink_one(t, V, v, s, nn)
+
+
+@kernel
+def absorb_all(V, H, tables, chosen, v, nn):
+    """Update V (t, n, n) with the measurements of all platforms; chosen (p, 2).
+
+    Where ranges fold, all azimuths come first, as in the tracker: what they leave open decides what a fold is worth.
+    """
+    folds = tables[2][0, 0] < np.inf
+    if folds:
+        for j in range(chosen.shape[0]):
+            absorb_platform(V, H, tables, j, -1, chosen[j, 1], v, nn)
+    for j in range(chosen.shape[0]):
+        absorb_platform(V, H, tables, j, chosen[j, 0], -1 if folds else chosen[j, 1], v, nn)
+
+
+@kernel
+def weighted_trace(V, weights):
+    """trace(W P) summed over the targets of V (t, n, n)."""
+    total = 0.0
+    for t in range(V.shape[0]):
+        for i in range(len(weights)):
+            total += weights[i] * V[t, i, i]
+    return total
+
+
+@kernel
+def search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn):
+    """``search`` where ranges fold: one axis of one platform at a time, each point tried with all other choices."""
+    platforms, least = chosen.shape[0], np.inf
+    chosen[:] = -1
+    for _ in range(SWEEPS):
+        changed = False
+        for order in range(platforms):
+            j = platforms - 1 - order if backwards else order
+            for axis in (1, 0):
+                before, best, least = chosen[j, axis], 0, np.inf
+                for g in range(sizes[axis]):
+                    chosen[j, axis] = g
+                    W[:] = V
+                    absorb_all(W, H, tables, chosen, v, nn)
+                    cost = weighted_trace(W, weights)
+                    if cost < least:
+                        least, best = cost, g
+                chosen[j, axis] = best
+                changed = changed or best != before
+        if not changed:
+            break
+    return least
 
 
 @kernel
@@ -110,6 +163,8 @@ def search(V, H, tables, sizes, weights, backwards, chosen, W, rest, v, nn):
 
     In the first sweep a platform takes account only of those before it. Returns the cost.
     """
+    if tables[2][0, 0] < np.inf:
+        return search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn)
     platforms, cost = chosen.shape[0], np.inf
     chosen[:] = -1
     for _ in range(SWEEPS):

@@ -354,6 +354,17 @@ class RfEo(
         motion = self.truth_model.motion
         return motion.F[None].copy(), motion.noise_factor
 
+    def folded(self, value: Array, high: Array) -> tuple[Array, Array]:
+        """Quantities (..., 3) as the radar receives them, and whether it sees them (...); high: upper edges."""
+        widths = np.stack(np.broadcast_arrays(high[..., 0], 2.0 * high[..., 1]), axis=-1)
+        off = value[..., :2] - widths * np.rint(value[..., :2] / widths)
+        half = np.stack(
+            [self.truth_model.duty * widths[..., 0], np.full(widths.shape[:-1], self.truth_model.notch)], -1
+        )
+        folded = np.concatenate([off, value[..., 2:]], axis=-1)
+        folded[..., 0] += np.where(off[..., 0] < 0.0, widths[..., 0], 0.0)
+        return folded, (np.abs(off) >= half).all(axis=-1)
+
     def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: targets move, platforms take their settings and measure, the filter updates."""
         if self.truth_model._recorded:
