@@ -22,14 +22,19 @@ TIMED = [id for id in SYSTEMS if offers(make_task(id, {}).system, TimedPulses)]
 
 
 def impossible(system):
-    """Pulses whose echo the radar's own transmission cuts, or whose range folds, somewhere in the scenario."""
+    """Pulses whose echo the radar's own transmission cuts, or whose range folds, somewhere in the scenario.
+
+    Where the PRF is chosen, one of them has to see the nearest target; folds are the system's own matter.
+    """
     (nearest, _), (farthest, _) = target_extent(system)
-    found = []
-    for label, timing in system.timings.items():
-        blind = 0.0 if system.bistatic else timing.blind_range
-        if not blind <= nearest <= farthest <= timing.unambiguous_range:
-            found.append(label)
-    return found
+    blind = {label: 0.0 if system.bistatic else timing.blind_range for label, timing in system.timings.items()}
+    if system.chooses_prf:
+        return [] if min(blind.values()) <= nearest else list(blind)
+    return [
+        label
+        for label, timing in system.timings.items()
+        if not blind[label] <= nearest <= farthest <= timing.unambiguous_range
+    ]
 
 
 @pytest.mark.parametrize("env_id", TIMED)

@@ -281,9 +281,11 @@ class TimedPulses(Capability, members=("timings", "target_ranges")):
 
     Attributes:
         bistatic: whether the receivers are antennas of their own, which listen while the transmitter sends.
+        chooses_prf: whether the PRF is chosen, so that a target may be ambiguous or hidden at some of them.
     """
 
     bistatic: ClassVar[bool] = False
+    chooses_prf: ClassVar[bool] = False
 
     @property
     @abstractmethod

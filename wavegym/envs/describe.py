@@ -171,6 +171,8 @@ def _timing(system: System) -> str:
     )
     if system.bistatic:  # type: ignore[attr-defined]
         text += " The receivers are antennas of their own, which listen while the transmitter sends."
+    if system.chooses_prf:  # type: ignore[attr-defined]
+        text += " The PRF is chosen: a target may be ambiguous or hidden at one, and clear at another."
     return f"## Timing\n\n{text}\n\n" + table(TIMING_HEAD, rows)
 
 

@@ -22,6 +22,7 @@ from wavegym.core.capabilities import (
     MeasurementObservation,
     MostInformation,
     SequencePlan,
+    TimedPulses,
 )
 from wavegym.core.costs import trace_cost
 from wavegym.core.decision_makers import makers_by_form
@@ -29,6 +30,7 @@ from wavegym.core.errors import InputError, check_ordered, check_positive, check
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.sensors import range_and_rate
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.recorded_targets import (
@@ -58,7 +60,7 @@ from wavegym.systems.rf_eo.state import (
     received_values,
 )
 from wavegym.targets import MotionModel, constant_turn
-from wavegym.waveforms import SPEED_OF_LIGHT
+from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
@@ -92,6 +94,7 @@ class RfEo(
     DecisionMakers,
     MeasurementObservation,
     PlaysRecordings,
+    TimedPulses,
 ):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
@@ -130,6 +133,7 @@ class RfEo(
     """
 
     terminates = False
+    chooses_prf = True
 
     horizon: int = parameter(1000, "steps in an episode", ge=1, le=1_000_000)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
@@ -324,6 +328,28 @@ class RfEo(
     @cached_property
     def _weights(self) -> Array:
         return np.array(self.weights)
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """A train at each PRF of the library: of pulses of ``duty`` with folding, else of 1/B, the shortest."""
+        return {
+            f"{prf:.4g} Hz": PulseTiming(
+                duration=self.duty / prf if self.folding else 1.0 / self.bandwidth[1],
+                carrier_hz=self.carrier_hz,
+                interval=1.0 / prf,
+                count=self.fft_length,
+            )
+            for prf in self.action_set.levels[0]
+        }
+
+    def target_ranges(self, world: World) -> Array:
+        """Of every target at every platform, (env, target, step, platform, 2)."""
+        truth, found = self.initial(world).truth, []
+        for k in range(self.horizon + 1):
+            found.append(range_and_rate(truth.targets[:, :, None, [0, 2, 1, 3]], np.array(self.platforms)))
+            if k < self.horizon:
+                truth = self.move(truth, np.full(len(truth.targets), k), world)
+        return np.stack(found, axis=2)
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
