@@ -95,7 +95,8 @@ def settings_to_sweep(system: System, bases: Sequence[str], recorded: Sequence[S
     """All settings for a system, those on record first, then those of least work.
 
     ``rollout:H`` and ``receding-horizon`` with every base, several depths and, where outcomes are random, numbers of
-    futures, the most of them with a gain of two standard errors; where set-ups take time first actions are also held; ``lookahead:H``; ``plan-once``.
+    futures, the most of them with a gain of two standard errors; where set-ups take time first actions are also held;
+    ``lookahead:H``; ``plan-once``.
     """
     depths = [depth for depth in DEPTHS if depth < system.horizon] or [system.horizon]
     futures = FUTURES if np.prod(system.outcome_shape) else (1,)
