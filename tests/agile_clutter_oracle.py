@@ -37,6 +37,16 @@ def unit_covariance(kind, shape, duration, signed_sweep, fc=10.4e9, rise=0.05):
     return gamma @ np.linalg.inv(J) @ gamma.T
 
 
+def train_covariance(C, count, interval, fc=10.4e9):
+    """C of a coherent train of pulses with C (2, 2) each and 1/count of the energy.
+
+    Times of arrival vary between the pulses by interval^2 (count^2 - 1) / 12, which informs on Doppler alone.
+    """
+    J = np.linalg.inv(C)
+    J[1, 1] += interval**2 * np.var(np.arange(count)) * (4 * np.pi * fc / LIGHT) ** 2
+    return np.linalg.inv(J)
+
+
 def measure(x, site):
     """h(x) = (r, rdot), receding positive."""
     d = x[:2] - site

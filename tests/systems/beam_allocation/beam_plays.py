@@ -10,7 +10,8 @@ from wavegym.systems.beam_allocation.system import BeamAllocation
 SYSTEM = BeamAllocation()
 JPDA = BeamAllocation(tracker="jpda")  # whose step is the oracle's
 TARGET = np.repeat(np.arange(3), 2)  # target of each of a sensor's six choices
-CHIRPS = np.array([plain.unit_covariance("pfm", 3.0, *chirp) for chirp in ((50e-6, 40e6), (2e-3, 1e6))])
+CHIRP, PULSE = (plain.unit_covariance("pfm", 3.0, *chirp) for chirp in ((50e-6, 40e6), (6.25e-6, 1e6)))
+CHIRPS = np.array([CHIRP, plain.train_covariance(PULSE, 8, 250e-6)])
 
 
 def choices(action):

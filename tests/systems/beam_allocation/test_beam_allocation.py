@@ -116,7 +116,8 @@ def test_registered_and_honest():
     check_env(gym.make(ID, disable_env_checker=True).unwrapped, skip_render_check=True)
     for k, one, _ in oracles.in_step(gym.make(ID), gym.make_vec(ID, 3), 60):
         assert one[2:4] == (k == 60, False)
-    assert SYSTEM.actions.labels[8] == "target 1: PFM3 up 2 ms 1 MHz | target 2: PFM3 up 50 us 40 MHz"
+    train = "target 1: 8 x (PFM3 up 6.25 us 1 MHz) every 250 us"
+    assert SYSTEM.actions.labels[8] == f"{train} | target 2: PFM3 up 50 us 40 MHz"
 
 
 @pytest.mark.slow
@@ -134,7 +135,7 @@ def test_does_what_gymnasiums_vector_environment_does():
         ({"births": (0, 0)}, "expected 3 steps"),
         ({"horizon": 61}, "horizon is 61 steps.*nearest: 60"),
         ({"spread": (-1.0, 0.0, 0.0, 0.0)}, "spread.0 is -1.0, expected a finite number >= 0"),
-        ({"durations": (1e-4,)}, r"durations is \(0.0001,\), sweeps is .*, counts is \(1, 1\), expected one of each"),
+        ({"durations": (1e-4,)}, r"durations is \(0.0001,\), sweeps is .*, counts is \(1, 8\), expected one of each"),
         ({"windows": ((3, 0, 5),)}, r"target of hidden window \(3, 0, 5\) is 3.*nearest: 2"),
         ({"windows": ((0, 50, 60),)}, r"last step of hidden window \(0, 50, 60\) is 60.*nearest: 59"),
         ({"windows": ((0, -1, 5),)}, r"first step of hidden window .* is -1.*nearest: 0"),

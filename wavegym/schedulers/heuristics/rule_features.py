@@ -128,14 +128,14 @@ class RuleFeatures:
         return self._share(name, belief, made)
 
     def _share(self, name: str, belief: Any, made: dict[str, Array]) -> Array:
-        """Logarithm of a gain per step and mean cost."""
+        """Logarithm of a gain per step and mean cost; a look that may raise the cost counts as no gain."""
         parts = name.removeprefix("log10_").split("_")
         if parts[0] == "hold":
             gain, steps = self._hold(belief, int(parts[1])), int(parts[1])
         else:
             wait, steps = int(parts[1]), int(parts[2])
             gain = self.system.gain(belief, self._delay(belief, made) + wait, steps)
-        return np.log10(gain / (self._mean_cost(belief, made)[:, None] * steps) + FLOOR)
+        return np.log10(np.maximum(gain, 0.0) / (self._mean_cost(belief, made)[:, None] * steps) + FLOOR)
 
     def _hold(self, belief: Any, steps: int) -> Array:
         if offers(self.system, GainByTarget):

@@ -41,8 +41,9 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         Motion, measurements, clutter and tracker are those of wavegym/AgileClutter-v0. A beam illuminates one target: a
         sensor can detect only the target in its beam, and opens only that target's gate. The radars see the targets at
         right angles: each resolves another direction, and a target needs both. The receivers' memory limits the
-        time-bandwidth product: a short, wide chirp measures range well, a long, narrow one range-rate. A radar that is
-        deaf while it sends could not receive the long one from these ranges (``counts`` makes a train of it). Targets
+        product of bandwidth and dwell: a single wide chirp measures range well, a coherent train of eight narrow pulses
+        of the same energy range-rate. The train's range-rates fold, but a fold lies outside the gates, so a return has
+        one meaning only; the tracker needs no fold hypotheses. Every pulse ends before the nearest echo comes. Targets
         hide behind hills that are on the map, at times known from the beginning; a beam at a hidden target receives no
         return and opens no gate. For the cost one step ahead the range of the least known target matters most; over
         several steps, velocities and the target about to hide.
@@ -83,13 +84,13 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     prior_variance: PositiveState = changed_default(AgileClutter, "prior_variance", (100.0, 100.0, 25.0, 25.0))
     clutter_density: float = changed_default(AgileClutter, "clutter_density", 1e-5)
     laws: tuple[str, ...] = changed_default(AgileClutter, "laws", ("pfm:3",))
-    durations: tuple[Positive, ...] = parameter((50e-6, 2e-3), "duration of each chirp", unit="s")
+    durations: tuple[Positive, ...] = parameter((50e-6, 6.25e-6), "duration of each pulse", unit="s")
     sweeps: tuple[Positive, ...] = parameter(
         (40e6, 1e6),
         "sweep of each chirp, as many as durations; every law with every pair, rising, can be sent at every target",
         unit="Hz",
     )
-    counts: tuple[Count, ...] = parameter((1, 1), "number of coherent pulses of each chirp, as many as durations")
+    counts: tuple[Count, ...] = parameter((1, 8), "number of coherent pulses of each chirp, as many as durations")
     interval: float = parameter(250e-6, "time between the pulses of a train", unit="s", gt=0)
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
