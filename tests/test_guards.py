@@ -317,6 +317,10 @@ GOOD: dict[str, dict[str, Argument]] = {
     },
     "pulse_timings": {"waveforms": given_as((CHIRP,)), "carrier_hz": positive(1e10)},
     "time_left": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
+    "check_time_on_target": {
+        "timings": given_as({"a": TIMING}), "step": positive(3.0),
+        "farthest": non_negative(10.0),
+    },
     "check_dwells": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
     "ambiguity": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2)), "dopplers": finite(np.zeros(2))},
     "zero_delay_cut": {"waveform": given_as(CHIRP), "dopplers": finite(np.zeros(2))},

@@ -20,6 +20,7 @@ from wavegym.waveforms import (
     TrapezoidChirp,
     Waveform,
     check_dwells,
+    check_time_on_target,
     time_left,
     transmitted_interval,
 )
@@ -171,6 +172,20 @@ def test_velocity_blind_zones_are_those_that_fold_into_the_notch(v, notch):
     phase = np.angle(np.exp(2j * np.pi * v / own.unambiguous_velocity)) / (2 * np.pi) * own.unambiguous_velocity
     if abs(abs(phase) - notch) > 1e-9:
         assert ((zones[:, 0] < v) & (v < zones[:, 1])).any() == (abs(phase) < notch)
+
+
+def test_a_pulse_longer_than_the_step_is_refused():
+    single = PulseTiming(duration=0.2, carrier_hz=1e10)
+    train = PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=900)
+    check_time_on_target({"a": single, "b": train}, 1.0)
+    check_time_on_target({"a": single}, 0.2 + 1.0, farthest=0.5 * C)  # an echo after 1 s
+    with pytest.raises(InputError, match=r"^a takes 0\.2 s, expected at most the step, 0\.1 s \(nearest: 0\.1 s\)$"):
+        check_time_on_target({"a": single}, 0.1)
+    with pytest.raises(InputError, match=r"^b takes 0\.89901 s, .* \(nearest: 500 pulses\)$"):
+        check_time_on_target({"b": train}, 0.5)
+    check_time_on_target({"b": PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=500)}, 0.5)
+    with pytest.raises(InputError, match="nearest: 0 s"):
+        check_time_on_target({"a": single}, 0.1, farthest=0.5 * C)
 
 
 def test_a_time_budget():

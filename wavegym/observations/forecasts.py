@@ -72,6 +72,7 @@ class Forecasts:
             for n, (wait, steps) in enumerate(LOOKS):
                 gains[..., n] = self.system.gain(belief, delay + wait, steps)
             gains /= mean[..., None] * SPANS
+            np.maximum(gains, 0.0, out=gains)  # a look that finds nothing may raise the cost
             gains += FLOOR
             np.log10(gains, out=gains)
             values[..., 1 + len(LOOKS)] = np.log1p(delay)

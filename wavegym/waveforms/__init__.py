@@ -82,7 +82,14 @@ from wavegym.waveforms.library import gaussian_chirp_library, measurement_covari
 from wavegym.waveforms.numeric import numeric_fisher_information
 from wavegym.waveforms.picture import plot_ambiguity
 from wavegym.waveforms.pulse_train import PulseTrain
-from wavegym.waveforms.timing import PulseTiming, check_dwells, pulse_timings, time_left, transmitted_interval
+from wavegym.waveforms.timing import (
+    PulseTiming,
+    check_dwells,
+    check_time_on_target,
+    pulse_timings,
+    time_left,
+    transmitted_interval,
+)
 from wavegym.waveforms.trapezoid import (
     ChirpLaw,
     TrapezoidChirp,
@@ -104,6 +111,7 @@ __all__ = [
     "Waveform",
     "ambiguity",
     "check_dwells",
+    "check_time_on_target",
     "chirp_law",
     "chirp_measurement_covariance",
     "chirp_rate_for_sweep",

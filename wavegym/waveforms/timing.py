@@ -7,7 +7,7 @@ Processing, 2nd ed. 2014, chapter 5. ``docs/waveform_timing.md`` derives each qu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -224,6 +224,28 @@ def pulse_timings(waveforms: Iterable[Waveform], carrier_hz: float) -> dict[str,
     """The timing of every waveform (``PulseTiming.of``) by its label. Carrier in Hz; errors are those of the class."""
     timed = [(PulseTiming.of(waveform, carrier_hz), waveform) for waveform in waveforms]
     return {waveform.label: timing for timing, waveform in timed}
+
+
+def check_time_on_target(timings: Mapping[str, PulseTiming], step: float, farthest: float = 0.0) -> None:
+    """Check that every pulse or train fits into a step.
+
+    Args:
+        timings: of the pulses, by label.
+        step: time between two decisions, s, > 0.
+        farthest: range whose echo counts too, m, >= 0; 0: the transmission alone.
+
+    Raises:
+        InputError: a value out of range; or the first pulse that takes longer, its time, and what fits.
+    """
+    check_positive("step", step, "s")
+    for label, timing in timings.items():
+        time = timing.time_on_target(farthest)
+        if time > step:
+            spare = step - farthest / _HALF_C - timing.duration
+            fits = f"{max(spare + timing.duration, 0.0):.6g} s"
+            if timing.interval is not None and spare >= 0.0:
+                fits = f"{1 + int(spare / timing.interval)} pulses"
+            raise InputError(f"{label} takes {time:.6g} s, expected at most the step, {step!r} s (nearest: {fits})")
 
 
 def time_left(dwells: ArrayLike, step: ArrayLike, switching: ArrayLike = 0.0) -> FloatArray:

@@ -13,6 +13,7 @@ from scipy.stats import kstest
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
+from wavegym.observations.forecasts import Forecasts
 from wavegym.schedulers.heuristics.index_policies import CostOfDelay
 from wavegym.sensors import Antenna
 from wavegym.systems.sector_setup.city import SectorSetupCity, spread_places
@@ -254,6 +255,14 @@ def test_gain_is_what_a_look_takes_off_the_costs_to_come():
             here, there = (SYSTEM.predict(b, np.full(10, 2)) for b in dark)
         np.testing.assert_allclose(gain[:, c], total, rtol=1e-9, atol=1e-6)
     assert (gain[:, :2] > 0).any()
+
+
+def test_forecasts_are_finite_where_a_look_may_raise_the_cost():
+    _, belief = wide(SYSTEM, 200)
+    belief = belief._replace(looked=np.full(200, -1))
+    assert min(SYSTEM.gain(belief, 0, ahead).min() for ahead in (4, 8, 16, 40)) < 0.0
+    with np.errstate(invalid="raise"):
+        assert np.isfinite(Forecasts(SYSTEM)(belief)).all()
 
 
 def test_a_batch_is_its_elements_bit_for_bit():

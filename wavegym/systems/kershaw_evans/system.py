@@ -54,7 +54,7 @@ from wavegym.targets.recorded_paths import recorded_paths
 from wavegym.trackers import predict, predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
-from wavegym.waveforms import PulseTiming, pulse_timings
+from wavegym.waveforms import PulseTiming, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
 DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
@@ -185,6 +185,7 @@ class KershawEvans(
             )
         self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
         self.action_set.covariances, self.actions  # noqa: B018  (an invalid pulse is reported here)
+        check_time_on_target(self.timings, self.dt)
         self._check_precision()
         self._paths  # noqa: B018  (an invalid recording is reported here)
 
