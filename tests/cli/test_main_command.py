@@ -154,7 +154,7 @@ def test_play_writes_a_frame_before_and_after_each_step(tmp_path, capsys):
 
 def test_a_policy_trained_elsewhere_is_played_with_a_line_of_warning(capsys):
     folder = FOLDER / "RfEoFar" / "ppo"
-    assert main(["play", "RfEo-v0", "--policy", str(folder), "--set", "horizon=3"]) == 0
+    assert main(["play", "RfEo-v0", "--policy", str(folder), "--set", "horizon=3", "--set", "prf=(2e3, 1e5)"]) == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
     (line,) = lines
     assert "was trained in wavegym/RfEoFar-v0, not in wavegym/RfEo-v0; parameters that differ: horizon=3" in line
