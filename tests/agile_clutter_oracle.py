@@ -115,13 +115,29 @@ def predicted(system, k, mean, covariance):
     return x, P
 
 
+def seen(system, C, r):
+    """(N, Pd) of a pulse's echo from range r; N is None where less than 2 % of its energy is visible.
+
+    C (2, 2) at unit SNR, of a pulse that is never cut; or C(r), the visible share and C at unit SNR of the whole pulse.
+    """
+    share, own = C(r) if callable(C) else (1.0, C)
+    eta, whole = strength(system, r)
+    if share == 1.0:
+        return own / eta, whole
+    return (own / eta, system.false_alarm ** (1 / (1 + share * eta))) if share >= 0.02 else (None, 0.0)
+
+
 def expected_scan(system, site, C, x, P, here):
-    """Per target: predicted measurement, S = Pzz + C / eta and Pd at the predicted range, cross-covariance."""
+    """Per target: predicted measurement, S = Pzz + C / eta and Pd at the predicted range, cross-covariance.
+
+    ``here`` no longer has the targets whose echo is predicted to be cut away.
+    """
     z, S, G, pd = np.zeros((len(x), 2)), np.tile(np.eye(2), (len(x), 1, 1)), np.zeros((len(x), 4, 2)), np.zeros(len(x))
     for t in np.flatnonzero(here):
         z[t], S[t], G[t] = unscented(x[t], P[t], site)
-        eta, pd[t] = strength(system, z[t, 0])
-        S[t] = S[t] + C / eta
+        N, pd[t] = seen(system, C, z[t, 0])
+        here[t] = N is not None
+        S[t] = S[t] + (N if here[t] else 0.0)
     return z, S, G, pd
 
 
@@ -148,17 +164,20 @@ def jpda(system, scan, x, P, z, S, G, pd, here):
         P[t] = P[t] - (1 - beta[0]) * K @ S[t] @ K.T + K @ spread @ K.T
 
 
-def received(system, world, e, k, i, site, C, truth, z, S, here):
-    """Returns inside a gate, number of detections, number of returns outside their own target's gate (target,)."""
-    scan, outside, detections = [], np.zeros(len(truth), int), 0
+def received(system, world, e, k, i, site, C, truth, z, S, here, lit=None):
+    """Returns inside a gate, number of detections, number of returns outside their own target's gate (target,).
+
+    lit: targets with a gate, by default those that are here.
+    """
+    scan, outside, detections, lit = [], np.zeros(len(truth), int), 0, here if lit is None else lit
     for t in np.flatnonzero(here):
         h = measure(truth[t], site)
-        eta, pd = strength(system, h[0])
+        N, pd = seen(system, C, h[0])
         if world.detection[e, k - 1, i, t] < pd:
             detections += 1
-            point = h + np.linalg.cholesky(C / eta) @ world.error[e, k - 1, i, t]
-            inside = [here[s] and distances(point[None], z[s], S[s])[0] <= system.gate**2 for s in range(len(truth))]
-            outside[t] += not inside[t]
+            point = h + np.linalg.cholesky(N) @ world.error[e, k - 1, i, t]
+            inside = [lit[s] and distances(point[None], z[s], S[s])[0] <= system.gate**2 for s in range(len(truth))]
+            outside[t] += lit[t] and not inside[t]
             if any(inside):
                 scan.append(point)
     return scan, detections, outside
@@ -172,13 +191,15 @@ def step(system, world, e, belief, path, C):
     truth = np.array([path[t, k - birth if here[t] else 0] for t, birth in enumerate(system.births)])
     outside, detections, clutter = np.zeros(len(x), int), 0, 0
     for i, site in enumerate(np.array(system.sensors)):
-        z, S, G, pd = expected_scan(system, site, C[i], x, P, here)
-        scan, seen, missed = received(system, world, e, k, i, site, C[i], truth, z, S, here)
+        lit = here.copy()
+        z, S, G, pd = expected_scan(system, site, C[i], x, P, lit)
+        scan, found, missed = received(system, world, e, k, i, site, C[i], truth, z, S, here, lit)
         L = np.linalg.cholesky(S)
         key = np.uint64(stream(np.uint64(stream(world.key[e], k)), i))
-        false, count = add_clutter(key, z, L, here, system.gate, system.clutter_density, np.empty((64, 2)), 0)
-        jpda(system, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, here)
-        detections += seen
+        false, count = add_clutter(key, z, L, lit, system.gate, system.clutter_density, np.empty((64, 2)), 0)
+        if lit.any():
+            jpda(system, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, lit)
+        detections += found
         if i == 0 or system.counts_every_sensor:  # the first one illuminates all targets
             outside, clutter = outside + missed, clutter + count
     for t, birth in enumerate(system.births):
@@ -195,8 +216,9 @@ def predicted_after(system, step, mean, covariance, C, outcome=None):
     here = np.array(present(system, step + 1))
     x, P = predicted(system, step + 1, mean, covariance)
     for i, site in enumerate(np.array(system.sensors)):
-        _, S, G, pd = expected_scan(system, site, C[i], x, P, here)
-        for t in np.flatnonzero(here):
+        lit = here.copy()
+        _, S, G, pd = expected_scan(system, site, C[i], x, P, lit)
+        for t in np.flatnonzero(lit):
             q2 = information_reduction(pd[t], system.clutter_density * 16 * np.pi * np.sqrt(np.linalg.det(S[t])))
             if outcome is not None:
                 q2 = q2 / pd[t] if outcome[i, t] else 0.0

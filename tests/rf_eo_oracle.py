@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import oracles
 from scipy.linalg import block_diag
+from scipy.stats import norm
 
 getcontext().prec = 80  # also where a narrow posterior is 1e-20 of a wide prior
 
@@ -163,8 +164,92 @@ def expected(system, x, P, settings):
     return x, P, C[far].reshape(-1, 4), R[far].ravel()
 
 
+def widths_of(system, p):
+    """c / (2 PRF) and lambda PRF / 2, the intervals in which range and range-rate fold."""
+    return LIGHT / (2 * p[0]), LIGHT / system.carrier_hz * p[0] / 2
+
+
+def hidden_zones(system, p):
+    """Half widths of what is not seen around whole intervals: half a pulse's length, and the notch."""
+    return LIGHT * system.duty / p[0] / 2, system.notch
+
+
+def outside(mean, sigma, width, half):
+    """The probability that a Gaussian is farther than ``half`` from every multiple of ``width``."""
+    centres = width * (np.round(mean / width) + np.arange(-300, 301))
+    return 1 - (norm.cdf((centres + half - mean) / sigma) - norm.cdf((centres - half - mean) / sigma)).sum()
+
+
+def single_fold(s, width):
+    """The probability that of a prediction's folds one alone lies within 4 deviations: |y| < W - 4 sigma."""
+    return 1.0 if width >= 8 * np.sqrt(s) else max(0.0, 2 * norm.cdf(width / np.sqrt(s) - 4) - 1)
+
+
+def predict_folded(system, x, P, settings):
+    """The expected covariance, row by row: a row counts where it is seen and its fold is certain."""
+    x, P = predict(system, x, P)
+    h, C = stacked(system, x)
+    prior, share, rows = P.copy(), 0.0, []
+    for j, p in enumerate(settings):
+        if h[j, 0] < system.nearest_range:
+            continue
+        spread = np.einsum("qa,ab,qb->q", C[j], prior, C[j])
+        R = plain_variances(system, p)
+        R[2] += penalties(system, h[j], p, system.margin * np.sqrt(spread))[2]
+        seen = 1.0
+        for q, (width, half) in enumerate(zip(widths_of(system, p), hidden_zones(system, p), strict=True)):
+            seen *= outside(h[j, q], np.sqrt(spread[q]), width, half)
+        for q, width in enumerate((*widths_of(system, p), np.inf)):
+            certain = seen if q < 2 else 1.0
+            rows.append((q < 2, C[j, q], R[q], certain, width))
+            used = certain * single_fold(spread[q] + R[q], width)
+            share += used * spread[q] / (spread[q] + R[q] - used * spread[q])
+    for _, row, R, certain, width in sorted(rows, key=lambda r: r[0]):  # azimuths first
+        v = P @ row
+        s = row @ v + R
+        P = P - certain * single_fold(s, width) * np.outer(v, v) / s
+    return Foreseen(x, P, share)
+
+
+def folds_in_gate(z, h, S, widths, gate=4.0, most=40):
+    """Fold numbers (n, m) of all hypotheses within the gate of a quantity or a pair; the nearest one where none is."""
+    centre = [round(float((b - a) / w)) for a, b, w in zip(z, h, widths, strict=True)]
+    grids = np.meshgrid(*(c + np.arange(-most, most + 1) for c in centre), indexing="ij")
+    numbers = np.stack([g.ravel() for g in grids], axis=1)
+    y = z + numbers * np.asarray(widths) - h
+    distance = np.einsum("na,ab,nb->n", y, np.linalg.inv(S), y)
+    inside = distance <= gate**2
+    return numbers[inside] if inside.any() else numbers[[distance.argmin()]]
+
+
+def unfold(system, x, P, readings, R, settings):
+    """Readings without folds, NaN where a fold is not certain: all hypotheses are listed, and share it or not.
+
+    Azimuths count first; what is certain narrows the prediction, by whole matrices, until nothing more is.
+    """
+    h, C = stacked(system, x)
+    got = np.where(np.arange(3) == 2, readings, np.nan)
+    while True:
+        before = got.copy()
+        for j, p in enumerate(settings):
+            mean, cov = gauss_newton(system, x, P, got, R, 1)
+            waits = [q for q in range(2) if np.isnan(got[j, q]) and not np.isnan(readings[j, q])]
+            if not waits:
+                continue
+            at, rows = h[j, waits] + C[j, waits] @ (mean - x), C[j, waits]
+            widths = np.array(widths_of(system, p))[waits]
+            numbers = folds_in_gate(readings[j, waits], at, rows @ cov @ rows.T + np.diag(R[j, waits]), widths)
+            for column, q in enumerate(waits):
+                if (numbers[:, column] == numbers[0, column]).all():
+                    got[j, q] = readings[j, q] + numbers[0, column] * widths[column]
+        if np.array_equal(before, got, equal_nan=True):
+            return got
+
+
 def predict_ahead(system, x, P, settings):
     """The prediction of one target under settings."""
+    if system.folding:
+        return predict_folded(system, x, P, settings)
     x, P, C, R = expected(system, x, P, settings)
     return Foreseen(x, posterior(P, C, R).astype(float), float(np.trace(exact(P) @ information(C, R))))
 
@@ -266,8 +351,15 @@ def readings_of(system, truth, predicted, settings, error):
         if system.out_of_view == "inflated":
             sent, there = plain + penalties(system, q, p), np.full(3, True)
             R[j] = plain + penalties(system, measure(system, predicted, j), p)
+        value = q + np.sqrt(sent) * error[j]
+        if system.folding:
+            widths, halves = widths_of(system, p), hidden_zones(system, p)
+            off = [abs(a - w * round(a / w)) for a, w in zip(q, widths, strict=False)]
+            there[:2] = all(d >= half for d, half in zip(off, halves, strict=True))
+            value[0] %= widths[0]
+            value[1] = (value[1] + widths[1] / 2) % widths[1] - widths[1] / 2
         if min(q[0], measure(system, predicted, j)[0]) >= system.nearest_range:
-            y[j] = np.where(there, q + np.sqrt(sent) * error[j], np.nan)
+            y[j] = np.where(there, value, np.nan)
     return y, R
 
 
@@ -279,13 +371,16 @@ def step(system, truth, x, P, settings, process, error):
     """
     truth, (x, P) = move(system, truth, process), predict(system, x, P)
     y, R = readings_of(system, truth, x, settings, error)
+    received = int((~np.isnan(y)).sum())
+    if system.folding:
+        y = unfold(system, x, P, y, R, settings)
     used = np.where(np.isnan(y), np.nan, R)
     again = system.iterations > 1 and bends(x, P, stacked(system, x)[0], used)
     mean, cov = gauss_newton(system, x, P, y, R, system.iterations if again else 1, 1e-3)
     still = again and bends(mean, cov, stacked(system, mean)[0], used)
     if still:
         mean, cov = regressed(system, x, P, y, R, mean, cov, 1e-3)
-    return Step(truth, mean, cov, int((~np.isnan(y)).sum()), still)
+    return Step(truth, mean, cov, received, still)
 
 
 def nees(truth, mean, P):

@@ -28,6 +28,7 @@ from wavegym.systems.rf_eo.system import RfEo
 TRACKERS = ()  # the user has no choice of tracker
 PUBLISHED, FAR = "published", "far"
 SCENES: dict[str, type[RfEo]] = {PUBLISHED: RfEo, FAR: RfEoFar}
+VANISHING: dict[str, Any] = {"folding": False, "prf": RfEo.prf}  # as in the paper, echoes do not fold
 PROPOSED, CONSTANT, CYCLE = "fixed:proposed", "tuned-constant", "tuned-cycle"
 ADAPTIVE, INFORMATION = "myopic", "myopic-information"
 MARGIN = {PUBLISHED: "myopic-margin:2", FAR: "myopic-margin:0"}  # the other margin than the scene's own
@@ -145,8 +146,10 @@ def play(
 
 def system(case: Case) -> RfEo:
     """The closed loop that a case is played in."""
-    scene, penalty = SCENES[case.scene], cast("Penalty", case.penalty)
-    return scene(penalty=penalty, horizon=case.horizon) if case.horizon else scene(penalty=penalty)
+    given: dict[str, Any] = {**VANISHING, "penalty": cast("Penalty", case.penalty)}
+    if case.horizon:
+        given["horizon"] = case.horizon
+    return SCENES[case.scene](**given)
 
 
 def _tuned(case: Case, seeds: Sequence[int]) -> Array:

@@ -142,7 +142,7 @@ KALMAN = (
 )
 RF_EO = (
     "BestAction DecisionMakers FusedTransition LinearCost Margin MeasurementObservation MostInformation "
-    "RecordedTargets SequencePlan"
+    "RecordedTargets SequencePlan TimedPulses"
 )
 OFFERED = {
     "KershawEvans": KALMAN,
@@ -150,8 +150,8 @@ OFFERED = {
     "AgileClutter": "BestAction DecisionMakers FusedTransition LinearCost RecordedTargets SensorBySensor TimedPulses",
     "RfEo": RF_EO,
     "RfEoFar": RF_EO,
-    "Urban": "DecisionMakers",
-    "UrbanSignal": "DecisionMakers",
+    "Urban": "DecisionMakers TimedPulses",
+    "UrbanSignal": "DecisionMakers TimedPulses",
     "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetup": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetupCity": "Delay FusedTransition Gain LinearCost MeasurementObservation",

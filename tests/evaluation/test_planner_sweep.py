@@ -35,7 +35,8 @@ def test_the_settings_go_over_depth_futures_and_base():
     listed = settings_to_sweep(DelaySystem(horizon=60), list(BASES))
     rollouts = [s for s in listed if s.planner.startswith("rollout")]
     assert {s.depth for s in rollouts} == {5, 10, 20, 40}
-    assert {s.settings["futures"] for s in rollouts} == {4, 16, 32}
+    assert {s.settings["futures"] for s in rollouts} == {4, 16, 32, 64}
+    assert all(s.settings.get("errors", 1.0) == (2.0 if s.settings["futures"] == 64 else 1.0) for s in rollouts)
     assert {s.base for s in rollouts} == set(BASES)
     assert {tuple(s.settings["holds"]) for s in rollouts} == {(1,), (1, 4)}
     families = {s.planner.partition(":")[0] for s in listed}

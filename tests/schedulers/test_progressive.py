@@ -11,12 +11,14 @@ import pytest
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, Progressive
 from wavegym.schedulers.registry import is_scheduler, make_policy
+from wavegym.sensors.eclipsing import NEVER_CUT
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
 BOX, LIBRARY = AgileClutter(action="box"), AgileClutter()
 WIDE = AgileClutter(action="box", tracker="jpda")  # beliefs so wide that settings differ
 STEPS = (0, 3, 7, 12, 24)
+WHOLE = NEVER_CUT[None]  # all targets are beyond the blind ranges
 SENSOR = ((3e3, -16e3),)
 
 
@@ -56,9 +58,9 @@ def test_it_finds_what_a_fine_grid_finds(beliefs):
     for belief in beliefs:
         targets = BOX.predicted_targets(belief)
         for i in range(2):
-            cost = BOX.sensor_costs(targets, i, C[None])
+            cost = BOX.sensor_costs(targets, i, C[None], WHOLE.repeat(len(C), 1))
             if i == 0:
-                targets = BOX.after_sensor(targets, 0, C[cost.argmin(axis=1)])
+                targets = BOX.after_sensor(targets, 0, C[cost.argmin(axis=1)], WHOLE[0].repeat(len(cost), 0))
         best = cost.min(axis=1)
         found = predicted(BOX, belief, chosen(BOX, belief))
         np.testing.assert_array_less(found, best * 1.01)

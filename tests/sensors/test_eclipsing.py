@@ -15,6 +15,7 @@ from scipy.stats import norm
 from wavegym.core.errors import InputError
 from wavegym.sensors import EclipsedLibrary, EclipsedPulse, eclipse_tables
 from wavegym.sensors import eclipsing_kernels as kernels
+from wavegym.sensors.eclipsing import NEVER_CUT
 from wavegym.waveforms import FisherFactors, GaussianChirp, PulseTrain, TrapezoidChirp, Waveform
 
 C, CARRIER = 299792458.0, 10e9
@@ -248,6 +249,24 @@ def test_kernels_take_continuous_parameters():
     want = EclipsedPulse(HFM).fisher_factors(C / 2 * 2e-5)
     assert got[1:] == pytest.approx((float(want.residual), float(want.slope), float(want.spread)), rel=1e-12)
     assert isinstance(want, FisherFactors)
+
+
+def test_windows_say_where_the_pulse_is_whole():
+    """Of single pulses and trains, near and folded: whole exactly where no energy is missing."""
+    train = PulseTrain(TrapezoidChirp(kind="pfm", duration=20e-6, sweep=1e6), count=8, interval=150e-6)
+    entries = [EclipsedPulse(TrapezoidChirp(kind="lfm", duration=50e-6, sweep=4e6)), EclipsedPulse(train)]
+    library, r = EclipsedLibrary(entries), np.linspace(0.0, 60e3, 1999)
+    for w in range(2):
+        share = library.visible_share(w, r)
+        whole = np.array([kernels.is_whole(library.windows, w, 2.0 * x / C) for x in r])
+        assert 100 < whole.sum() < 1999
+        assert (share[whole] > 1.0 - 1e-12).all()
+        assert (share[~whole] < 1.0).all()
+        x = r[~whole][5]
+        got = kernels.windowed_covariance(library.tables, library.windows, w, x, 10e9)
+        want = library.measurement_covariance(w, x, 10e9)
+        np.testing.assert_array_equal(got, [library.visible_share(w, x), want[0, 0], want[0, 1], want[1, 1]])
+    assert all(kernels.is_whole(NEVER_CUT, 0, delay) for delay in (0.0, 1e-6, 1.0))
 
 
 @given(range_m=st.floats(0, 2e4))

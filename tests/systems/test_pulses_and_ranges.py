@@ -22,11 +22,18 @@ TIMED = [id for id in SYSTEMS if offers(make_task(id, {}).system, TimedPulses)]
 
 
 def impossible(system):
-    """Pulses whose echo the radar's own transmission cuts, or whose range folds, somewhere in the scenario."""
+    """Pulses whose echo the radar's own transmission cuts, or whose range folds, somewhere in the scenario.
+
+    Where the PRF is chosen, one of them has to see the nearest target; folds are the system's own matter.
+    """
     (nearest, _), (farthest, _) = target_extent(system)
-    timings = system.timings.items()
+    blind = {label: 0.0 if system.bistatic else timing.blind_range for label, timing in system.timings.items()}
+    if system.chooses_prf:
+        return [] if min(blind.values()) <= nearest else list(blind)
     return [
-        label for label, timing in timings if not timing.blind_range <= nearest <= farthest <= timing.unambiguous_range
+        label
+        for label, timing in system.timings.items()
+        if not blind[label] <= nearest <= farthest <= timing.unambiguous_range
     ]
 
 
@@ -75,6 +82,29 @@ def test_folds_of_the_trains_range_rates_lie_outside_the_gates(policy):
             looks += len(e)
         state = system.transition(state, action, worlds)
     assert looks > 800
+
+
+def test_receivers_of_the_street_are_antennas_of_their_own_and_its_range_rates_do_not_fold():
+    system = make_task("Urban-v0", {}).system
+    assert system.bistatic
+    assert all(out != back for out in system.transmitters for back in system.receivers)
+    (_, slowest), (_, fastest) = target_extent(system)
+    assert len(system.timings) == 4
+    for timing in system.timings.values():
+        assert max(-slowest, fastest) < timing.unambiguous_velocity / 2
+    world, scan = draw_worlds(system, world_seeds(0, "test", 2)), 45
+    state = system.initial(world)
+    for _ in range(scan):
+        state = system.transition(state, np.zeros(2, np.int64), world)
+    before = system.truth_model.scene.present[:scan].sum()
+    for t, own in enumerate(np.flatnonzero(state.truth.present[0])):
+        for m, receiver in enumerate(system.receivers):
+            x, rates = state.truth.targets[:, own], []
+            lengths = [np.linalg.norm(x[:, :2] - end, axis=1) for end in (system.transmitters[0], receiver)]
+            for end, length in zip((system.transmitters[0], receiver), lengths, strict=True):
+                rates.append(((x[:, :2] - end) * x[:, 2:4]).sum(axis=1) / length)
+            found = system.target_ranges(world)[:, before + t, m]
+            np.testing.assert_allclose(found, np.stack([sum(lengths), sum(rates)], axis=1) / 2, rtol=1e-12)
 
 
 def test_ranges_are_those_of_the_states():

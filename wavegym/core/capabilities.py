@@ -210,12 +210,14 @@ class SensorBySensor(Capability, members=("sensor_costs",), shortcut_for=("predi
         """The belief at the time of the next pulse, before any sensor measures."""
 
     @abstractmethod
-    def sensor_costs(self, predicted: Any, sensor: int, C: Array) -> Array:
-        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
+    def sensor_costs(self, predicted: Any, sensor: int, C: Array, windows: Array) -> Array:
+        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR and
+        receive windows (env or 1, candidate, 10), as ``action_set`` gives them.
+        """
 
     @abstractmethod
-    def after_sensor(self, predicted: Any, sensor: int, C: Array) -> Any:
-        """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, before the next sensor's pulse."""
+    def after_sensor(self, predicted: Any, sensor: int, C: Array, windows: Array) -> Any:
+        """The belief after this sensor's pulse, C (env, 2, 2) and window (env, 10), before the next sensor's pulse."""
 
 
 class MeasurementObservation(Capability, members=("measurement_fields", "measured"), shortcut_for=("measure",)):
@@ -275,7 +277,15 @@ class RecordedTargets(Capability, members=("recorded_windows",)):
 
 
 class TimedPulses(Capability, members=("timings", "target_ranges")):
-    """Pulses with a timing, to be held against the targets' ranges and speeds."""
+    """Pulses with a timing, to be held against the targets' ranges and speeds.
+
+    Attributes:
+        bistatic: whether the receivers are antennas of their own, which listen while the transmitter sends.
+        chooses_prf: whether the PRF is chosen, so that a target may be ambiguous or hidden at some of them.
+    """
+
+    bistatic: ClassVar[bool] = False
+    chooses_prf: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -284,7 +294,10 @@ class TimedPulses(Capability, members=("timings", "target_ranges")):
 
     @abstractmethod
     def target_ranges(self, world: Any) -> Array:
-        """Range (m) and range-rate (m/s) of every target, at every sensor and step of its presence, (env, ..., 2)."""
+        """Range (m) and range-rate (m/s) of every target, at every sensor and step of its presence, (env, ..., 2).
+
+        With separate receivers half of the path's length and of its rate.
+        """
 
 
 CAPABILITIES: tuple[type[Capability], ...] = (

@@ -161,13 +161,18 @@ def _timing(system: System) -> str:
             for value in (1e-3 * timing.unambiguous_range, timing.unambiguous_velocity)
         ]
         duty = f"{100 * timing.duration * timing.count / system.dt:.2g}"
-        lengths = f"{1e6 * timing.duration:.4g}", f"{1e-3 * timing.blind_range:.4g}"
+        blind = "none" if system.bistatic else f"{1e-3 * timing.blind_range:.4g}"  # type: ignore[attr-defined]
+        lengths = f"{1e6 * timing.duration:.4g}", blind
         rows.append((alike[0] + others, *lengths, *ambiguous, duty))
     text = (
         f"In {EXTENT_WORLDS} worlds the targets are {1e-3 * nearest:.4g} to {1e-3 * farthest:.4g} km away, at "
         f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. The duration of a pulse holds "
         f"{100 * ENERGY:g} % of its energy. [Waveform timing](../waveform_timing.md) defines the columns."
     )
+    if system.bistatic:  # type: ignore[attr-defined]
+        text += " The receivers are antennas of their own, which listen while the transmitter sends."
+    if system.chooses_prf:  # type: ignore[attr-defined]
+        text += " The PRF is chosen: a target may be ambiguous or hidden at one, and clear at another."
     return f"## Timing\n\n{text}\n\n" + table(TIMING_HEAD, rows)
 
 

@@ -23,6 +23,7 @@ from wavegym.schedulers.registry import planner_builder
 from wavegym.schedulers.rollout import rollout
 
 DEPTHS, FUTURES = (5, 10, 20, 40, 80), (4, 16, 32)
+MANY, DOUBT = 64, 2.0  # futures and standard errors of a cautious planner: of many plans one looks better by chance
 HOLDS = ((1,), (1, 4))
 ROUNDS = (1, 4)
 LOOKAHEADS = (2, 3, 4, 6, 10)
@@ -94,7 +95,8 @@ def settings_to_sweep(system: System, bases: Sequence[str], recorded: Sequence[S
     """All settings for a system, those on record first, then those of least work.
 
     ``rollout:H`` and ``receding-horizon`` with every base, several depths and, where outcomes are random, numbers of
-    futures; where set-ups take time first actions are also held; ``lookahead:H``; ``plan-once``.
+    futures, the most of them with a gain of two standard errors; where set-ups take time first actions are also held;
+    ``lookahead:H``; ``plan-once``.
     """
     depths = [depth for depth in DEPTHS if depth < system.horizon] or [system.horizon]
     futures = FUTURES if np.prod(system.outcome_shape) else (1,)
@@ -103,6 +105,9 @@ def settings_to_sweep(system: System, bases: Sequence[str], recorded: Sequence[S
         for depth in depths:
             for holds in HOLDS if offers(system, Delay) and depth > 4 else HOLDS[:1]:
                 found += [Setting(f"rollout:{depth}", base, {"holds": holds, "futures": count}) for count in futures]
+                if len(futures) > 1:
+                    cautious = {"holds": holds, "futures": MANY, "errors": DOUBT}
+                    found.append(Setting(f"rollout:{depth}", base, cautious))
         for depth in dict.fromkeys((*depths[1:3], system.horizon)):
             found += [
                 Setting("receding-horizon", base, {"depth": depth, "rounds": rounds, "first": 10, "asks": False})

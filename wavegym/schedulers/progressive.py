@@ -42,15 +42,17 @@ class Progressive:
         system = self._system
         predicted, chosen = system.predicted_targets(belief), []
         for i in range(system.action_set.sensors):
-            chirp, C = self._search(predicted, i)
+            chirp, C, windows = self._search(predicted, i)
             chosen.append(chirp)
             if i + 1 < system.action_set.sensors:
-                predicted = system.after_sensor(predicted, i, C)
+                predicted = system.after_sensor(predicted, i, C, windows)
         law, duration, sweep = (np.stack(parts, axis=1) for parts in zip(*chosen, strict=True))
         return system.action_set.encode_chirps(law, duration, sweep)
 
-    def _search(self, predicted: Any, sensor: int) -> tuple[tuple[Array, Array, Array], Array]:
-        """The best chirp for one sensor, (env,) each of law, duration and signed sweep, and its C (env, 2, 2)."""
+    def _search(self, predicted: Any, sensor: int) -> tuple[tuple[Array, Array, Array], Array, Array]:
+        """The best chirp for one sensor, (env,) each of law, duration and signed sweep, its C (env, 2, 2) and receive
+        window (env, 10).
+        """
         action_set, count = self._system.action_set, len(predicted.mean)
         law = np.repeat(np.arange(len(action_set.laws)), 2)  # (group,)
         sign = np.tile([1.0, -1.0], len(action_set.laws))
@@ -67,10 +69,13 @@ class Progressive:
             sweeps = chirp[..., 1] * sign[:, None]
             laws = np.broadcast_to(law[:, None], sweeps.shape)
             C = action_set.chirp_covariance(laws, chirp[..., 0], sweeps)
-            cost = self._system.sensor_costs(predicted, sensor, C.reshape(count, -1, 2, 2)).reshape(sweeps.shape)
+            windows = action_set.chirp_windows(laws, chirp[..., 0], sweeps)
+            flat = C.reshape(count, -1, 2, 2), windows.reshape(count, -1, windows.shape[-1])
+            cost = self._system.sensor_costs(predicted, sensor, *flat).reshape(sweeps.shape)
             best = cost.argmin(axis=2)
             centre = np.take_along_axis(share, best[:, :, None, None], axis=2)[:, :, 0]
             reach *= 2.0 / (self.points - 1)
         group = np.take_along_axis(cost, best[:, :, None], axis=2)[..., 0].argmin(axis=1)
         point = best[rows, group]
-        return (law[group], chirp[rows, group, point, 0], sweeps[rows, group, point]), C[rows, group, point]
+        found = law[group], chirp[rows, group, point, 0], sweeps[rows, group, point]
+        return found, C[rows, group, point], windows[rows, group, point]

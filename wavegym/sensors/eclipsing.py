@@ -38,6 +38,14 @@ class EclipseTables(NamedTuple):
     constants: FloatArray  # (table, 3): centre, slope, greatest density
 
 
+NO_TABLES = EclipseTables(
+    np.zeros((1, 2)), np.zeros((1, 1, 8, 6)), np.zeros((1, 1, 8, 6)), np.zeros((1, 8)), np.zeros((1, 3))
+)
+"""For kernels whose pulses are never cut."""
+NEVER_CUT = np.array([[-1.0, math.inf, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, math.inf, 1.0]])
+"""A row of ``EclipsedLibrary.windows`` for a receiver that is always open."""
+
+
 class EclipsePulses(NamedTuple):
     """Pulses as kernels take them."""
 
@@ -159,6 +167,11 @@ class EclipsedLibrary:
         self.tables = _stacked(shapes)
         self.pulses = EclipsePulses(np.array(index, np.int64), np.array(rows))
 
+    @cached_property
+    def windows(self) -> FloatArray:
+        """Rows of ``receive_windows``, (waveform, 10)."""
+        return receive_windows(self.tables, *self.pulses)
+
     def visible_share(self, waveform: ArrayLike, range_m: ArrayLike) -> FloatArray:
         """f, the share of the echo's energy that the open receiver sees, in [0, 1], (...).
 
@@ -240,6 +253,21 @@ class EclipsedLibrary:
         ):
             raise InputError(f"waveform is {waveform!r}, expected indices in [0, {len(self.pulses[0]) - 1}]")
         return index.astype(np.int64)
+
+
+def receive_windows(tables: EclipseTables, table: NDArray[np.int64], timing: FloatArray) -> FloatArray:
+    """Rows of pulses with their receive windows, as ``eclipsing_kernels.is_whole`` takes them, (..., 10).
+
+    Args:
+        tables: of the pulses' shapes.
+        table: row of the tables, (...).
+        timing: as in ``EclipsePulses``, (..., 7).
+    """
+    first, last, recovery, interval = np.moveaxis(timing[..., 2:6], -1, 0)
+    centre, nodes = tables.constants[table, 0], tables.nodes[table]
+    begins, ends = (timing[..., 0] * (nodes[..., i] + centre) for i in (0, -1))
+    span = interval + first - last - recovery - (ends - begins)
+    return np.concatenate([np.stack([last + recovery - begins, span, table], axis=-1), timing], axis=-1)
 
 
 def _single(waveform: Waveform) -> Waveform:

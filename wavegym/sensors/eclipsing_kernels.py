@@ -179,6 +179,28 @@ def eclipsed_covariance(tables, pulses, w, range_m, carrier):
     return share, R00, R01, R11
 
 
+@inlined
+def is_whole(window, w, delay):
+    """Whether the receiver sees all of the echo of pulse w that arrives ``delay`` (s) after it; ``window`` (w, 10).
+
+    A row: the first delay at which it does, the time from then on for which it does (inf: for ever), then the row of
+    the tables and the pulse's ``timing``. Times repeat with the interval.
+    """
+    late = delay - window[w, 0]
+    return late >= 0.0 and (late <= window[w, 1] or late % window[w, 8] <= window[w, 1])
+
+
+@kernel
+def windowed_covariance(tables, window, w, range_m, carrier):
+    """``eclipsed_covariance`` of the pulse in row w of ``window``."""
+    share, r, b, v = gated_factors(
+        tables, np.int64(window[w, 2]), window[w, 3], window[w, 4], range_m / HALF_C, window[w, 5], window[w, 6],
+        window[w, 7], window[w, 8], window[w, 9]
+    )  # fmt: skip
+    R00, R01, R11 = covariance_of(share, r, b, v, carrier)
+    return share, R00, R01, R11
+
+
 @kernel
 def factors(tables, pulses, waveform, range_m, out):
     """eclipsed_factors, element by element: out (e, 4)."""

@@ -77,6 +77,19 @@ def fold_update_one(z, predicted, variance, width, size):
     return log_likelihood, inside, best, 1.0 / total, y0 + mean, spread
 
 
+@kernel
+def certain_fold_one(variance, width, size):
+    """The probability that a single fold of a Gaussian prediction lies within ``size`` standard deviations.
+
+    The next fold is beyond the gate where the innovation is below W - size sigma: always if W >= 2 size sigma, never if
+    W <= size sigma.
+    """
+    reach = width / np.sqrt(variance) - size
+    if reach >= size:
+        return 1.0
+    return math.erf(reach / 1.4142135623730951) if reach > 0.0 else 0.0
+
+
 @inlined
 def rows(y0, y1, S00, S01, S11, W1, radius):
     """First and last fold of the second quantity within ``radius``."""

@@ -197,15 +197,16 @@ def _most_information(system: Any, belief: Any, candidates: Array) -> str | None
 
 
 def _sensor_by_sensor(system: Any, belief: Any, candidates: Array) -> str | None:
-    C, predicted = (
-        system.action_set.unit_covariance(candidates[:1]),
-        system.predicted_targets(belief),
-    )  # (1, sensor, 2, 2)
+    sent, predicted = system.action_set, system.predicted_targets(belief)
+    C = sent.unit_covariance(candidates[:1])  # (1, sensor, 2, 2)
+    rows, windows = sent.windows(candidates[:1])
+    windows = windows[rows]
     want = _costs(system, belief, candidates[:1])[:, 0]
     *others, last = range(C.shape[1])
     for sensor in others:
-        predicted = system.after_sensor(predicted, sensor, np.repeat(C[:, sensor], WORLDS, axis=0))
-    got = system.sensor_costs(predicted, last, C[None, :, last])[:, 0]
+        each = (np.repeat(a[:, sensor], WORLDS, axis=0) for a in (C, windows))
+        predicted = system.after_sensor(predicted, sensor, *each)
+    got = system.sensor_costs(predicted, last, C[None, :, last], windows[None, :, last])[:, 0]
     return f"sensor by sensor costs {got.tolist()}, predict() {want.tolist()}" if _differ(got, want, want) else None
 
 

@@ -25,6 +25,7 @@ from papers.rf_eo.study import (
     PROPOSED,
     PUBLISHED,
     SCENES,
+    VANISHING,
     Case,
     play,
     system,
@@ -60,7 +61,7 @@ def test_every_policy_meets_the_same_worlds(rf_eo_study):
 @pytest.mark.parametrize("scene", SCENES)
 def test_runs_are_those_of_the_environments(rf_eo_study, scene, policy):
     env_id = {PUBLISHED: "RfEo-v0", FAR: "RfEoFar-v0"}[scene]
-    task = make_task(env_id, {"horizon": STEPS})
+    task = make_task(env_id, {"horizon": STEPS, **VANISHING})
     assert RUNS <= CHUNK  # random choices follow from the first world of a batch
     reported = shell.play(task, make_policy(policy, task.system, None), world_seeds(SEED, "test", RUNS))
     runs = rf_eo_study.of(scene, policy)

@@ -166,15 +166,15 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(action, tracker):
 
 def test_sensor_costs_are_the_cost_of_predict_sensor_after_sensor():
     system = AgileClutter()
-    C = system.action_set.sensor_covariances
+    C, windows = system.action_set.sensor_covariances, system.action_set.sensor_windows
     for belief in beliefs(system):
         predicted, choices = system.predicted_targets(belief), [np.array([3, 9, 20]), np.array([17, 1, 8])]
-        after = system.after_sensor(predicted, 0, C[choices[0]])
-        second = system.sensor_costs(after, 1, C[None])
+        after = system.after_sensor(predicted, 0, C[choices[0]], windows[choices[0]])
+        second = system.sensor_costs(after, 1, C[None], windows[None])
         actions = np.stack([np.stack([choices[0], np.full(3, c)], axis=1) for c in range(len(C))], axis=1)
         np.testing.assert_allclose(second, system.cost(system.predict(belief, actions)), rtol=1e-9)
         chosen = np.take_along_axis(second, choices[1][:, None], axis=1)[:, 0]
-        both = system.after_sensor(after, 1, C[choices[1]])._replace(present=predicted.present)
+        both = system.after_sensor(after, 1, C[choices[1]], windows[choices[1]])._replace(present=predicted.present)
         P = np.diagonal(both.covariance, axis1=2, axis2=3).sum(axis=2)
         np.testing.assert_allclose((P * predicted.present).sum(axis=1), chosen, rtol=1e-9)
 

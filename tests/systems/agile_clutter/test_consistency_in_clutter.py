@@ -96,9 +96,9 @@ def test_the_mixture_is_consistent_in_clutter(env_id):
 
 @pytest.mark.parametrize("env_id", IDS[:2])
 def test_jpda_is_not(env_id):
-    """The bounds would notice: JPDA breaks them where clutter is dense."""
+    """The bounds would notice: where clutter is dense, JPDA breaks them twice as often as the mixture may."""
     r = run(env_id, "jpda")
-    assert np.mean(r.outside) > 0.5
+    assert np.mean(r.outside) > 0.3
 
 
 @pytest.mark.parametrize("env_id", IDS)

@@ -147,6 +147,10 @@ def test_does_what_gymnasiums_vector_environment_does():
         ),
         ({"gate": 0.0}, "gate is 0.0, expected a finite number > 0"),
         ({"spred": (0.0,) * 4}, "did you mean 'spread'"),
+        (
+            {"counts": (1, 8000)},
+            r"8000 x .* takes 1\.99976 s, expected at most the step, 1\.0 s \(nearest: 4000 pulses\)",
+        ),
     ],
 )
 def test_bad_input_is_refused_in_one_line(parameters, words):

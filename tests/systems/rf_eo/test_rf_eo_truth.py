@@ -17,6 +17,7 @@ from wavegym.systems.rf_eo.system import RfEo
 from wavegym.testing.capability_check import capability_defect
 
 OTHER: dict[str, Any] = {"q": 4.0, "turn_rate": 0.05, "fft_length": 32, "pixels": 500, "nearest_range": 20.0}
+OTHER_RADAR: dict[str, Any] = {**OTHER, "duty": 0.2, "notch": 5.0}
 
 
 def same(one, other):
@@ -33,12 +34,12 @@ def at_random(system, worlds, steps):
     return states
 
 
-@pytest.mark.parametrize("truth", [None, OTHER])
+@pytest.mark.parametrize("truth", [None, OTHER_RADAR])
 @pytest.mark.parametrize("mode", ["missing", "inflated"])
 @pytest.mark.parametrize("cls", [RfEo, RfEoFar])
 def test_a_compiled_step_is_that_of_its_parts(cls, mode, truth):
     """Bit for bit, thirty steps."""
-    system = cls(out_of_view=mode, truth=truth, horizon=30)
+    system = cls(out_of_view=mode, truth=truth, horizon=30, folding=cls is RfEoFar and mode == "missing")
     worlds, rng = oracles.worlds(system, 5), np.random.default_rng(0)
     fused = composed = system.initial(worlds)
     for _ in range(30):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -10,7 +11,16 @@ import numpy as np
 
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.sensors.eclipsing import (
+    NEVER_CUT,
+    NO_TABLES,
+    EclipsedLibrary,
+    EclipsedPulse,
+    EclipseTables,
+    receive_windows,
+)
 from wavegym.waveforms import (
     chirp_law,
     measurement_covariances,
@@ -19,6 +29,15 @@ from wavegym.waveforms import (
 )
 from wavegym.waveforms.fisher import unchecked_covariance
 from wavegym.waveforms.trapezoid import unchecked_trapezoid_factors
+from wavegym.waveforms.waveform import Waveform
+
+
+def eclipsed_library(waveforms: Iterable[Waveform]) -> EclipsedLibrary:
+    """The waveforms with their receivers. InputError for one that has no table of its cut."""
+    try:
+        return EclipsedLibrary([EclipsedPulse(waveform) for waveform in waveforms])
+    except InputError as error:
+        raise InputError(f"{error}; or eclipsing=False, for a receiver that is always open") from error
 
 
 @dataclass(frozen=True)
@@ -34,6 +53,7 @@ class ChirpActions:
         form: "library" (an index per sensor), "joint" (one index for all sensors, over every law and direction at the
             longest duration and the widest sweep) or "box" (the parameters of every sensor).
         own: pulses of each sensor in place of the chirps, in the forms "library" and "joint".
+        eclipsing: whether the receivers are closed while their radar transmits.
     """
 
     laws: tuple[str, ...]
@@ -43,6 +63,7 @@ class ChirpActions:
     sensors: int
     form: str
     own: Library | None = field(default=None, kw_only=True)
+    eclipsing: bool = field(default=False, kw_only=True)
 
     @cached_property
     def library(self) -> Library:
@@ -137,6 +158,49 @@ class ChirpActions:
         if self.form == "joint":
             return self.sensor_covariances.take(self.joint.indices.take(actions, axis=0), axis=0)
         return self.chirp_covariance(*self.decode_chirps(actions))
+
+    @cached_property
+    def _eclipsed(self) -> EclipsedLibrary:
+        """The pulses of ``sensor_library``; of a box, of every law one chirp of 1 s and 1 Hz."""
+        unit = trapezoid_chirp_library(self.laws, (1.0,), (1.0,), ("up",))
+        return eclipsed_library(unit if self.form == "box" else self.sensor_library)
+
+    @property
+    def tables(self) -> EclipseTables:
+        """The tables to which ``windows`` refer."""
+        return self._eclipsed.tables if self.eclipsing else NO_TABLES
+
+    @cached_property
+    def sensor_windows(self) -> Array:
+        """The receive windows of ``sensor_library``, (waveform, 10)."""
+        if not self.eclipsing:
+            return NEVER_CUT.repeat(len(self.sensor_library), axis=0)
+        return self.chirp_windows(*self._sensor_chirps) if self.form == "box" else self._eclipsed.windows
+
+    def windows(self, actions: Array) -> tuple[Array, Array]:
+        """Rows (..., sensor) of the second array, and the receive windows (row, 10), of the waveforms of ``actions``.
+
+        Where nothing is cut, all waveforms have one row, and (...) is (1,) for each of its axes.
+        """
+        if not self.eclipsing:
+            leading = np.ndim(actions) - (self.form != "joint")
+            return np.zeros((*(1,) * leading, self.sensors), np.int64), NEVER_CUT
+        if self.form == "library":
+            return actions, self.sensor_windows
+        if self.form == "joint":
+            return self.joint.indices.take(actions, axis=0), self.sensor_windows
+        found = self.chirp_windows(*self.decode_chirps(actions))
+        return np.arange(found[..., 0].size).reshape(found.shape[:-1]), found.reshape(-1, found.shape[-1])
+
+    def chirp_windows(self, law: Array, duration: Array, sweep: Array) -> Array:
+        """The receive windows (..., 10) of any chirps: see ``chirp_covariance``."""
+        law = np.asarray(law, np.int64)
+        if not self.eclipsing:
+            return np.broadcast_to(NEVER_CUT[0], (*np.shape(duration), NEVER_CUT.shape[1]))
+        table, unit = self._eclipsed.pulses
+        timing = unit[law] * np.asarray(duration)[..., None]  # W and the count are no times
+        timing[..., 1], timing[..., 6] = 2.0 * np.pi * np.asarray(sweep), 1.0
+        return receive_windows(self._eclipsed.tables, table[law], timing)
 
     def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:
         """C (..., 2, 2) of any chirps: index of the law, duration (s) and signed sweep (Hz), each (...)."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.sensors import range_and_rate, range_and_rate_jacobian
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter.state import NN
 from wavegym.targets import MotionModel
@@ -47,13 +47,13 @@ class GivenTracker:
         self, i: int, now: Estimate, step: Array, pulse: tuple[Array, ...], measurements: Any
     ) -> tuple[Array, Scan]:
         """Which targets sensor i may detect, (env, target) bool, and its scan, for a tracker that believes ``now``."""
-        sensors, reference, nearest, _, density = self.radar[:5]
+        sensors, density = self.radar[0], self.radar[4]
         lit, pd = np.empty(now.mean.shape[:2], np.bool_), np.empty(now.mean.shape[:2])
         noise = np.empty((*pd.shape, 2, 2))
         kernels.assume(i, step, now.mean, now.covariance, pulse, self.targets, self.radar, lit, noise, pd, NN)
         z, present = measurements.z[:, i], measurements.present[:, i]
-        eta = pulse[1][:, i, None] * range_law_snr(np.abs(z[..., 0]), reference, nearest)
-        R = pulse[0][:, i, None] / eta[..., None, None]
+        R = np.empty((*z.shape, 2))
+        kernels.noise_of_returns(i, np.ascontiguousarray(z), pulse, self.radar, R)
         place = sensors[i]
         model = MeasurementModel(lambda x: range_and_rate(x, place), lambda x: range_and_rate_jacobian(x, place))
         origin = np.full(present.shape, UNKNOWN)

@@ -2,11 +2,13 @@
 
 Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state).
 ``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
-``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability), as the
-tracker assumes them; ``world`` is the same tuple with the true values, of which kernels read all but the last two.
+``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability, carrier,
+tables of cut pulses), as the tracker assumes them; ``world`` is the same tuple with the true values, of which kernels
+read all but gate and gate probability.
 ``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
 ``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
-visible target); axis e may be 1, for all environments. Where chance is 0 no gate is opened.
+visible target, window (e, i) int, windows (row, 10): the pulse and its receive window, see ``is_whole``); axis e may be
+1, for all environments. Where chance is 0, or the predicted echo comes while the pulse is sent, no gate is opened.
 ``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
 each target. A sensor's windows are WINDOW times as large as the gates that are predicted before any sensor of the step
 has measured; ``measure`` reports the returns inside them, ``track`` drops those outside the tracker's gates. ``fresh``
@@ -25,6 +27,7 @@ from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.clutter_kernels import add_clutter, in_earlier_gate, most_load, room
 from wavegym.sensors.detection_kernels import detection
+from wavegym.sensors.eclipsing_kernels import HALF_C, is_whole, windowed_covariance
 from wavegym.sensors.gate_kernels import in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.kernels import inverse_snr
@@ -39,6 +42,8 @@ MOST_CLUTTER = 1e6
 WINDOW = 3.0
 """Radius of a window over that of a gate. Scans of I sensors, each in its gate, lie within sqrt(I) times the gates that
 are predicted before; the rest is for the spread of competing returns, which widens the gates of the later sensors."""
+LEAST_SEEN = 0.02
+"""Least share of an echo's energy that a receiver detects. The tails of a pulse, which leave 1 % of it, are no echo."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
@@ -53,6 +58,25 @@ def row(e, array):
 def weakness_one(e, i, r, strength, radar):
     """1 / eta of a target at range r."""
     return inverse_snr(r, radar[1], radar[2]) / strength[row(e, strength), i]
+
+
+@kernel
+def echo(r, C00, C01, C11, w, windows, radar):
+    """(share, C00, C01, C11) of pulse w's echo from range r: what the receiver sees of its energy, and C of that part.
+
+    C is at unit SNR of the *whole* pulse, before and after. Below LEAST_SEEN the share is 0.
+    """
+    if is_whole(windows, w, abs(r) / HALF_C):
+        return 1.0, C00, C01, C11
+    share, R00, R01, R11 = windowed_covariance(radar[8], windows, w, abs(r), radar[7])
+    return share if share >= LEAST_SEEN else 0.0, R00, R01, R11
+
+
+@inlined
+def echo_of(e, i, r, pulse, radar):
+    """``echo`` of sensor i's pulse."""
+    C, own, w = pulse[0], row(e, pulse[0]), pulse[3][row(e, pulse[3]), i]
+    return echo(r, C[own, i, 0, 0], C[own, i, 1, 0], C[own, i, 1, 1], w, pulse[4], radar)
 
 
 @kernel
@@ -97,18 +121,23 @@ def workspace(count_t, nn):
 
 @kernel
 def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
-    """Fill ``work`` with sensor i's predicted measurements: S = Pzz + N, N = C / eta, at predicted ranges."""
+    """Fill ``work`` with sensor i's predicted measurements: S = Pzz + N, N = C / eta, at predicted ranges.
+
+    Targets whose echo is predicted to be cut away are no longer lit.
+    """
     centre, S, L, G, N, pd, scratch = work
-    sensors, log_pf = radar[0], radar[3]
-    C, strength, chance = pulse
+    sensors, log_pf, chance = radar[0], radar[3], pulse[2]
     for t in range(len(lit)):
         if lit[t]:
             predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
-            weakness = weakness_one(e, i, centre[t, 0], strength, radar)
-            pd[t] = chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf)
+            weakness = weakness_one(e, i, centre[t, 0], pulse[1], radar)
+            share, C00, C01, C11 = echo_of(e, i, centre[t, 0], pulse, radar)
+            lit[t] = share > 0.0
+            pd[t] = chance[row(e, chance), i, t] * detection(share / weakness, log_pf)
+            N[t, 0, 0], N[t, 0, 1], N[t, 1, 1] = weakness * C00, weakness * C01, weakness * C11
+            N[t, 1, 0] = N[t, 0, 1]
             for a in range(2):
                 for b in range(2):
-                    N[t, a, b] = weakness * C[row(e, C), i, a, b]
                     S[t, a, b] += N[t, a, b]
             factor_one(t, S, L)
 
@@ -117,16 +146,11 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
     """Fill z with the targets' returns that lie within ``reach`` times a gate; returns their number.
 
-    outside[e, t] counts a fresh target's returns outside its own gates, scan[e, 0] detections. eta, Pd and the
-    error's covariance are the world's, at the true range.
+    outside[e, t] counts a fresh target's returns outside its own gates, if it has any; scan[e, 0] detections. eta, Pd
+    and the error's covariance are the world's, at the true range.
     """
-    sensors, log_pf = world[0], world[3]
+    sensors, log_pf, chance = world[0], world[3], pulse[2]
     opened, centre, L, gate = gates
-    C, strength, chance = pulse
-    own_row = row(e, C)
-    c0 = np.sqrt(C[own_row, i, 0, 0])
-    c1 = C[own_row, i, 1, 0] / c0
-    c2 = np.sqrt(C[own_row, i, 1, 1] - c1 * c1)
     count = 0
     for t in range(len(lit)):
         if not lit[t]:
@@ -134,19 +158,26 @@ def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, rea
         r, v = range_and_rate(
             truth[e, t, 0], truth[e, t, 1], truth[e, t, 2], truth[e, t, 3], sensors[i, 0], sensors[i, 1]
         )
-        weakness = weakness_one(e, i, r, strength, world)
-        if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * detection(1.0 / weakness, log_pf):
+        weakness = weakness_one(e, i, r, pulse[1], world)
+        share, C00, C01, C11 = echo_of(e, i, r, pulse, world)
+        seen = detection(share / weakness, log_pf) if share > 0.0 else 0.0
+        if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * seen:
             continue
         scan[e, 0] += 1
+        c0 = np.sqrt(C00)
+        c1 = C01 / c0
+        c2 = np.sqrt(C11 - c1 * c1)
         spread = np.sqrt(weakness)
         z0 = r + spread * c0 * error[e, k - 1, i, t, 0]
         z1 = v + spread * (c1 * error[e, k - 1, i, t, 0] + c2 * error[e, k - 1, i, t, 1])
-        own, some = False, False
+        gated, own, some = False, False, False
         for g in range(len(opened)):
-            if opened[g] and in_gate(g, z0, z1, centre, L, reach * gate):
-                some = True
-                own = own or (g * len(lit) // len(opened) == t and in_gate(g, z0, z1, centre, L, gate))
-        outside[e, t] += fresh[t] and not own
+            if opened[g]:
+                gated = gated or g * len(lit) // len(opened) == t
+                if in_gate(g, z0, z1, centre, L, reach * gate):
+                    some = True
+                    own = own or (g * len(lit) // len(opened) == t and in_gate(g, z0, z1, centre, L, gate))
+        outside[e, t] += fresh[t] and gated and not own
         if some:
             z[count, 0], z[count, 1] = z0, z1
             count += 1
@@ -218,6 +249,7 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
     (birth, lifetime), sensors, (X, V), (X_out, V_out) = targets, radar[0], particles, particles_out
     count_t, count_p, count_c, n = len(birth), X.shape[1], mixtures[0].shape[2], len(nn)
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    sent = np.empty(count_t, np.bool_)
     work, z = workspace(count_t, nn), np.empty((64, 2))
     bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
@@ -233,7 +265,8 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
         mixture_of, log_weight = of_environment(e, mixtures_out), np.zeros(count_p)
         gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
         for i in range(len(sensors)):
-            is_lit(e, i, present, pulse[2], lit)
+            is_lit(e, i, present, pulse[2], sent)
+            lit[:] = sent
             # as predict_gates, whose call would cost a tenth of the step
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             gates = lit, work[0], work[2], radar[5]
@@ -241,7 +274,7 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
                 gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
                 gates = opened, bank[0], bank[1], radar[5]
             z, count = sense(
-                e, i, k, stream(stream_of_step, i), lit, fresh, truth, uniform, error, pulse, world, gates, 1.0, z,
+                e, i, k, stream(stream_of_step, i), sent, fresh, truth, uniform, error, pulse, world, gates, 1.0, z,
                 outside, scan
             )  # fmt: skip
             if count < 0:
@@ -284,6 +317,7 @@ def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse,
     (birth, lifetime), sensors = targets, radar[0]
     count_t, count_c, n, filled = len(birth), mixtures[0].shape[2], len(nn), 0
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
+    sent = np.empty(count_t, np.bool_)
     work, z, found = workspace(count_t, nn), np.empty((64, 2)), np.empty((64, 2))
     bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
@@ -295,10 +329,11 @@ def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse,
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
         gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
         for i in range(len(sensors)):
-            is_lit(e, i, present, pulse[2], lit)
+            is_lit(e, i, present, pulse[2], sent)
+            lit[:] = sent
             gates = predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn)
             z, count[e, i] = sense(
-                e, i, k, stream(stream(key[e], k), i), lit, fresh, truth, uniform, error, pulse, world, gates, WINDOW,
+                e, i, k, stream(stream(key[e], k), i), sent, fresh, truth, uniform, error, pulse, world, gates, WINDOW,
                 z, outside, scan
             )  # fmt: skip
             if count[e, i] < 0:
@@ -358,6 +393,17 @@ def keep_in_gates(z, count, gates, inside):
             inside[kept, 0], inside[kept, 1] = z[m, 0], z[m, 1]
             kept += 1
     return kept
+
+
+@kernel
+def noise_of_returns(i, z, pulse, radar, R):
+    """R (e, m, 2, 2) = C / eta of sensor i's pulse at the ranges of its returns z (e, m, 2)."""
+    for e in range(len(z)):
+        for m in range(z.shape[1]):
+            weakness = weakness_one(e, i, z[e, m, 0], pulse[1], radar)
+            _, C00, C01, C11 = echo_of(e, i, z[e, m, 0], pulse, radar)
+            R[e, m, 0, 0], R[e, m, 0, 1], R[e, m, 1, 1] = weakness * C00, weakness * C01, weakness * C11
+            R[e, m, 1, 0] = R[e, m, 0, 1]
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.kernels import inverse_snr
-from wavegym.systems.agile_clutter.kernels import is_lit, is_present, predict_targets, row, weakness_one
+from wavegym.systems.agile_clutter.kernels import echo, echo_of, is_lit, is_present, predict_targets, row, weakness_one
 from wavegym.trackers.information_reduction_kernels import GATE, reduction_one
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.kernels import squared_mahalanobis_one
@@ -46,17 +46,20 @@ def information(pd, chance, S, radar, q2, draw):
 @kernel
 def predict_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
     """Update P (t, n, n) by sensor i's pulse; draws[e, i, t]: uniform, or negative for the expected outcome."""
-    sensors, log_pf = radar[0], radar[3]
-    C, strength, chance = pulse
+    sensors, log_pf, chance = radar[0], radar[3], pulse[2]
     for t in range(len(lit)):
         if lit[t]:
             predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
-            weakness = weakness_one(e, i, z[t, 0], strength, radar)
-            for a in range(2):
-                for b in range(2):
-                    S[t, a, b] += weakness * C[row(e, C), i, a, b]
+            weakness = weakness_one(e, i, z[t, 0], pulse[1], radar)
+            visible, C00, C01, C11 = echo_of(e, i, z[t, 0], pulse, radar)
+            if visible == 0.0:
+                continue
+            S[t, 0, 0] += weakness * C00
+            S[t, 0, 1] += weakness * C01
+            S[t, 1, 0] += weakness * C01
+            S[t, 1, 1] += weakness * C11
             entries = (S[t, 0, 0], S[t, 0, 1], S[t, 1, 1])
-            pd, seen = detection(1.0 / weakness, log_pf), chance[row(e, chance), i, t]
+            pd, seen = detection(visible / weakness, log_pf), chance[row(e, chance), i, t]
             share = information(pd, seen, entries, radar, q2, draws[row(e, draws), i, t])
             gain_one(t, G, S, K, nn)
             shrink_one(t, P, K, share * entries[0], share * entries[1], share * entries[2], nn)
@@ -94,11 +97,11 @@ def predict_present(step, mean, covariance, targets, F, Q, x_out, P_out, present
 
 
 @kernel
-def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
-    """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR.
+def sensor_costs(i, x, P, present, C, windows, weights, radar, q2, cost, nn):
+    """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR, windows (same, c, 10).
 
-    The unscented transform, eta and Pd do not depend on the pulse and are computed once; a candidate costs one 2 x 2
-    inverse and one interpolation per target.
+    The unscented transform, eta and Pd of a whole pulse do not depend on the pulse and are computed once; a candidate
+    costs one 2 x 2 inverse and one interpolation per target.
     """
     sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
     count_t, n = present.shape[1], len(nn)
@@ -113,7 +116,7 @@ def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
                 continue
             predict_measurement_one(t, t, x[e], P[e], sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
             weakness = inverse_snr(z[t, 0], reference, nearest)
-            pd = detection(1.0 / weakness, log_pf)
+            pd_whole = detection(1.0 / weakness, log_pf)
             before = g00 = g01 = g11 = 0.0
             for a in range(n):
                 before += weights[a] * P[e, t, a, a]
@@ -121,23 +124,29 @@ def sensor_costs(i, x, P, present, C, weights, radar, q2, cost, nn):
                 g01 += weights[a] * G[t, a, 0] * G[t, a, 1]
                 g11 += weights[a] * G[t, a, 1] * G[t, a, 1]
             for c in range(C.shape[1]):
-                s0 = S[t, 0, 0] + weakness * C[row, c, 0, 0]
-                s1 = S[t, 0, 1] + weakness * C[row, c, 0, 1]
-                s2 = S[t, 1, 1] + weakness * C[row, c, 1, 1]
+                visible, C00, C01, C11 = echo(
+                    z[t, 0], C[row, c, 0, 0], C[row, c, 0, 1], C[row, c, 1, 1], c, windows[row], radar
+                )  # fmt: skip
+                if visible == 0.0:
+                    cost[e, c] += before
+                    continue
+                pd = pd_whole if visible == 1.0 else detection(visible / weakness, log_pf)
+                s0, s1, s2 = S[t, 0, 0] + weakness * C00, S[t, 0, 1] + weakness * C01, S[t, 1, 1] + weakness * C11
                 gained = (g00 * s2 - 2.0 * g01 * s1 + g11 * s0) / (s0 * s2 - s1 * s1)
                 cost[e, c] += before - reduction(pd, (s0, s1, s2), radar, q2) * gained
 
 
 @kernel
-def after_sensor(i, x, P, present, C, radar, q2, P_out, nn):
-    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2), before the next sensor's pulse."""
+def after_sensor(i, x, P, present, C, windows, radar, q2, P_out, nn):
+    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2), windows (e, 10), before the next sensor's pulse."""
     count_t, n = present.shape[1], len(nn)
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K = np.empty((count_t, n, 2)), np.empty((n, 2))
     draws = np.full((1, i + 1, count_t), -1.0)
-    own = np.empty((1, i + 1, 2, 2))
-    pulse = (own, np.ones((1, i + 1)), np.ones((1, i + 1, count_t)))
+    own, window = np.empty((1, i + 1, 2, 2)), np.zeros((1, i + 1), np.int64)
+    pulse = (own, np.ones((1, i + 1)), np.ones((1, i + 1, count_t)), window, windows)
     for e in range(len(x)):
+        window[0, i] = e
         for a in range(2):
             for b in range(2):
                 own[0, i, a, b] = C[e, a, b]

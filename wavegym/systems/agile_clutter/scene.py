@@ -13,7 +13,7 @@ from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, draw_pulse, ellipse
 from wavegym.rendering.maps import PLANE, colour, cross, draw_hypotheses
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, legend, wipe
-from wavegym.sensors import range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.sensors import range_and_rate, range_and_rate_jacobian
 from wavegym.systems.agile_clutter.map import draw_map, illumination, known_targets
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp, Waveform, parse_law
@@ -128,12 +128,12 @@ class TargetScene:
         """
         system, now, position = self.system, moment.states[-1], np.array(self.system.sensors[sensor])
         before = moment.states[-2].belief
-        targets, C, strength, lit = system.predicted_targets(before), *illumination(system, before, moment.actions[-1])
+        targets = system.predicted_targets(before)
+        lit, noise = system.assumed_noise(before, moment.actions[-1], sensor)
         reach = np.full(2, 1e-3)
-        for t in np.flatnonzero(targets.present[0] & lit[sensor]).tolist():
+        for t in np.flatnonzero(lit[0]).tolist():
             predicted = range_and_rate(targets.mean[0, t], position)
-            eta = strength[sensor] * range_law_snr(predicted[0], system.reference_range, system.nearest_range)
-            N = C[sensor] / eta
+            N = noise[0, t]
             S = _projected(targets.mean[0, t], targets.covariance[0, t], position) + N
             gate = ellipse(S, system.gate)
             updated = range_and_rate(now.belief.mean[0, t], position) - predicted

@@ -64,20 +64,22 @@ class Measurements(NamedTuple):
 class Pulse(NamedTuple):
     """The transmitted pulses and the targets that they can detect; axes 0 and 1 may be 1 where all share a pulse."""
 
-    C: Array  # (env, candidate, sensor, 2, 2) measurement covariance at unit SNR
+    C: Array  # (env, candidate, sensor, 2, 2) measurement covariance at unit SNR of the whole pulse
     strength: Array  # (env, candidate, sensor) > 0: factor on the SNR of the range law
     chance: Array  # (env, candidate, sensor, target) probability of illuminating a visible target; 0 opens no gate
+    window: Array  # (env, candidate, sensor) int: row of ``windows``
+    windows: Array  # (row, 10) pulses and their receive windows, see ``wavegym.sensors.eclipsing.receive_windows``
 
     def rows(self, shape: tuple[int, int]) -> tuple[Array, ...]:
         """The fields with one flat axis for (env, candidate) of ``shape``, or of length 1 where all share a pulse."""
         flat = []
-        for array in self:
+        for array in self[:-1]:
             if array.shape[:2] == (1, 1):
                 flat.append(array[0])
             else:
                 full = array if array.shape[:2] == shape else np.broadcast_to(array, shape + array.shape[2:])
                 flat.append(np.ascontiguousarray(full).reshape(-1, *array.shape[2:]))
-        return tuple(flat)
+        return *flat, self.windows
 
 
 class PredictedTargets(NamedTuple):

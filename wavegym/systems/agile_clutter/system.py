@@ -66,7 +66,8 @@ from wavegym.trackers import GaussianMixture, Particles, predict_covariance, sin
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.protocol import Tracker, own_tracker
-from wavegym.waveforms import PulseTiming, pulse_timings
+from wavegym.waveforms import PulseTiming, check_time_on_target, pulse_timings
+from wavegym.waveforms.timing import ENERGY
 
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
@@ -86,12 +87,15 @@ class AgileClutter(
         probability Pd = Pf^(1 / (1 + eta)). Clutter is a Poisson field over range and range-rate, new at every step and
         sensor and the same for all pulses and trackers; the tracker takes the returns inside its validation gates, so a
         pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
-        at the predicted one. Sensor by sensor, unscented filters with exact joint association update all targets. The
-        belief about a target is a Gaussian mixture: every component branches by its associations, and the branches are
-        merged down to ``components`` without a change of the covariance. ``tracker="jpda"`` (joint probabilistic data
-        association) merges all branches into one Gaussian at once and believes too much. ``tracker="particle"``: a
-        Rao-Blackwellised particle filter samples joint associations from their exact posterior. Long, wide chirps
-        measure best; phase functions differ in the correlation of range and range-rate errors.
+        at the predicted one. A receiver is off while its own radar transmits (``eclipsing``): of an echo that comes
+        earlier it sees what is left, through a gate fixed in time, with less SNR and information. Less than 2 % of the
+        energy is not detected; where that is predicted, no gate opens. By default all targets are beyond. Sensor by
+        sensor, unscented filters with exact joint association update all targets. The belief about a target is a
+        Gaussian mixture: every component branches by its associations, and the branches are merged down to
+        ``components`` without a change of the covariance. ``tracker="jpda"`` (joint probabilistic data association)
+        merges all branches into one Gaussian at once and believes too much. ``tracker="particle"``: a Rao-Blackwellised
+        particle filter samples joint associations from their exact posterior. Long, wide chirps measure best; phase
+        functions differ in the correlation of range and range-rate errors.
 
     Rewards
         -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities. P
@@ -123,6 +127,11 @@ class AgileClutter(
         0.0, "rate at which all targets turn, positive to the left", unit="rad/s", truth=True, ge=-10, le=10
     )
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
+    eclipsing: bool = parameter(
+        True,
+        f"each receiver is off while its own radar transmits, while {100 * ENERGY:g} % of a pulse's energy passes",
+        unit="",
+    )
     reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
     nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
     sensors: tuple[tuple[float, float], ...] = parameter(
@@ -190,6 +199,7 @@ class AgileClutter(
         check_positive("sum of weights", sum(self.weights))
         self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
+        check_time_on_target(self.timings, self.dt)
         self._check_targets()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
         self._check_clutter()
@@ -266,7 +276,7 @@ class AgileClutter(
     def action_set(self) -> ChirpActions:
         """The chirps of all sensors in the form that ``action`` names."""
         chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
-        return ChirpActions(*chirps, len(self.sensors), self.action, own=self.library)
+        return ChirpActions(*chirps, len(self.sensors), self.action, own=self.library, eclipsing=self.eclipsing)
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
@@ -309,7 +319,8 @@ class AgileClutter(
     def _radar(self) -> tuple[Any, ...]:
         """Sensors, detection, clutter and gates, as ``kernels`` lists them."""
         law = (self.reference_range, self.nearest_range, math.log(self.false_alarm))
-        return (np.array(self.sensors), *law, self.clutter_density, self.gate, float(gate_probability(self.gate)))
+        gates = (self.clutter_density, self.gate, float(gate_probability(self.gate)))
+        return (np.array(self.sensors), *law, *gates, self.carrier_hz, self.action_set.tables)
 
     @cached_property
     def _weights(self) -> Array:
@@ -470,7 +481,7 @@ class AgileClutter(
         """
         several = actions.ndim == (2 if self.action == "joint" else 3)
         pulse = self.pulse(belief, actions if several else actions[:, None])
-        shape = (len(belief.step), max(a.shape[1] for a in pulse))
+        shape = (len(belief.step), max(a.shape[1] for a in pulse[:-1]))
         if outcome is not None:
             full = shape + self._full_illumination[1].shape[2:]
             outcome = np.broadcast_to(outcome if several else outcome[:, None], full).reshape(-1, *full[2:])
@@ -491,7 +502,8 @@ class AgileClutter(
 
     def pulse(self, belief: Belief, actions: Array) -> Pulse:
         """The pulses of ``actions`` (env or 1, candidate, ...): here every sensor illuminates all targets."""
-        return Pulse(self.action_set.unit_covariance(actions), *self._full_illumination)
+        sent = self.action_set
+        return Pulse(sent.unit_covariance(actions), *self._full_illumination, *sent.windows(actions))
 
     @cached_property
     def _full_illumination(self) -> tuple[Array, Array]:
@@ -519,16 +531,35 @@ class AgileClutter(
         prediction.predict_present(*belief[:3], self._targets, *self._model, x, P, present, NN)
         return PredictedTargets(x, P, present)
 
-    def sensor_costs(self, predicted: PredictedTargets, sensor: int, C: Array) -> Array:
-        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR."""
+    def assumed_noise(self, belief: Belief, action: Array, sensor: int) -> tuple[Array, Array]:
+        """Which targets have a gate at a sensor's next scan (env, target), bool, and their noise (env, target, 2, 2).
+
+        As predicted before any sensor of the step measures; the noise of targets without a gate is 0.
+        """
+        predicted = self.predicted_targets(belief)
+        lit, pd = np.empty(predicted.present.shape, np.bool_), np.empty(predicted.present.shape)
+        noise = np.empty((*pd.shape, 2, 2))
+        pulse = self.pulse(belief, action[:, None]).rows((len(belief.step), 1))
+        kernels.assume(sensor, belief.step, *predicted[:2], pulse, self._targets, self._radar, lit, noise, pd, NN)
+        return lit, noise
+
+    def sensor_costs(self, predicted: PredictedTargets, sensor: int, C: Array, windows: Array) -> Array:
+        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR and
+        receive windows (env or 1, candidate, 10).
+        """
         cost = np.empty((len(predicted.mean), C.shape[1]))
-        prediction.sensor_costs(sensor, *predicted, C, self._weights, self._radar, reduction_table(), cost, NN)
+        windows = np.ascontiguousarray(windows)
+        prediction.sensor_costs(sensor, *predicted, C, windows, self._weights, self._radar, reduction_table(), cost, NN)
         return cost
 
-    def after_sensor(self, predicted: PredictedTargets, sensor: int, C: Array) -> PredictedTargets:
-        """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, before the next sensor's pulse."""
+    def after_sensor(self, predicted: PredictedTargets, sensor: int, C: Array, windows: Array) -> PredictedTargets:
+        """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR and receive windows (env, 10), before the
+        next sensor's pulse.
+        """
         P = np.empty(predicted.covariance.shape)
-        prediction.after_sensor(sensor, *predicted, C, self._radar, reduction_table(), P, NN)
+        prediction.after_sensor(
+            sensor, *predicted, C, np.ascontiguousarray(windows), self._radar, reduction_table(), P, NN
+        )
         return predicted._replace(covariance=P)
 
     def best_action(self, belief: Belief) -> Array:
@@ -536,11 +567,12 @@ class AgileClutter(
 
         The choice is not always the best joint one: a later sensor's pulse may favour another pulse of an earlier one.
         """
-        predicted, C, choices = self.predicted_targets(belief), self.action_set.sensor_covariances, []
+        predicted, choices = self.predicted_targets(belief), []
+        C, windows = self.action_set.sensor_covariances, self.action_set.sensor_windows
         for i in range(len(self.sensors)):
-            choices.append(self.sensor_costs(predicted, i, C[None]).argmin(axis=1))
+            choices.append(self.sensor_costs(predicted, i, C[None], windows[None]).argmin(axis=1))
             if i + 1 < len(self.sensors):
-                predicted = self.after_sensor(predicted, i, C[choices[-1]])
+                predicted = self.after_sensor(predicted, i, C[choices[-1]], windows[choices[-1]])
         return self.action_set.encode(np.stack(choices, axis=1))
 
     @cached_property

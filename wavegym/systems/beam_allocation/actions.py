@@ -64,6 +64,11 @@ class BeamActions(ChirpActions):
         """C (chirp, 2, 2) at unit SNR."""
         return measurement_covariances(self.library, self.carrier_hz)
 
+    @property
+    def library_windows(self) -> Array:
+        """The receive windows of the chirps, (chirp, 10)."""
+        return self.sensor_windows[: len(self.library)]
+
     @cached_property
     def sensor_covariances(self) -> Array:
         """C (choice, 2, 2) at unit SNR."""

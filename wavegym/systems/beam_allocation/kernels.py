@@ -14,46 +14,50 @@ import numpy as np
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.kernels import inverse_snr
-from wavegym.systems.agile_clutter.kernels import predict_targets
+from wavegym.systems.agile_clutter.kernels import echo, predict_targets
 from wavegym.systems.agile_clutter.prediction_kernels import reduction
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 
 @kernel
-def predict_chirps(i, code, place, x, P, chirps, radar, q2, work, nn):
+def predict_chirps(i, code, place, x, P, chirps, windows, radar, q2, work, nn):
     """Fill P[code + d place], d = 1, 2, ...: the expected P[code] after sensor i's chirp d - 1.
 
-    ``place``: value of sensor i's digit. The unscented transform, eta and Pd do not depend on the chirp and are
-    computed once. work: scratch (A, z, S, G, K).
+    ``place``: value of sensor i's digit. The unscented transform and eta do not depend on the chirp and are computed
+    once. work: scratch (A, z, S, G, K).
     """
     A, z, S, G, K = work
     sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
     predict_measurement_one(0, code, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
     weakness = inverse_snr(z[0, 0], reference, nearest)
-    pd = detection(1.0 / weakness, log_pf)
+    pd_whole = detection(1.0 / weakness, log_pf)
     spread = (S[0, 0, 0], S[0, 0, 1], S[0, 1, 1])
     for d in range(1, len(chirps) + 1):
         C = chirps[d - 1]
-        s0, s1, s2 = spread[0] + weakness * C[0, 0], spread[1] + weakness * C[0, 1], spread[2] + weakness * C[1, 1]
-        S[0, 0, 0], S[0, 0, 1], S[0, 1, 0], S[0, 1, 1] = s0, s1, s1, s2
-        share = reduction(pd, (s0, s1, s2), radar, q2)
+        visible, C00, C01, C11 = echo(z[0, 0], C[0, 0], C[0, 1], C[1, 1], d - 1, windows, radar)
         for a in range(len(nn)):
             for b in range(len(nn)):
                 P[code + d * place, a, b] = P[code, a, b]
+        if visible == 0.0:
+            continue
+        pd = pd_whole if visible == 1.0 else detection(visible / weakness, log_pf)
+        s0, s1, s2 = spread[0] + weakness * C00, spread[1] + weakness * C01, spread[2] + weakness * C11
+        S[0, 0, 0], S[0, 0, 1], S[0, 1, 0], S[0, 1, 1] = s0, s1, s1, s2
+        share = reduction(pd, (s0, s1, s2), radar, q2)
         gain_one(0, G, S, K, nn)
         shrink_one(code + d * place, P, K, share * s0, share * s1, share * s2, nn)
 
 
 @kernel
-def predict_codes(x, P, chirps, radar, q2, M, worth, work, nn):
+def predict_codes(x, P, chirps, windows, radar, q2, M, worth, work, nn):
     """worth (code,): reduction of trace(M P) by each code's chirps; target with mean x (code, n), covariance P[0]."""
     sensors, base, codes = len(radar[0]), len(chirps) + 1, len(worth)
     place = codes
     for i in range(sensors):
         stride, place = place, place // base
         for code in range(0, codes, stride):
-            predict_chirps(i, code, place, x, P, chirps, radar, q2, work, nn)
+            predict_chirps(i, code, place, x, P, chirps, windows, radar, q2, work, nn)
     for code in range(codes):
         worth[code] = 0.0
         for a in range(len(nn)):
@@ -62,10 +66,11 @@ def predict_codes(x, P, chirps, radar, q2, M, worth, work, nn):
 
 
 @kernel
-def gain(step, mean, covariance, visible, wait, ahead, code_of, codes, chirps, M, F, Q, radar, q2, out, nn):
+def gain(step, mean, covariance, visible, wait, ahead, code_of, codes, chirps, windows, M, F, Q, radar, q2, out, nn):
     """out (e, c): reduction of trace(M P) by joint action c after ``wait`` (e, c) steps without any measurement.
 
-    visible (e, H, t). code_of (c, t): each action's code at each target, one of ``codes``; chirps (d, 2, 2).
+    visible (e, H, t). code_of (c, t): each action's code at each target, one of ``codes``; chirps (d, 2, 2) and
+    windows (d, 10): see ``agile_clutter.kernels``.
     M (L, n, n): for 1, 2, ... L steps; of ``ahead`` (e, t) steps those within the episode count.
     Neighbouring candidates with equal waits share their work.
     """
@@ -91,6 +96,6 @@ def gain(step, mean, covariance, visible, wait, ahead, code_of, codes, chirps, M
                     if visible[e, k, t]:
                         own[:], spread[0] = x[0, t], P[0, t]
                         counted = M[min(ahead[e, t], horizon - k) - 1]
-                        predict_codes(own, spread, chirps, radar, q2, counted, worth[t], work, nn)
+                        predict_codes(own, spread, chirps, windows, radar, q2, counted, worth[t], work, nn)
             for t in range(count_t):
                 out[e, c] += worth[t, code_of[c, t]]

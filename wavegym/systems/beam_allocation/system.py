@@ -124,7 +124,13 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         """The target and the chirp of every sensor."""
         chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
         return BeamActions(
-            *chirps, len(self.sensors), self.action, len(self.starts), counts=self.counts, interval=self.interval
+            *chirps,
+            len(self.sensors),
+            self.action,
+            len(self.starts),
+            counts=self.counts,
+            interval=self.interval,
+            eclipsing=self.eclipsing,
         )
 
     def draw_world(self, rng: np.random.Generator) -> World:  # type: ignore[override]
@@ -151,7 +157,9 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         """Every sensor illuminates one target, with chance 1 if that target is visible."""
         seen = coming(belief.visible, belief.step, 1)[:, :, None]
         illuminated = self.action_set.illuminated.take(actions, 0)
-        return Pulse(self.action_set.unit_covariance(actions), self._full_illumination[0], illuminated * seen)
+        sent = self.action_set
+        strength = self._full_illumination[0]
+        return Pulse(sent.unit_covariance(actions), strength, illuminated * seen, *sent.windows(actions))
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""
@@ -187,8 +195,8 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         waits[...], counted[...] = wait, ahead
         M, visible = self.weights_ahead(int(counted.max())), np.require(belief.visible, requirements=["C", "W"])
         kernels.gain(
-            *belief[:3], visible, waits, counted, *self.action_set.chirp_codes, self.action_set.chirp_covariances, M,
-            *self._model, self._radar, reduction_table(), out, NN
+            *belief[:3], visible, waits, counted, *self.action_set.chirp_codes, self.action_set.chirp_covariances,
+            self.action_set.library_windows, M, *self._model, self._radar, reduction_table(), out, NN
         )  # fmt: skip
         return out
 

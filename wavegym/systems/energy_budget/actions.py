@@ -13,6 +13,8 @@ import numpy as np
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.sensors.eclipsing import NEVER_CUT, NO_TABLES, EclipsedLibrary, EclipseTables
+from wavegym.systems.agile_clutter.actions import eclipsed_library
 from wavegym.systems.energy_budget.account import Account
 from wavegym.waveforms import Waveform, measurement_covariances, trapezoid_chirp_library
 
@@ -33,6 +35,7 @@ class PulseActions:
         direction: "up" or "down".
         carrier_hz: carrier frequency fc, Hz.
         sensors: number of sensors.
+        eclipsing: whether the receivers are closed while their radar transmits.
 
     Raises:
         InputError: durations whose ratios are no simple fractions, or an invalid chirp.
@@ -44,6 +47,7 @@ class PulseActions:
     direction: str
     carrier_hz: float
     sensors: int
+    eclipsing: bool = False
 
     @cached_property
     def _chirps(self) -> Any:
@@ -103,6 +107,22 @@ class PulseActions:
         """C (option, 2, 2) at unit SNR; silence has the longest pulse's C, which has no effect."""
         C = measurement_covariances(self._chirps, self.carrier_hz)
         return np.concatenate([C[-1:], C])
+
+    @cached_property
+    def _eclipsed(self) -> EclipsedLibrary:
+        return eclipsed_library(self._chirps)
+
+    @property
+    def tables(self) -> EclipseTables:
+        """The tables to which ``sensor_windows`` refer."""
+        return self._eclipsed.tables if self.eclipsing else NO_TABLES
+
+    @cached_property
+    def sensor_windows(self) -> Array:
+        """The receive windows (option, 10); silence has the longest pulse's, which has no effect."""
+        if not self.eclipsing:
+            return NEVER_CUT.repeat(len(self._chirps) + 1, axis=0)
+        return np.concatenate([self._eclipsed.windows[-1:], self._eclipsed.windows])
 
     @property
     def sensor_covariances(self) -> Array:

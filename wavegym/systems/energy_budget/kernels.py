@@ -10,7 +10,7 @@ import numpy as np
 
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
-from wavegym.systems.agile_clutter.kernels import is_lit, is_present, predict_targets, weakness_one
+from wavegym.systems.agile_clutter.kernels import echo_of, is_lit, is_present, predict_targets, weakness_one
 from wavegym.systems.agile_clutter.prediction_kernels import information, predict_sensor
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
@@ -46,7 +46,8 @@ def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, 
             for i in range(start, last):
                 P[i + 1] = P[i]
                 is_lit(c, i, present, seen, lit)
-                predict_sensor(c, i, x, P[i + 1], lit, (pulse[0], pulse[1], seen), draws, radar, q2, A, z, S, G, K, nn)
+                used = (pulse[0], pulse[1], seen, pulse[3], pulse[4])
+                predict_sensor(c, i, x, P[i + 1], lit, used, draws, radar, q2, A, z, S, G, K, nn)
             if before < 0 or start < last:
                 fallen = fall(P[0], P[last], present, own)
                 for t in range(count_t):
@@ -63,10 +64,11 @@ def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
     for t in range(len(present)):
         if present[t] and seen[c, i, t] > 0.0:
             weakness = weakness_one(c, i, z[t, 0], pulse[1], radar)
-            s0 = S[t, 0, 0] + weakness * pulse[0][c, i, 0, 0]
-            s1 = S[t, 0, 1] + weakness * pulse[0][c, i, 0, 1]
-            s2 = S[t, 1, 1] + weakness * pulse[0][c, i, 1, 1]
-            share = information(detection(1.0 / weakness, radar[3]), seen[c, i, t], (s0, s1, s2), radar, q2, -1.0)
+            visible, C00, C01, C11 = echo_of(c, i, z[t, 0], pulse, radar)
+            if visible == 0.0:
+                continue
+            s0, s1, s2 = S[t, 0, 0] + weakness * C00, S[t, 0, 1] + weakness * C01, S[t, 1, 1] + weakness * C11
+            share = information(detection(visible / weakness, radar[3]), seen[c, i, t], (s0, s1, s2), radar, q2, -1.0)
             g00 = g01 = g11 = 0.0
             for a in range(len(M)):
                 for b in range(len(M)):

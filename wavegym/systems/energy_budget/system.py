@@ -134,7 +134,8 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     def action_set(self) -> PulseActions:  # type: ignore[override]
         """Silence or a pulse at every sensor, and the account that pays them."""
         (law,), (sweep,) = self.laws, self.sweeps
-        return PulseActions(law, self.durations, sweep, self.direction, self.carrier_hz, len(self.sensors))
+        chirp = (law, self.durations, sweep, self.direction, self.carrier_hz)
+        return PulseActions(*chirp, len(self.sensors), self.eclipsing)
 
     @cached_property
     def total(self) -> float:
@@ -255,15 +256,16 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
 
     def _pulses(self, used: Array, clear: Array) -> Pulse:
         """The pulses of actions (...) in slots that are clear with probability ``clear`` (...); shapes broadcast."""
-        C, strength, illuminated = (a.take(used, axis=0) for a in self._candidate_pulses)
-        return Pulse(C, strength, clear[..., None, None] * illuminated)
+        C, strength, illuminated, options = (a.take(used, axis=0) for a in self._candidate_pulses[:-1])
+        return Pulse(C, strength, clear[..., None, None] * illuminated, options, self.action_set.sensor_windows)
 
     @cached_property
     def _candidate_pulses(self) -> tuple[Array, ...]:
-        """The fields of every candidate's ``Pulse`` in clear slots, each (candidate, ...)."""
+        """The fields of every candidate's ``Pulse`` in clear slots, each (candidate, ...), and the windows."""
         options = self.action_set.actions.indices
         illuminated = np.repeat((options > 0)[..., None], len(self.starts), axis=2).astype(np.float64)
-        return self.action_set.unit_covariances[options], self.action_set.strength[options], illuminated
+        sent = self.action_set
+        return sent.unit_covariances[options], sent.strength[options], illuminated, options, sent.sensor_windows
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]

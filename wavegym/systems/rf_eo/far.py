@@ -1,23 +1,28 @@
-"""RF/EO platforms with fast, distant targets: no single pulse repetition frequency covers both."""
+"""RF/EO platforms with fast, distant targets, whose echoes fold."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 from wavegym.core.parameters import changed_default, system_parameters
-from wavegym.systems.rf_eo.system import Position, RfEo, StateVariance, TargetState
+from wavegym.systems.rf_eo.system import Bounds, Position, RfEo, StateVariance, TargetState
 
 
 @system_parameters
 class RfEoFar(RfEo):
-    """The RF/EO loop with fast, distant targets, where the pulse repetition frequency has to alternate.
+    """The RF/EO loop with fast, distant targets, whose ranges and range-rates fold.
 
     Description
         As wavegym/RfEo-v0 with platforms at (-10, -10) and (10, -10) km and two targets 30 to 40 km away, one receding
         at 230 m/s and one closing at 210 m/s, q = 1 m^2/s^3. r |rdot| is beyond c lambda / 8, so no pulse repetition
-        frequency covers both range and range-rate: the range needs at most 4 kHz, the range-rate at least 30 kHz.
-        Schedulers require predicted quantities to be two standard deviations inside the field of view (``margin``):
-        without this, some episodes miss the first measurement and cost a hundred times as much.
+        frequency (PRF) measures both range and range-rate without ambiguity. Echoes fold (``folding``): a low PRF
+        resolves range-rates finely, but hides more of them in the notch, and its folds need a narrow prediction; every
+        PRF has blind zones of range. So the PRF changes as the targets move through blind zones and notches. The least
+        PRF is 2 kHz, at which the notch of +-10 m/s leaves a third of the range-rates.
+
+        Schedulers require predicted azimuths to be two standard deviations inside the image (``margin``).
+        With ``folding=False, prf=(1e3, 1e5)`` it is the scene in which echoes beyond the unambiguous interval vanish:
+        the range then needs at most 4 kHz, the range-rate at least 30 kHz.
 
     Rewards
         As wavegym/RfEo-v0.
@@ -38,4 +43,6 @@ class RfEoFar(RfEo):
     )
     first_estimate: Literal["halfway", "drawn"] = changed_default(RfEo, "first_estimate", "drawn")
     prior_variance: StateVariance = changed_default(RfEo, "prior_variance", (1e6, 400.0, 1e6, 400.0))
+    prf: Bounds = changed_default(RfEo, "prf", (2e3, 100e3))
+    folding: bool = changed_default(RfEo, "folding", True)
     margin: float = changed_default(RfEo, "margin", 2.0)

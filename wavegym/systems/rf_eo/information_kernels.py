@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
+from wavegym.systems.rf_eo.look_kernels import weighted_information
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
-from wavegym.systems.rf_eo.search_kernels import SWEEPS, tabulate
+from wavegym.systems.rf_eo.search_kernels import SWEEPS, empty_tables, tabulate
 
 STARTS = 12  # each platform's own optimum; forwards and backwards from nothing; own optima for other target weights
 FORWARDS, BACKWARDS = 1, 2
@@ -126,17 +127,22 @@ def most_information(mean, P, axes, sizes, threshold, F, Q, places, fence, rules
     rows, points = 3 * platforms, axes.shape[1]
     x, V = np.empty((targets, n)), np.empty((targets, n, n))
     h, H, spread = np.empty((targets, rows)), np.empty((targets, rows, n)), np.empty((targets, rows))
-    R, tried = np.empty((targets, rows, points)), np.empty((platforms, 2), np.int64)
+    tables, tried = empty_tables(targets, platforms, points), np.empty((platforms, 2), np.int64)
+    R, seen, widths = tables
     radar, camera = np.empty((platforms, targets, points)), np.empty((platforms, targets, points))
     weights, others, totals = np.empty(targets), np.empty(targets), np.empty(targets)
     for e in range(count):
         predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
-        tabulate(V, h, H, axes, fence, rules, R, spread)
+        tabulate(V, h, H, axes, fence, rules, tables, spread)
         for j in range(platforms):
             for t in range(targets):
                 for g in range(points):
                     a = 3 * j
-                    radar[j, t, g] = spread[t, a] / R[t, a, g] + spread[t, a + 1] / R[t, a + 1, g]
+                    radar[j, t, g] = 0.0
+                    for q in range(2):
+                        radar[j, t, g] += weighted_information(
+                            spread[t, a + q], R[t, a + q, g], seen[t, j, g], widths[g, q]
+                        )
                     camera[j, t, g] = spread[t, a + 2] / R[t, a + 2, g]
         share = choose(radar, camera, sizes, threshold, tried, chosen[e], weights, others, totals)
         feasible[e] = share >= threshold

@@ -10,19 +10,31 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.folding_kernels import apparent
 from wavegym.sensors.platform_kernels import penalty_one, polar
-from wavegym.systems.rf_eo.look_kernels import information_one, look_one, spread_of, view_all
-from wavegym.systems.rf_eo.tracker_kernels import track_one
+from wavegym.systems.rf_eo.look_kernels import hidden_half, information_one, look_one, spread_of, view_all, width_of
+from wavegym.systems.rf_eo.tracker_kernels import track_one, unfold_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
 
 FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
+
+
+@kernel
+def is_hidden(true, high, j, rules):
+    """Whether platform j's radar misses a target: in a blind zone of its range, or in its clutter notch."""
+    for q in range(2):
+        W = width_of(q, high[j, q], rules)
+        if abs(true[q] - W * np.rint(true[q] / W)) < hidden_half(q, W, rules):
+            return True
+    return False
 
 
 @inlined
 def receive_one(e, k, t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z, R):
     """Measure truth[i]: fills z (a,) and the tracker's variances R (a,), 0 and infinite for quantities out of view.
 
-    h (a,): predicted quantities. Returns the number of quantities received.
+    h (a,): predicted quantities. Returns the number of quantities received. With folding, range and range-rate fold,
+    and the radar receives both or none.
     """
     received = 0
     variance, low, high = view
@@ -31,9 +43,17 @@ def receive_one(e, k, t, i, truth, h, error, places, view, true_view, fence, rul
         sx, sy = places[j, 0], places[j, 1]
         true = polar(truth[i, 0], truth[i, 1], truth[i, 2], truth[i, 3], sx, sy, places[j, 2], rules.printed)
         blind = true[0] < true_rules.nearest or h[3 * j] < rules.nearest
+        hidden = true_rules.folding and is_hidden(true, true_high, j, true_rules)
         for q in range(3):
             a, lo, hi, drawn = 3 * j + q, true_low[j, q], true_high[j, q], true_variance[j, q]
             z[a], R[a] = 0.0, np.inf
+            if true_rules.folding and q < 2:
+                W = width_of(q, hi, true_rules)
+                if not (blind or hidden):
+                    R[a] = variance[j, q]
+                    z[a] = apparent(true[q] + np.sqrt(drawn) * error[e, k, j, t, q], W, -0.5 * q * W)
+                    received += 1
+                continue
             if blind or not (rules.inflated or lo <= true[q] <= hi):
                 continue
             R[a] = variance[j, q]
@@ -75,7 +95,7 @@ def transition(
     (count, targets, n), platforms = mean.shape, places.shape[0]
     rows, view, true_view = 3 * platforms, empty_view(platforms), empty_view(platforms)
     T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(rows)
-    y, d, v = np.empty(rows), np.empty(n), np.empty(n)
+    y, d, v, u, part = np.empty(rows), np.empty(n), np.empty(n), np.empty(rows), np.empty(rows)
     mean, P, truth, x, P_out, truth_out = (
         rows_of(mean), rows_of(P), rows_of(truth), rows_of(x), rows_of(P_out), rows_of(truth_out)
     )  # fmt: skip
@@ -94,6 +114,9 @@ def transition(
                 e, k, t, i, truth_out, h, error, places, view, true_view, fence, rules, true_rules, z, R
             )  # fmt: skip
             received[e, t], unseen_out[e, t] = got, 0 if got > 0 else unseen[e, t] + 1
+            if rules.folding:
+                unfold_one(i, P_out, z, R, h, H, view[2], rules, u, part, y, d, v, nn)
+                z[:], R[:] = u, part
             track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
 
 
@@ -132,18 +155,27 @@ def receive(
 
 
 @kernel
-def track(mean, P, z, R, F, Q, places, rules, x, P_out, nn):
-    """Fill x (e, t, n), P_out (e, t, n, n): one step of the tracker with measurements z of variances R (e, t, a)."""
+def track(mean, P, z, R, settings, F, Q, places, rules, x, P_out, nn):
+    """Fill x (e, t, n), P_out (e, t, n, n): one step of the tracker with measurements z of variances R (e, t, a).
+
+    settings (e, p, 3): those that the measurements were made with; they set the unambiguous intervals.
+    """
     rows, n = z.shape[2], len(nn)
     T, H, h, y, d, v = (
         np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n)
     )  # fmt: skip
+    view, targets, u, part = empty_view(places.shape[0]), mean.shape[1], np.empty(rows), np.empty(rows)
     mean, P, z, R, x, P_out = rows_of(mean), rows_of(P), rows_of(z), rows_of(R), rows_of(x), rows_of(P_out)
     for i in range(mean.shape[0]):
+        if i % targets == 0:
+            view_all(i // targets, settings, rules, *view)
         predict_mean_one(i, mean, F, 0, x, nn)
         predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
         look_one(i, x, places, rules, h, H)
-        track_one(i, x, P_out, z[i], R[i], h, H, places, rules, y, d, v, nn)
+        u[:], part[:] = z[i], R[i]
+        if rules.folding:
+            unfold_one(i, P_out, z[i], R[i], h, H, view[2], rules, u, part, y, d, v, nn)
+        track_one(i, x, P_out, u, part, h, H, places, rules, y, d, v, nn)
 
 
 @kernel

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.kernels import inlined
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.folding_kernels import certain_fold_one, outside_notch_one
 from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
 from wavegym.trackers.polar_kernels import state_gradient, state_point
 from wavegym.trackers.rank_one_kernels import gain_one, spread_one
@@ -34,6 +35,13 @@ class Rules(NamedTuple):
     pixels: int
     inflated: bool
     iterations: int
+    folding: bool = False
+    duty: float = 0.0
+    notch: float = 0.0
+
+
+GATE = 4.0  # standard deviations of a prediction within which folds are looked for
+CERTAIN = 8.0  # standard deviations from an edge beyond which the side is taken as certain
 
 
 @inlined
@@ -95,7 +103,12 @@ def gain_of(q, i, P, H, a, v, nn):
 
 @inlined
 def predicted_variance(value, spread, variance, low, high, q, fence, rules):
-    """R~ of quantity q: variance plus penalty at the predicted value, moved ``margin`` deviations towards the edge."""
+    """R~ of quantity q: variance plus penalty at the predicted value, moved ``margin`` deviations towards the edge.
+
+    What folds has no edge and no penalty.
+    """
+    if rules.folding and q < 2:
+        return variance
     if rules.margin == 0.0:
         return variance + penalty_one(rules.penalty, value, low, high, fence[0, q], fence[1, q])
     reach = rules.margin * np.sqrt(spread)
@@ -105,13 +118,74 @@ def predicted_variance(value, spread, variance, low, high, q, fence, rules):
 
 
 @inlined
+def width_of(q, high, rules):
+    """Unambiguous interval of quantity q whose field of view ends at ``high``; inf: nothing folds."""
+    if not rules.folding or q == 2:
+        return np.inf
+    return high if q == 0 else 2.0 * high
+
+
+@inlined
+def hidden_half(q, width, rules):
+    """Half the blind zone around each whole interval: while the radar transmits, or in the clutter notch."""
+    return rules.duty * width if q == 0 else rules.notch
+
+
+@kernel
+def visible_one(value, variance, width, half):
+    """The probability that a Gaussian value is farther than ``half`` from all multiples of ``width``."""
+    off = abs(value - width * np.rint(value / width)) - half
+    if off * off > CERTAIN * CERTAIN * variance:
+        return 1.0 if off > 0.0 else 0.0
+    return outside_notch_one(value, variance, width, half)
+
+
+@kernel
+def seen_one(r, rdot, r_variance, rdot_variance, high, j, rules):
+    """The probability that platform j's radar sees a target of this predicted range and range-rate.
+
+    Outside its blind zones and outside its notch; their correlation is left out of account. 1 without folding.
+    """
+    if not rules.folding:
+        return 1.0
+    W0, W1 = width_of(0, high[j, 0], rules), width_of(1, high[j, 1], rules)
+    return visible_one(r, r_variance, W0, hidden_half(0, W0, rules)) * visible_one(
+        rdot, rdot_variance, W1, hidden_half(1, W1, rules)
+    )
+
+
+@inlined
+def expected_innovation(spread, variance, seen, width):
+    """Innovation variance s with which P - v v' / s is the expected covariance after a measurement that may fold.
+
+    It is seen with probability ``seen``, and used where its fold is certain.
+    """
+    s = spread + variance
+    return s / (seen * certain_fold_one(s, width, GATE)) if width < np.inf else s
+
+
+@inlined
+def weighted_information(spread, variance, seen, width):
+    """spread / R, where R is the variance of an unfolded, certain measurement of the same expected covariance."""
+    if width < np.inf:
+        return spread / (expected_innovation(spread, variance, seen, width) - spread)
+    return spread / variance
+
+
+@inlined
 def information_one(i, P, h, H, variance, low, high, fence, rules):
     """tr(P C' R~^-1 C) of target i as predicted: the information of the settings, weighted with P[i]."""
     total = 0.0
     for j in range(variance.shape[0]):
         if h[3 * j] >= rules.nearest:
+            a, seen = 3 * j, 1.0
+            if rules.folding:
+                seen = seen_one(
+                    h[a], h[a + 1], spread_of(0, i, P, H, a), spread_of(1, i, P, H, a + 1), high, j, rules
+                )  # fmt: skip
             for q in range(3):
                 a = 3 * j + q
                 g = spread_of(q, i, P, H, a)
-                total += g / predicted_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                R = predicted_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                total += weighted_information(g, R, seen, width_of(q, high[j, q], rules))
     return total

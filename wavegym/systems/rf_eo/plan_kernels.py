@@ -1,6 +1,7 @@
 """A plan of several steps for RF/EO platforms in compiled form.
 
-Shapes and arguments as in ``search_kernels.py``; s steps ahead; ``chosen`` (s, p, 2).
+Shapes and arguments as in ``search_kernels.py``; s steps ahead; ``chosen`` (s, p, 2), and so
+are R and seen of the ``tables``.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -10,21 +11,20 @@ import numpy as np
 
 from wavegym.core.kernels import kernel
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
-from wavegym.systems.rf_eo.search_kernels import SWEEPS, absorb_platform, best_of_two, tabulate
+from wavegym.systems.rf_eo.search_kernels import SWEEPS, absorb_all, best_of_two, tabulate
 from wavegym.trackers.kernels import predict_covariance_one
 
 BETTER = 1e-9  # least relative improvement for which the plan is changed
 
 
 @kernel
-def follow(U, H, R, chosen, s, last, weights, F, Q, bound, T, v, nn):
+def follow(U, H, tables, chosen, s, last, weights, F, Q, bound, T, v, nn):
     """Cost of the steps s to ``last`` from U[s] (t, n, n); fills U[s + 1], ...; stops where it reaches ``bound``."""
-    total = 0.0
+    (R, seen, widths), total = tables, 0.0
     for k in range(s, last + 1):
         for t in range(U.shape[1]):
             predict_covariance_one(t, U[k], F, Q, 0, T, U[k + 1], nn)
-        for j in range(chosen.shape[1]):
-            absorb_platform(U[k + 1], H[k], R[k], j, chosen[k, j, 0], chosen[k, j, 1], v, nn)
+        absorb_all(U[k + 1], H[k], (R[k], seen[k], widths), chosen[k], v, nn)
         for t in range(U.shape[1]):
             for i in range(len(nn)):
                 total += weights[i] * U[k + 1, t, i, i]
@@ -34,13 +34,13 @@ def follow(U, H, R, chosen, s, last, weights, F, Q, bound, T, v, nn):
 
 
 @kernel
-def improve(U, H, R, chosen, sizes, weights, F, Q, T, v, nn):
+def improve(U, H, tables, chosen, sizes, weights, F, Q, T, v, nn):
     """Change one grid point of one platform at one step at a time, as long as the plan's cost falls.
 
     U (s + 1, t, n, n) holds the covariances of the plan so far. Returns the plan's cost.
     """
     depth, platforms = chosen.shape[:2]
-    total = follow(U, H, R, chosen, 0, depth - 1, weights, F, Q, np.inf, T, v, nn)
+    total = follow(U, H, tables, chosen, 0, depth - 1, weights, F, Q, np.inf, T, v, nn)
     for _ in range(SWEEPS):
         before, spent = total, 0.0  # spent: cost of the steps before k
         for k in range(depth):
@@ -49,11 +49,13 @@ def improve(U, H, R, chosen, sizes, weights, F, Q, T, v, nn):
                     best, kept = chosen[k, j, axis], total
                     for g in range(sizes[axis]):
                         chosen[k, j, axis] = g
-                        cost = spent + follow(U, H, R, chosen, k, depth - 1, weights, F, Q, total - spent, T, v, nn)
+                        cost = spent + follow(
+                            U, H, tables, chosen, k, depth - 1, weights, F, Q, total - spent, T, v, nn
+                        )  # fmt: skip
                         if cost < total - BETTER * kept:
                             best, total = g, cost
                     chosen[k, j, axis] = best
-            spent += follow(U, H, R, chosen, k, k, weights, F, Q, np.inf, T, v, nn)
+            spent += follow(U, H, tables, chosen, k, k, weights, F, Q, np.inf, T, v, nn)
         if total >= before:
             break
     return total
@@ -69,15 +71,17 @@ def plan(mean, P, step, horizon, axes, sizes, weights, F, Q, places, fence, rule
     rows, points = 3 * platforms, axes.shape[1]
     x, U = np.empty((depth + 1, targets, n)), np.empty((depth + 1, targets, n, n))
     W, rest, spread = np.empty(U.shape[1:]), np.empty(U.shape[1:]), np.empty((targets, rows))
-    h, H, R = np.empty((targets, rows)), np.empty((depth, targets, rows, n)), np.empty((depth, targets, rows, points))
+    h, H = np.empty((targets, rows)), np.empty((depth, targets, rows, n))
+    R, seen = np.empty((depth, targets, rows, points)), np.empty((depth, targets, platforms, points))
+    widths = np.empty((points, 3))
     T, v, other = np.empty((n, n)), np.empty(n), np.empty((platforms, 2), np.int64)
     for e in range(count):
         levels = max(1, min(depth, horizon - step[e]))
         x[0], U[0] = mean[e], P[e]
         for k in range(levels):
             predict_ahead(x[k], U[k], F, Q, places, rules, x[k + 1], U[k + 1], h, H[k], nn)
-            tabulate(U[k + 1], h, H[k], axes, fence, rules, R[k], spread)
-            best_of_two(U[k + 1], H[k], R[k], sizes, weights, chosen[e, k], other, W, rest, v, nn)
-            for j in range(platforms):
-                absorb_platform(U[k + 1], H[k], R[k], j, chosen[e, k, j, 0], chosen[e, k, j, 1], v, nn)
-        cost[e] = improve(U, H, R, chosen[e, :levels], sizes, weights, F, Q, T, v, nn)
+            tables = (R[k], seen[k], widths)
+            tabulate(U[k + 1], h, H[k], axes, fence, rules, tables, spread)
+            best_of_two(U[k + 1], H[k], tables, sizes, weights, chosen[e, k], other, W, rest, v, nn)
+            absorb_all(U[k + 1], H[k], tables, chosen[e, k], v, nn)
+        cost[e] = improve(U, H, (R, seen, widths), chosen[e, :levels], sizes, weights, F, Q, T, v, nn)

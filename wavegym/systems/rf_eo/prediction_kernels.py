@@ -10,12 +10,15 @@ import numpy as np
 
 from wavegym.core.kernels import kernel
 from wavegym.systems.rf_eo.look_kernels import (
+    expected_innovation,
     gain_of,
     information_one,
     look_one,
     predicted_variance,
+    seen_one,
     spread_of,
     view_all,
+    width_of,
 )
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rank_one_kernels import shrink_one
@@ -37,7 +40,7 @@ def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
     (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
-    h, H, spread = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), 0.0
+    h, H, spread, seen = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), 0.0, 1.0
     for e in range(count):
         predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
@@ -46,14 +49,20 @@ def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
             out = P_out[e, c]
             for t in range(targets):
                 x[e, c, t], out[t] = ahead[t], V[t]
-                for a in range(3 * platforms):
+                for turn in range(6 * platforms if rules.folding else 3 * platforms):
+                    a = turn % (3 * platforms)
                     j, q = a // 3, a % 3
-                    if h[t, 3 * j] < rules.nearest:
+                    early = rules.folding and turn < 3 * platforms  # azimuths first, as in the tracker
+                    if h[t, 3 * j] < rules.nearest or (rules.folding and early != (q == 2)):
                         continue
                     if rules.margin > 0.0:
                         spread = spread_of(q, t, V, H[t], a)
+                    if rules.folding and q == 0:
+                        r_variance, rdot_variance = spread_of(0, t, V, H[t], a), spread_of(1, t, V, H[t], a + 1)
+                        seen = seen_one(h[t, a], h[t, a + 1], r_variance, rdot_variance, high, j, rules)
                     R = predicted_variance(h[t, a], spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
-                    s = gain_of(q, t, out, H[t], a, v, nn) + R
+                    g = gain_of(q, t, out, H[t], a, v, nn)
+                    s = expected_innovation(g, R, seen, width_of(q, high[j, q], rules))
                     shrink_one(t, out, v, s, nn)
 
 

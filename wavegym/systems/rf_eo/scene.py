@@ -1,4 +1,7 @@
-"""The scene of RF/EO platforms: map, position errors, and each platform's field of view and settings."""
+"""The scene of RF/EO platforms: map, position errors, and each platform's field of view and settings.
+
+What folds is drawn folded, and filled where the radar sees it: outside its blind zones and its notch.
+"""
 
 from __future__ import annotations
 
@@ -105,7 +108,7 @@ class PlatformScene:
 
 
 class Sight(NamedTuple):
-    """True quantities at every platform in the last step, and its field of view."""
+    """True quantities at every platform in the last step, folded where they fold, and its field of view."""
 
     value: Array  # (platform, target, 3): range in m, range-rate in m/s, azimuth from the look direction in rad
     low: Array  # (platform, 3): edges of the field of view
@@ -123,6 +126,9 @@ def in_view(system: RfEo, moment: Moment) -> Sight:
     predicted = platform_measurement(ahead, places[:, None], system.as_printed)
     blind = np.minimum(value[..., :1], predicted[..., :1]) < system.nearest_range
     seen = (value >= low[:, None]) & (value <= high[:, None]) & ~blind
+    if system.folding:
+        value, visible = system.folded(value, high[:, None])
+        seen[..., :2] = visible[..., None] & ~blind
     return Sight(value, low, high, seen)
 
 

@@ -2,7 +2,9 @@
 
 Shapes and arguments as in ``kernels.py``; g points on each of the two axes of a platform's grid: PRF (sets
 range and range-rate) and pixel angle (sets the azimuth), at the greatest bandwidth. ``sizes``: points on each axis.
-``chosen`` (p, 2): every platform's grid point.
+``chosen`` (p, 2): every platform's grid point. ``tables``: R (t, a, g), the predicted variance of every quantity at
+every point of its axis; seen (t, p, g), the probability that the radar sees the target; widths (g, 3), the unambiguous
+intervals.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -11,7 +13,14 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.look_kernels import gain_of, predicted_variance, spread_of
+from wavegym.systems.rf_eo.look_kernels import (
+    expected_innovation,
+    gain_of,
+    predicted_variance,
+    seen_one,
+    spread_of,
+    width_of,
+)
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.trackers.rank_one_kernels import shrink_one
 
@@ -19,13 +28,22 @@ SWEEPS = 10  # most passes of a search over all platforms
 
 
 @kernel
-def tabulate(V, h, H, axes, fence, rules, R, spread):
-    """Fill R (t, a, g), the predicted variance of every quantity at every point of its axis, and spread (t, a).
+def empty_tables(targets, platforms, points):
+    """R, seen and widths, to be filled by ``tabulate``."""
+    return np.empty((targets, 3 * platforms, points)), np.empty((targets, platforms, points)), np.empty((points, 3))
+
+
+@kernel
+def tabulate(V, h, H, axes, fence, rules, tables, spread):
+    """Fill the tables, and spread (t, a).
 
     spread: variance of the quantity's prediction. axes (3, g, 3): variance, low and high at the points; columns 0 and 1
     belong to the PRF, column 2 to the pixel angle.
     """
-    variance, low, high = axes[0], axes[1], axes[2]
+    (variance, low, high), (R, seen, widths) = (axes[0], axes[1], axes[2]), tables
+    for g in range(axes.shape[1]):
+        for q in range(3):
+            widths[g, q] = width_of(q, high[g, q], rules)
     for t in range(h.shape[0]):
         for a in range(h.shape[1]):
             q = a % 3
@@ -36,34 +54,94 @@ def tabulate(V, h, H, axes, fence, rules, R, spread):
                     R[t, a, g] = predicted_variance(
                         h[t, a], spread[t, a], variance[g, q], low[g, q], high[g, q], q, fence, rules
                     )
+        for j in range(seen.shape[1]):
+            a = 3 * j
+            for g in range(axes.shape[1]):
+                seen[t, j, g] = seen_one(h[t, a], h[t, a + 1], spread[t, a], spread[t, a + 1], high, g, rules)
 
 
 @kernel
-def absorb_platform(V, H, R, j, prf, angle, v, nn):
-    """Update V (t, n, n) with the measurements of platform j at the points ``prf`` and ``angle`` of its axes."""
+def absorb_platform(V, H, tables, j, prf, angle, v, nn):
+    """Update V (t, n, n) with the measurements of platform j at the points ``prf`` and ``angle`` of its axes.
+
+    A negative point: not chosen yet.
+    """
+    R, seen, widths = tables
     for t in range(V.shape[0]):
         for q in range(3):
-            a = 3 * j + q
-            s = gain_of(q, t, V, H[t], a, v, nn) + R[t, a, angle if q == 2 else prf]
-            shrink_one(t, V, v, s, nn)
+            a, g = 3 * j + q, angle if q == 2 else prf
+            if g >= 0:
+                gain = gain_of(q, t, V, H[t], a, v, nn)
+                s = expected_innovation(gain, R[t, a, g], seen[t, j, g], widths[g, q])
+                shrink_one(t, V, v, s, nn)
 
 
 @kernel
-def best_platform(V, H, R, j, sizes, weights, W, v, nn):
+def absorb_all(V, H, tables, chosen, v, nn):
+    """Update V (t, n, n) with the measurements of all platforms; chosen (p, 2).
+
+    Where ranges fold, all azimuths come first, as in the tracker: what they leave open decides what a fold is worth.
+    """
+    folds = tables[2][0, 0] < np.inf
+    if folds:
+        for j in range(chosen.shape[0]):
+            absorb_platform(V, H, tables, j, -1, chosen[j, 1], v, nn)
+    for j in range(chosen.shape[0]):
+        absorb_platform(V, H, tables, j, chosen[j, 0], -1 if folds else chosen[j, 1], v, nn)
+
+
+@kernel
+def weighted_trace(V, weights):
+    """trace(W P) summed over the targets of V (t, n, n)."""
+    total = 0.0
+    for t in range(V.shape[0]):
+        for i in range(len(weights)):
+            total += weights[i] * V[t, i, i]
+    return total
+
+
+@kernel
+def search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn):
+    """``search`` where ranges fold: one axis of one platform at a time, each point tried with all other choices."""
+    platforms, least = chosen.shape[0], np.inf
+    chosen[:] = -1
+    for _ in range(SWEEPS):
+        changed = False
+        for order in range(platforms):
+            j = platforms - 1 - order if backwards else order
+            for axis in (1, 0):
+                before, best, least = chosen[j, axis], 0, np.inf
+                for g in range(sizes[axis]):
+                    chosen[j, axis] = g
+                    W[:] = V
+                    absorb_all(W, H, tables, chosen, v, nn)
+                    cost = weighted_trace(W, weights)
+                    if cost < least:
+                        least, best = cost, g
+                chosen[j, axis] = best
+                changed = changed or best != before
+        if not changed:
+            break
+    return least
+
+
+@kernel
+def best_platform(V, H, tables, j, sizes, weights, W, v, nn):
     """Cost and best points (prf, angle) of platform j's axes, where all others have already measured.
 
     For each PRF the covariance is updated with range and range-rate (in W). An azimuth then lowers the trace by
     v' Lambda v / (h' P h + R), with the same v for every pixel angle.
     """
     targets, n, azimuth = V.shape[0], len(nn), 3 * j + 2
-    least, prf, angle = np.inf, 0, 0
+    (R, seen, widths), (least, prf, angle) = tables, (np.inf, 0, 0)
     off, g = np.empty(targets), np.empty(targets)
     for f in range(sizes[0]):
         total = 0.0
         for t in range(targets):
             W[t] = V[t]
             for q in range(2):
-                s = gain_of(q, t, W, H[t], 3 * j + q, v, nn) + R[t, 3 * j + q, f]
+                gain = gain_of(q, t, W, H[t], 3 * j + q, v, nn)
+                s = expected_innovation(gain, R[t, 3 * j + q, f], seen[t, j, f], widths[f, q])
                 shrink_one(t, W, v, s, nn)
             g[t] = gain_of(2, t, W, H[t], azimuth, v, nn)
             off[t] = 0.0
@@ -80,11 +158,13 @@ def best_platform(V, H, R, j, sizes, weights, W, v, nn):
 
 
 @kernel
-def search(V, H, R, sizes, weights, backwards, chosen, W, rest, v, nn):
+def search(V, H, tables, sizes, weights, backwards, chosen, W, rest, v, nn):
     """Fill ``chosen`` (p, 2) platform after platform, each best given the others, until none changes.
 
     In the first sweep a platform takes account only of those before it. Returns the cost.
     """
+    if tables[2][0, 0] < np.inf:
+        return search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn)
     platforms, cost = chosen.shape[0], np.inf
     chosen[:] = -1
     for _ in range(SWEEPS):
@@ -94,8 +174,8 @@ def search(V, H, R, sizes, weights, backwards, chosen, W, rest, v, nn):
             rest[:] = V
             for other in range(platforms):
                 if other != j and chosen[other, 0] >= 0:
-                    absorb_platform(rest, H, R, other, chosen[other, 0], chosen[other, 1], v, nn)
-            cost, prf, angle = best_platform(rest, H, R, j, sizes, weights, W, v, nn)
+                    absorb_platform(rest, H, tables, other, chosen[other, 0], chosen[other, 1], v, nn)
+            cost, prf, angle = best_platform(rest, H, tables, j, sizes, weights, W, v, nn)
             changed = changed or prf != chosen[j, 0] or angle != chosen[j, 1]
             chosen[j, 0], chosen[j, 1] = prf, angle
         if not changed:
@@ -104,11 +184,11 @@ def search(V, H, R, sizes, weights, backwards, chosen, W, rest, v, nn):
 
 
 @kernel
-def best_of_two(V, H, R, sizes, weights, chosen, other, W, rest, v, nn):
+def best_of_two(V, H, tables, sizes, weights, chosen, other, W, rest, v, nn):
     """Fill ``chosen`` (p, 2) by the better of a forward and a backward search; returns the cost."""
-    cost = search(V, H, R, sizes, weights, False, chosen, W, rest, v, nn)
+    cost = search(V, H, tables, sizes, weights, False, chosen, W, rest, v, nn)
     if chosen.shape[0] > 1:
-        second = search(V, H, R, sizes, weights, True, other, W, rest, v, nn)
+        second = search(V, H, tables, sizes, weights, True, other, W, rest, v, nn)
         if second < cost:
             chosen[:], cost = other, second
     return cost
@@ -122,8 +202,9 @@ def best_settings(mean, P, axes, sizes, weights, F, Q, places, fence, rules, cho
     x, V = np.empty((targets, n)), np.empty((targets, n, n))
     W, rest = np.empty(V.shape), np.empty(V.shape)
     h, H, spread = np.empty((targets, rows)), np.empty((targets, rows, n)), np.empty((targets, rows))
-    R, v, other = np.empty((targets, rows, axes.shape[1])), np.empty(n), np.empty((platforms, 2), np.int64)
+    tables, v = empty_tables(targets, platforms, axes.shape[1]), np.empty(n)
+    other = np.empty((platforms, 2), np.int64)
     for e in range(count):
         predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
-        tabulate(V, h, H, axes, fence, rules, R, spread)
-        best_of_two(V, H, R, sizes, weights, chosen[e], other, W, rest, v, nn)
+        tabulate(V, h, H, axes, fence, rules, tables, spread)
+        best_of_two(V, H, tables, sizes, weights, chosen[e], other, W, rest, v, nn)

@@ -22,6 +22,7 @@ from wavegym.core.capabilities import (
     MeasurementObservation,
     MostInformation,
     SequencePlan,
+    TimedPulses,
 )
 from wavegym.core.costs import trace_cost
 from wavegym.core.decision_makers import makers_by_form
@@ -29,6 +30,7 @@ from wavegym.core.errors import InputError, check_ordered, check_positive, check
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.sensors import range_and_rate
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.recorded_targets import (
@@ -58,7 +60,7 @@ from wavegym.systems.rf_eo.state import (
     received_values,
 )
 from wavegym.targets import MotionModel, constant_turn
-from wavegym.waveforms import SPEED_OF_LIGHT
+from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
@@ -92,10 +94,13 @@ class RfEo(
     DecisionMakers,
     MeasurementObservation,
     PlaysRecordings,
+    TimedPulses,
 ):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
     Description
+        As in the paper, what lies beyond the unambiguous interval of range or range-rate is not received. A radar
+        receives it folded: ``folding`` does so.
         Each target's state is [x xdot y ydot] (m, m/s). It moves as x_{k+1} = A x_k + w_k with white-noise acceleration
         of density q (eq. 2). Platform j measures range, range-rate and azimuth of every target (eqs. 4 to 6) with the
         variances (c / 2B)^2 / 12, (lambda PRF / (2 Nfft))^2 / 12 and alpha^2 / 12. It receives only quantities inside
@@ -105,6 +110,12 @@ class RfEo(
         so wide that a single linearisation would mislead, and counts the bend of the measurement as noise where the
         posterior is as wide too, as after a range alone (posterior linearisation). Schedulers predict the covariance
         with a variance that grows at the edge of the field of view (eqs. 12 and 13).
+
+        With ``folding``, range is received modulo c / (2 PRF) and range-rate modulo lambda PRF / 2. The radar receives
+        neither if the echo overlaps with a transmitted pulse, in part or whole (``duty``), or if the folded range-rate
+        lies in the clutter notch (``notch``). The filter uses a range or a range-rate only if a single fold lies within
+        four standard deviations of its prediction. Schedulers predict the expected covariance: with the probabilities
+        that the target is seen and that its fold is certain.
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
@@ -122,6 +133,7 @@ class RfEo(
     """
 
     terminates = False
+    chooses_prf = True
 
     horizon: int = parameter(1000, "steps in an episode", ge=1, le=1_000_000)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
@@ -170,6 +182,19 @@ class RfEo(
     nearest_range: float = parameter(
         1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
     )
+    folding: bool = parameter(
+        False, "range and range-rate beyond the unambiguous interval are received folded; without, not at all"
+    )
+    duty: float = parameter(
+        0.1,
+        "with folding: share of time for which the radar transmits; an echo that returns then, even in part, is lost",
+        truth=True,
+        ge=0,
+        lt=0.5,
+    )
+    notch: float = parameter(
+        10.0, "with folding: half width of the clutter notch around folded range-rate 0", unit="m/s", truth=True, ge=0
+    )
     as_printed: bool = parameter(False, "use the paper's misprinted equations", unit="")
     action: Literal["box", "library", "joint"] = parameter(
         "box",
@@ -198,6 +223,7 @@ class RfEo(
                 raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
         self._check_camera()
         self._check_radar()
+        self._check_folding()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
         self.action_set.levels  # noqa: B018  (invalid points are reported here)
 
@@ -221,6 +247,22 @@ class RfEo(
             wanted = f"at most dt = {self.dt:g} s (nearest prf: {self.fft_length / self.dt:g} Hz)"
             given = f"dwell of {self.fft_length} pulses at {self.prf[0]:g} Hz is {dwell:g} s"
             raise InputError(f"{given}, expected {wanted}")
+
+    def _check_folding(self) -> None:
+        """InputError where folding meets the paper's other forms, or a notch leaves the lowest PRF nothing to see."""
+        if not self.folding:
+            return
+        if self.out_of_view == "inflated":
+            raise InputError("out_of_view is 'inflated', expected 'missing' with folding (nearest: 'missing')")
+        if self.as_printed:
+            raise InputError("as_printed is True, expected False with folding (nearest: False)")
+        half = 0.25 * self.wavelength * self.prf[0]
+        if not self.notch < half:
+            least = 4.0 * self.notch / self.wavelength
+            raise InputError(
+                f"notch is {self.notch:g} m/s, expected less than half the unambiguous velocity of the lowest PRF, "
+                f"{half:.4g} m/s at {self.prf[0]:g} Hz (nearest: {0.99 * half:.4g}, or a prf from {1.01 * least:.4g})"
+            )
 
     @property
     def wavelength(self) -> float:
@@ -280,11 +322,34 @@ class RfEo(
     def _rules(self) -> Rules:
         """The scalars of the kernels."""
         law = (self.wavelength, self.fft_length, self.pixels, self.out_of_view == "inflated", self.iterations)
-        return Rules(KINDS[self.penalty], self.nearest_range, self.margin, self.as_printed, *law)
+        folds = (self.folding, self.duty, self.notch)
+        return Rules(KINDS[self.penalty], self.nearest_range, self.margin, self.as_printed, *law, *folds)
 
     @cached_property
     def _weights(self) -> Array:
         return np.array(self.weights)
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """A train at each PRF of the library: of pulses of ``duty`` with folding, else of 1/B, the shortest."""
+        return {
+            f"{prf:.4g} Hz": PulseTiming(
+                duration=self.duty / prf if self.folding else 1.0 / self.bandwidth[1],
+                carrier_hz=self.carrier_hz,
+                interval=1.0 / prf,
+                count=self.fft_length,
+            )
+            for prf in self.action_set.levels[0]
+        }
+
+    def target_ranges(self, world: World) -> Array:
+        """Of every target at every platform, (env, target, step, platform, 2)."""
+        truth, found = self.initial(world).truth, []
+        for k in range(self.horizon + 1):
+            found.append(range_and_rate(truth.targets[:, :, None, [0, 2, 1, 3]], np.array(self.platforms)))
+            if k < self.horizon:
+                truth = self.move(truth, np.full(len(truth.targets), k), world)
+        return np.stack(found, axis=2)
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
@@ -314,6 +379,17 @@ class RfEo(
         """Kernel arguments: transition matrix (1, 4, 4) and noise factor (4, 4) of the world."""
         motion = self.truth_model.motion
         return motion.F[None].copy(), motion.noise_factor
+
+    def folded(self, value: Array, high: Array) -> tuple[Array, Array]:
+        """Quantities (..., 3) as the radar receives them, and whether it sees them (...); high: upper edges."""
+        widths = np.stack(np.broadcast_arrays(high[..., 0], 2.0 * high[..., 1]), axis=-1)
+        off = value[..., :2] - widths * np.rint(value[..., :2] / widths)
+        half = np.stack(
+            [self.truth_model.duty * widths[..., 0], np.full(widths.shape[:-1], self.truth_model.notch)], -1
+        )
+        folded = np.concatenate([off, value[..., 2:]], axis=-1)
+        folded[..., 0] += np.where(off[..., 0] < 0.0, widths[..., 0], 0.0)
+        return folded, (np.abs(off) >= half).all(axis=-1)
 
     def fused_transition(self, state: State, action: Array, world: World) -> State:
         """One step: targets move, platforms take their settings and measure, the filter updates."""
@@ -358,7 +434,8 @@ class RfEo(
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
         F, Q, places, _, rules = self._scene
         z, variance, _ = measurements
-        kernels.track(belief.mean, belief.covariance, z, variance, F, Q, places, rules, x, P, NN)
+        settings = self.action_set.settings(action)
+        kernels.track(belief.mean, belief.covariance, z, variance, settings, F, Q, places, rules, x, P, NN)
         return Belief(belief.step + 1, x, P)
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:

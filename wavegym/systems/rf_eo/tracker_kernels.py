@@ -6,6 +6,9 @@ z and R (a,): measurements and the variances that the tracker assumes, infinite 
 Where the second-order terms of a measurement are small over the spread of the prior, one linearisation is enough.
 Otherwise the update iterates (Gauss-Newton). Where they are not small over the spread of the posterior either, as after
 a range alone, the posterior bends: it is linearised by regression over its own spread.
+
+What may be folded updates only where its fold is certain. A Gaussian cannot hold several folds: the moments of all
+would lose the less probable ones at the next measurement, and with them the target.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -14,9 +17,10 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.folding_kernels import fold_pair_one, fold_update_one, shifted
 from wavegym.sensors.platform_kernels import polar as polar_quantities
 from wavegym.sensors.platform_kernels import wrapped
-from wavegym.systems.rf_eo.look_kernels import ALL, gain_of, look_one, look_polar
+from wavegym.systems.rf_eo.look_kernels import ALL, GATE, gain_of, look_one, look_polar, spread_of, width_of
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
@@ -191,3 +195,61 @@ def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
         absorb_one(i, P, H, y, R, d, v, nn)
         for a in range(len(nn)):
             x[i, a] += d[a]
+
+
+@kernel
+def fold_pair(P, H, z, h, R, high, j, rules, nn):
+    """(range certain, its fold, range-rate certain, its fold) of platform j against the prediction h, P (1, n, n).
+
+    A quantity is certain if all folds of the pair within the gate share its fold: the spread over the folds is 0.
+    """
+    a, S01 = 3 * j, 0.0
+    for k in range(len(nn)):
+        for m in range(len(nn)):
+            S01 += H[a, k] * P[0, k, m] * H[a + 1, m]
+    found = fold_pair_one(
+        z[a], z[a + 1], h[a], h[a + 1],
+        spread_of(0, 0, P, H, a) + R[a], S01, spread_of(1, 0, P, H, a + 1) + R[a + 1],
+        width_of(0, high[j, 0], rules), width_of(1, high[j, 1], rules), GATE, np.empty((0, 3)),
+    )  # fmt: skip
+    return found[7] == 0.0, found[2], found[9] == 0.0, found[3]
+
+
+@kernel
+def unfold_one(i, P, z, R, h, H, high, rules, u, part, y, d, v, nn):
+    """Fill u and part (a,), measurements without folds and their variances; infinite where the fold is not certain.
+
+    Azimuths update a copy of the prediction P[i] first. Then a range or range-rate joins whose folds within GATE
+    standard deviations are one, or none: then it is the nearest. Each narrows the prediction for the others, until no
+    more is certain. high (p, 3): upper edges of the fields of view, which set the widths.
+    """
+    trial, at, fold = P[i : i + 1].copy(), h.copy(), np.zeros(2)
+    certain = np.zeros(2, np.bool_)
+    residual_one(z, h, y)
+    for a in range(len(z)):
+        u[a], part[a] = z[a], R[a] if a % 3 == 2 else np.inf
+    absorb_one(0, trial, H, y, part, d, v, nn)
+    changed = True
+    while changed:
+        changed = False
+        for j in range(len(z) // 3):
+            for a in range(3 * j, 3 * j + 2):
+                at[a] = h[a]
+                for k in range(len(nn)):
+                    at[a] += H[a, k] * d[k]
+            waits = R[3 * j] < np.inf and part[3 * j] == np.inf, R[3 * j + 1] < np.inf and part[3 * j + 1] == np.inf
+            if waits[0] and waits[1]:
+                certain[0], fold[0], certain[1], fold[1] = fold_pair(trial, H, z, at, R, high, j, rules, nn)
+            for q in range(2):
+                a = 3 * j + q
+                if not waits[q]:
+                    continue
+                W = width_of(q, high[j, q], rules)
+                if not waits[1 - q]:
+                    found = fold_update_one(z[a], at[a], spread_of(q, 0, trial, H, a) + R[a], W, GATE)
+                    certain[q], fold[q] = found[1] <= 1.0, found[2]
+                if certain[q]:
+                    changed, part[a], u[a] = True, R[a], z[a] + shifted(fold[q], W)
+                    s = gain_of(q, 0, trial, H, a, v, nn) + R[a]
+                    correct_one(d, H, a, v, s, u[a] - h[a], nn)
+                    shrink_one(0, trial, v, s, nn)

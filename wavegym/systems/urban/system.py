@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import DecisionMaker, DecisionMakers
+from wavegym.core.capabilities import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors import Antenna, Multistatic
+from wavegym.sensors import Antenna, Multistatic, range_and_rate
 from wavegym.sensors.fluctuation import detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
@@ -37,7 +37,7 @@ from wavegym.systems.urban.state import (
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import Tracks, UrbanTracker
 from wavegym.trackers.urban.tracker import EMPTY, MODELS
-from wavegym.waveforms import GaussianChirp, PulseTrain, measurement_covariances
+from wavegym.waveforms import GaussianChirp, PulseTiming, PulseTrain, measurement_covariances, pulse_timings
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "confirm_after": 8}
@@ -47,13 +47,16 @@ EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps i
 
 
 @system_parameters
-class Urban(System, DecisionMakers):
+class Urban(System, DecisionMakers, TimedPulses):
     """A multistatic radar in urban terrain tracks an unknown number of targets and chooses its pulses scan by scan.
 
     Description
+        The paper's tracking benchmark, with nothing to decide: by default one pulse, the first, is best in every scan.
         One or more transmitters, two or more receivers, and buildings that hide targets and reflect signals. Two
         targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left turn, speeding
-        up. A scan is a train of Gaussian chirps of one of four kinds. Each receiver detects each propagation path from
+        up. A scan is a train of Gaussian chirps of one of four kinds. Receivers are antennas of their own (bistatic):
+        they listen while the transmitter sends, so no echo is eclipsed; the direct signal, which they hear then, is
+        taken to be subtracted. Each receiver detects each propagation path from
         a transmitter by a target, over up to two walls, with Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or
         ``searched`` name another law. The path is measured in
         range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for range-rate, and in direction of
@@ -81,6 +84,8 @@ class Urban(System, DecisionMakers):
         terrain: closing the loop". Buildings and clutter are read off the figure of the paper; SNR and thresholds are
         proposals of this suite.
     """
+
+    bistatic: ClassVar[bool] = True
 
     horizon: int = parameter(140, "scans in an episode", ge=1, le=10_000)
     dt: float = parameter(0.25, "time between scans", unit="s", gt=0)
@@ -218,6 +223,22 @@ class Urban(System, DecisionMakers):
     def decision_makers(self) -> tuple[DecisionMaker, ...]:
         """Every transmitter; all observation fields are those of tracks, so they are shared."""
         return makers_by_form(self.actions, "transmitter")
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """One train of each transmitter in a scan."""
+        return pulse_timings(self.library, self.carrier)
+
+    def target_ranges(self, world: World) -> Array:
+        """Of every target present at every pair, (env, scan and target, pair, 2): along the direct path, halved."""
+        truth, found = self.initial(world).truth, []
+        places = np.array([(out, back) for out in self.transmitters for back in self.receivers])  # (pair, end, 2)
+        for scan in range(self.horizon + 1):
+            at = truth.targets[:, self.truth_model.scene.present[scan]][:, :, None]  # (env, target, 1, 6)
+            found.append(0.5 * sum(range_and_rate(at[..., :4], places[:, end]) for end in (0, 1)))
+            if scan < self.horizon:
+                truth = self.move(truth, np.full(len(world.key), scan), world)
+        return np.concatenate(found, axis=1)
 
     def _sent(self, action: Array) -> Array:
         """Index of the waveform that the transmitter of each pair sends, (..., pair)."""

@@ -1,0 +1,118 @@
+"""Kernels of ``street.py``: vehicles of drawn routes, their measurements, and forecasts of tracks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.counter_rng_kernels import normal, stream, uniform
+from wavegym.core.kernels import kernel
+from wavegym.sensors.detection_kernels import tabulated
+from wavegym.sensors.geometry_kernels import multistatic_range_and_rate
+from wavegym.sensors.multistatic_kernels import direction_cosine, direction_variance, folded, noise, snr_at
+from wavegym.systems.urban.kernels import DRIVERS, measure_clutter
+from wavegym.trackers.urban.kernels import EMPTY, HIDDEN, cell_of, place_of, predict_measurements, predict_tracks
+from wavegym.trackers.urban.scan_kernels import predicted_for, scratch_for, slots_of
+from wavegym.trackers.urban.update_kernels import covariance_at, factor_sum, shrink, whiten_gain
+
+SPACING = 0.6  # standard deviations between places of ``share_lit`` along the first axis
+
+
+@kernel
+def move(keys, scans, before, places, route, F, g, sigma, after):
+    """after (env, vehicle, 6) in scan ``scans[e]``; places (scan, route, 6), route (env, vehicle).
+
+    As ``wavegym.systems.urban.kernels.move_targets``, for vehicles that are there from scan 0 on.
+    """
+    for e in range(len(keys)):
+        own, k = stream(stream(keys[e], scans[e]), DRIVERS), scans[e]
+        for t in range(route.shape[1]):
+            now, last = places[k, route[e, t]], places[k - 1, route[e, t]]
+            for axis in range(2):
+                p, v = before[e, t, axis] - last[axis], before[e, t, axis + 2] - last[axis + 2]
+                push = sigma * normal(own, 2 * t + axis)
+                after[e, t, axis] = now[axis] + F[0, 0] * p + F[0, 1] * v + g[0] * push
+                after[e, t, axis + 2] = now[axis + 2] + F[1, 0] * p + F[1, 1] * v + g[1] * push
+                after[e, t, axis + 4] = now[axis + 4] + push
+
+
+@kernel
+def measure(keys, scans, targets, route, lit, scene, law, wave, snr, z, count):
+    """Fill z (env, pair, most, 3) and count (env, pair): detections of vehicles in lit streets, and clutter.
+
+    lit (env, vehicle) bool; snr (env,): 0 where nothing is sent; wave (env, 2, 2). As
+    ``wavegym.systems.urban.kernels.measure_targets``.
+    """
+    most = scene.path_index.shape[3]
+    for e in range(len(keys)):
+        for m in range(z.shape[1] if snr[e] > 0.0 else 0):
+            key, found = stream(stream(keys[e], scans[e]), m), 0
+            for t in range(route.shape[1]):
+                x, y, u, v = targets[e, t, 0], targets[e, t, 1], targets[e, t, 2], targets[e, t, 3]
+                for w in range(scene.path_count[m, scans[e], route[e, t]] if lit[e, t] else 0):
+                    tx, ty, sx, sy, ax, ay = scene.images[m, scene.path_index[m, scans[e], route[e, t], w]]
+                    r, rate = multistatic_range_and_rate(x, y, u, v, tx, ty, sx, sy)
+                    own = stream(key, t * most + w)
+                    eta = snr_at(r, snr[e], scene.reflected[m, scans[e], route[e, t], w])
+                    if uniform(own, 0) < tabulated(eta, law.log_false_alarm, law.detection_table) and r < law.reach:
+                        R00, R01, R11 = noise(wave[e], eta, law.rate_floor)
+                        a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
+                        b = R01 / a
+                        off = np.sqrt(direction_variance(eta, law.elements)) * normal(own, 3)
+                        z[e, m, found, 0] = r + a * n0
+                        z[e, m, found, 1] = folded(rate + b * n0 + np.sqrt(R11 - b * b) * n1, law.limit)
+                        z[e, m, found, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + off, 1.0)
+                        found += 1
+            count[e, m] = measure_clutter(key, law, z[e, m], found)
+
+
+@kernel
+def share_lit(t, x, P, mu, pair, constants, models):
+    """Share of the places within two standard deviations of a track that the map and the beam let be seen."""
+    a, b, _, _ = place_of(t, x, mu, models)
+    u = v = w = 0.0
+    for j in range(models):
+        row = t * models + j
+        dx, dy = x[row, 0] - a, x[row, 1] - b
+        u += mu[t, j] * (P[row, 0, 0] + dx * dx)
+        v += mu[t, j] * (P[row, 0, 1] + dx * dy)
+        w += mu[t, j] * (P[row, 1, 1] + dy * dy)
+    along = np.sqrt(u)
+    aside, across = v / along, np.sqrt(max(w - v * v / u, 0.0))
+    seen = 0
+    for p in range(-3, 4):
+        for q in range(-1, 2):
+            i, j = cell_of(a + along * SPACING * p, b + aside * SPACING * p + across * q, constants)
+            seen += i >= 0 and constants.out_visible[pair, i, j, 0] and constants.back_visible[pair, i, j, 0]
+    return seen / 21.0
+
+
+@kernel
+def foresee(x, P, mu, existence, status, age, constants, wave, snr, draws, nn, mm, ll):
+    """The tracks a scan later, in place: expected for draws (env, 0), drawn detections for draws (env, pair * slot).
+
+    As ``scan_kernels.expect``, but a track is visible with a probability, ``share_lit``; a drawn detection proves that
+    it exists, a drawn miss takes from its existence what Bayes's rule takes.
+    """
+    scratch = scratch_for(mu.shape[1], len(mm), len(nn), len(ll))
+    predicted = predicted_for(mu.shape[1], len(mm), len(nn), len(ll))
+    for e in range(len(x)):
+        tracks = slots_of(e, x, P, mu, existence, status, age)
+        predict_tracks(tracks, constants, scratch.x, scratch.P, scratch.c, scratch.T, nn, mm)
+        for pair in range(len(constants.receivers)):
+            predict_measurements(tracks, constants, pair, snr, predicted, scratch, nn, mm, ll)
+            for t in range(mu.shape[1]):
+                if tracks.status[t] == EMPTY:
+                    continue
+                share = share_lit(t, tracks.x, tracks.P, tracks.mu, pair, constants, len(mm))
+                chance = tabulated(predicted.eta[t], constants.log_false_alarm, constants.detection_table)
+                pd = constants.gate_probability * (share * chance + (1.0 - share) * HIDDEN)
+                if draws.shape[1] > 0:
+                    r = tracks.existence[t]
+                    found = draws[e, pair * mu.shape[1] + t] < r * pd
+                    tracks.existence[t] = 1.0 if found else r * (1.0 - pd) / (1.0 - r * pd)
+                    pd = 1.0 if found else 0.0
+                for row in range(t * len(mm), (t + 1) * len(mm) if pd > 0.0 else 0):
+                    covariance_at(predicted.eta[t], wave, constants.rate_floor, constants.elements, scratch.R, ll)
+                    factor_sum(predicted.S[row], scratch.R, scratch.L, ll)
+                    whiten_gain(row, predicted.G, scratch.L, scratch.W, nn, ll)
+                    shrink(row, tracks.P, scratch.W, pd, nn, ll)
