@@ -199,11 +199,11 @@ class AgileClutter(
         check_positive("sum of weights", sum(self.weights))
         self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
-        check_time_on_target(self.timings, self.dt)
         self._check_targets()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
         self._check_clutter()
         self._check_precision()
+        check_time_on_target(self.timings, self.dt)
 
     def _check_library(self) -> None:
         """InputError for a library of one's own together with what describes the built-in one."""
