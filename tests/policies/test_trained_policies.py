@@ -205,7 +205,7 @@ def test_rf_eo_and_rf_eo_far_take_each_others_policies_with_a_warning() -> None:
     with pytest.warns(
         InputWarning, match=f"trained in {RF_EO_FAR}, not in {RF_EO}; .*q=0.01 .training: 1.0."
     ) as caught:
-        load_policy(folder, RF_EO, make_task(RF_EO, {}).system)
+        load_policy(folder, RF_EO, make_task(RF_EO, {"prf": (2e3, 1e5)}).system)
     assert "\n" not in str(caught[0].message)
 
 

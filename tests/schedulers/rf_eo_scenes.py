@@ -21,9 +21,11 @@ FAR = (
 
 
 def scene(far=False, platforms=2, targets=2, **kwargs):
-    """A system of so many platforms and targets."""
+    """A system of so many platforms and targets, far ones with echoes that vanish beyond the unambiguous interval."""
     places, starts = FAR if far else NEAR
     given = {"horizon": 12, "first_estimate": "drawn", "margin": 0.0, **kwargs}
+    if far:
+        given = {"folding": False, "prf": (1e3, 100e3), **given}
     return (RfEoFar if far else RfEo)(platforms=places[:platforms], starts=starts[:targets], **given)
 
 

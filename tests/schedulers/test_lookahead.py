@@ -193,6 +193,16 @@ def test_a_plan_is_nearly_the_best_of_all_sequences(far, depth, points):
         assert cost.sum() < mine.sum() * (1 - 1e-6)  # looking ahead is worth something here
 
 
+@pytest.mark.xfail(strict=True, reason="a plan's predicted cost is .3 to 1 % off where a fold is just certain")
+def test_a_plan_with_folding_has_the_cost_of_a_sequence():
+    system = scene(True, points=(3, 1, 3), action="joint", folding=True, prf=(2e3, 100e3))
+    belief = beliefs(system)
+    listed, _ = predicted(system, belief, 2)
+    chosen, cost = system.plan(belief, 2)
+    with_it = listed[np.arange(len(chosen)), chosen]
+    np.testing.assert_allclose(np.abs(with_it / cost[:, None] - 1).min(axis=1), 0.0, atol=1e-9)
+
+
 def test_a_plan_in_a_box_is_never_above_the_one_step_schedulers_sequence():
     system = scene()
     belief = beliefs(system, 2)
