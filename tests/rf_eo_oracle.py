@@ -181,8 +181,8 @@ def outside(mean, sigma, width, half):
 
 
 def single_fold(s, width):
-    """The probability that of a prediction's folds one alone lies within 4 deviations: |y| < W - 4 sigma."""
-    return 1.0 if width >= 8 * np.sqrt(s) else max(0.0, 2 * norm.cdf(width / np.sqrt(s) - 4) - 1)
+    """The probability that the nearest fold is e^12.5 times as likely as the next: (W - |y|)^2 - y^2 > 25 s."""
+    return max(0.0, 2 * norm.cdf((width - 25 * s / width) / 2 / np.sqrt(s)) - 1)
 
 
 def predict_folded(system, x, P, settings):
@@ -211,15 +211,14 @@ def predict_folded(system, x, P, settings):
     return Foreseen(x, P, share)
 
 
-def folds_in_gate(z, h, S, widths, gate=4.0, most=40):
-    """Fold numbers (n, m) of all hypotheses within the gate of a quantity or a pair; the nearest one where none is."""
+def likely_folds(z, h, S, widths, most=40):
+    """Fold numbers (n, m) of a quantity or a pair, of all hypotheses down to e^-12.5 of the best one's likelihood."""
     centre = [round(float((b - a) / w)) for a, b, w in zip(z, h, widths, strict=True)]
     grids = np.meshgrid(*(c + np.arange(-most, most + 1) for c in centre), indexing="ij")
     numbers = np.stack([g.ravel() for g in grids], axis=1)
     y = z + numbers * np.asarray(widths) - h
     distance = np.einsum("na,ab,nb->n", y, np.linalg.inv(S), y)
-    inside = distance <= gate**2
-    return numbers[inside] if inside.any() else numbers[[distance.argmin()]]
+    return numbers[distance - distance.min() <= 25.0]
 
 
 def unfold(system, x, P, readings, R, settings):
@@ -238,7 +237,7 @@ def unfold(system, x, P, readings, R, settings):
                 continue
             at, rows = h[j, waits] + C[j, waits] @ (mean - x), C[j, waits]
             widths = np.array(widths_of(system, p))[waits]
-            numbers = folds_in_gate(readings[j, waits], at, rows @ cov @ rows.T + np.diag(R[j, waits]), widths)
+            numbers = likely_folds(readings[j, waits], at, rows @ cov @ rows.T + np.diag(R[j, waits]), widths)
             for column, q in enumerate(waits):
                 if (numbers[:, column] == numbers[0, column]).all():
                     got[j, q] = readings[j, q] + numbers[0, column] * widths[column]

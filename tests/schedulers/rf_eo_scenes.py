@@ -18,6 +18,7 @@ FAR = (
     ((-1e4, -1e4), (1e4, -1e4), (0.0, 5e3)),
     ((-5e3, 0.0, 20e3, 230.0), (0.0, 0.0, 30e3, -210.0), (4e3, 100.0, 9e3, -50.0)),
 )
+FOLDED = {"far": True, "folding": True, "prf": (2e3, 100e3)}
 
 
 def scene(far=False, platforms=2, targets=2, **kwargs):

@@ -77,17 +77,20 @@ def fold_update_one(z, predicted, variance, width, size):
     return log_likelihood, inside, best, 1.0 / total, y0 + mean, spread
 
 
+@inlined
+def certain_reach(variance, width, size):
+    """Innovation up to which the next fold is at least exp(size^2 / 2) times less likely; negative if W < size sigma.
+
+    With the innovation y, the next fold's is W - |y|: (W - |y|)^2 - y^2 >= size^2 variance.
+    """
+    return 0.5 * (width - size * size * variance / width)
+
+
 @kernel
 def certain_fold_one(variance, width, size):
-    """The probability that a single fold of a Gaussian prediction lies within ``size`` standard deviations.
-
-    The next fold is beyond the gate where the innovation is below W - size sigma: always if W >= 2 size sigma, never if
-    W <= size sigma.
-    """
-    reach = width / np.sqrt(variance) - size
-    if reach >= size:
-        return 1.0
-    return math.erf(reach / 1.4142135623730951) if reach > 0.0 else 0.0
+    """The probability that a Gaussian prediction's innovation stays within ``certain_reach``."""
+    reach = certain_reach(variance, width, size)
+    return math.erf(reach / np.sqrt(2.0 * variance)) if reach > 0.0 else 0.0
 
 
 @inlined

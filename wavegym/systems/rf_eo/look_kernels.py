@@ -40,7 +40,7 @@ class Rules(NamedTuple):
     notch: float = 0.0
 
 
-GATE = 4.0  # standard deviations of a prediction within which folds are looked for
+SURE = 5.0  # a fold is certain where each other is exp(SURE^2 / 2) times less likely: wrong with Q(SURE) = 3e-7
 CERTAIN = 8.0  # standard deviations from an edge beyond which the side is taken as certain
 
 
@@ -161,7 +161,7 @@ def expected_innovation(spread, variance, seen, width):
     It is seen with probability ``seen``, and used where its fold is certain.
     """
     s = spread + variance
-    return s / (seen * certain_fold_one(s, width, GATE)) if width < np.inf else s
+    return s / (seen * certain_fold_one(s, width, SURE)) if width < np.inf else s
 
 
 @inlined

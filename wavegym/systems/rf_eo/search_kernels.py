@@ -25,6 +25,7 @@ from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.trackers.rank_one_kernels import shrink_one
 
 SWEEPS = 10  # most passes of a search over all platforms
+FEW = 8  # PRFs, up to which they are tried in pairs; pairs of the fine grid of a box gained nothing
 
 
 @kernel
@@ -101,8 +102,35 @@ def weighted_trace(V, weights):
 
 
 @kernel
+def cost_of(V, H, tables, chosen, weights, W, v, nn):
+    """trace(W P) summed over the targets after all measurements of ``chosen``; W: scratch space."""
+    W[:] = V
+    absorb_all(W, H, tables, chosen, v, nn)
+    return weighted_trace(W, weights)
+
+
+@kernel
+def better_pair(V, H, tables, size, weights, chosen, least, W, v, nn):
+    """Change the PRFs of two platforms at once to the best pair, if that costs less than ``least``; the least cost."""
+    for i in range(chosen.shape[0]):
+        for j in range(i):
+            best = chosen[i, 0], chosen[j, 0]
+            for f in range(size):
+                for g in range(size):
+                    chosen[i, 0], chosen[j, 0] = f, g
+                    cost = cost_of(V, H, tables, chosen, weights, W, v, nn)
+                    if cost < least:
+                        least, best = cost, (f, g)
+            chosen[i, 0], chosen[j, 0] = best
+    return least
+
+
+@kernel
 def search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn):
-    """``search`` where ranges fold: one axis of one platform at a time, each point tried with all other choices."""
+    """``search`` where ranges fold: one axis of one platform at a time, each point tried with all other choices.
+
+    One PRF may be worth its price only with another of another platform: few PRFs are tried in pairs too.
+    """
     platforms, least = chosen.shape[0], np.inf
     chosen[:] = -1
     for _ in range(SWEEPS):
@@ -113,35 +141,36 @@ def search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn):
                 before, best, least = chosen[j, axis], 0, np.inf
                 for g in range(sizes[axis]):
                     chosen[j, axis] = g
-                    W[:] = V
-                    absorb_all(W, H, tables, chosen, v, nn)
-                    cost = weighted_trace(W, weights)
+                    cost = cost_of(V, H, tables, chosen, weights, W, v, nn)
                     if cost < least:
                         least, best = cost, g
                 chosen[j, axis] = best
                 changed = changed or best != before
         if not changed:
-            break
+            single = least
+            if sizes[0] <= FEW:
+                least = better_pair(V, H, tables, sizes[0], weights, chosen, least, W, v, nn)
+            if least == single:
+                break
     return least
 
 
 @kernel
-def best_platform(V, H, tables, j, sizes, weights, W, v, nn):
-    """Cost and best points (prf, angle) of platform j's axes, where all others have already measured.
+def best_platform(V, H, R, j, sizes, weights, W, v, nn):
+    """Cost and best points (prf, angle) of platform j's axes, where all others have already measured; nothing folds.
 
     For each PRF the covariance is updated with range and range-rate (in W). An azimuth then lowers the trace by
     v' Lambda v / (h' P h + R), with the same v for every pixel angle.
     """
     targets, n, azimuth = V.shape[0], len(nn), 3 * j + 2
-    (R, seen, widths), (least, prf, angle) = tables, (np.inf, 0, 0)
+    least, prf, angle = np.inf, 0, 0
     off, g = np.empty(targets), np.empty(targets)
     for f in range(sizes[0]):
         total = 0.0
         for t in range(targets):
             W[t] = V[t]
             for q in range(2):
-                gain = gain_of(q, t, W, H[t], 3 * j + q, v, nn)
-                s = expected_innovation(gain, R[t, 3 * j + q, f], seen[t, j, f], widths[f, q])
+                s = gain_of(q, t, W, H[t], 3 * j + q, v, nn) + R[t, 3 * j + q, f]
                 shrink_one(t, W, v, s, nn)
             g[t] = gain_of(2, t, W, H[t], azimuth, v, nn)
             off[t] = 0.0
@@ -175,7 +204,7 @@ def search(V, H, tables, sizes, weights, backwards, chosen, W, rest, v, nn):
             for other in range(platforms):
                 if other != j and chosen[other, 0] >= 0:
                     absorb_platform(rest, H, tables, other, chosen[other, 0], chosen[other, 1], v, nn)
-            cost, prf, angle = best_platform(rest, H, tables, j, sizes, weights, W, v, nn)
+            cost, prf, angle = best_platform(rest, H, tables[0], j, sizes, weights, W, v, nn)
             changed = changed or prf != chosen[j, 0] or angle != chosen[j, 1]
             chosen[j, 0], chosen[j, 1] = prf, angle
         if not changed:

@@ -113,9 +113,9 @@ class RfEo(
 
         With ``folding``, range is received modulo c / (2 PRF) and range-rate modulo lambda PRF / 2. The radar receives
         neither if the echo overlaps with a transmitted pulse, in part or whole (``duty``), or if the folded range-rate
-        lies in the clutter notch (``notch``). The filter uses a range or a range-rate only if a single fold lies within
-        four standard deviations of its prediction. Schedulers predict the expected covariance: with the probabilities
-        that the target is seen and that its fold is certain.
+        lies in the clutter notch (``notch``). The filter uses a range or a range-rate only if every other fold is
+        exp(5^2 / 2) times less likely than the nearest one. Schedulers predict the expected covariance: with the
+        probabilities that the target is seen and that its fold is certain.
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.

@@ -17,10 +17,10 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.folding_kernels import fold_pair_one, fold_update_one, shifted
+from wavegym.sensors.folding_kernels import certain_reach, fold_pair_one, nearest_fold, nearest_pair, shifted
 from wavegym.sensors.platform_kernels import polar as polar_quantities
 from wavegym.sensors.platform_kernels import wrapped
-from wavegym.systems.rf_eo.look_kernels import ALL, GATE, gain_of, look_one, look_polar, spread_of, width_of
+from wavegym.systems.rf_eo.look_kernels import ALL, SURE, gain_of, look_one, look_polar, spread_of, width_of
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
@@ -201,17 +201,18 @@ def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
 def fold_pair(P, H, z, h, R, high, j, rules, nn):
     """(range certain, its fold, range-rate certain, its fold) of platform j against the prediction h, P (1, n, n).
 
-    A quantity is certain if all folds of the pair within the gate share its fold: the spread over the folds is 0.
+    A quantity is certain if all folds of the pair that are not exp(SURE^2 / 2) times less likely than the best share
+    its fold: the spread over them is 0.
     """
     a, S01 = 3 * j, 0.0
     for k in range(len(nn)):
         for m in range(len(nn)):
             S01 += H[a, k] * P[0, k, m] * H[a + 1, m]
-    found = fold_pair_one(
-        z[a], z[a + 1], h[a], h[a + 1],
-        spread_of(0, 0, P, H, a) + R[a], S01, spread_of(1, 0, P, H, a + 1) + R[a + 1],
-        width_of(0, high[j, 0], rules), width_of(1, high[j, 1], rules), GATE, np.empty((0, 3)),
-    )  # fmt: skip
+    S00, S11 = spread_of(0, 0, P, H, a) + R[a], spread_of(1, 0, P, H, a + 1) + R[a + 1]
+    W0, W1 = width_of(0, high[j, 0], rules), width_of(1, high[j, 1], rules)
+    least = nearest_pair(z[a] - h[a], z[a + 1] - h[a + 1], S00, S01, S11, W0, W1)[2]
+    size = np.sqrt(least + SURE * SURE)
+    found = fold_pair_one(z[a], z[a + 1], h[a], h[a + 1], S00, S01, S11, W0, W1, size, np.empty((0, 3)))
     return found[7] == 0.0, found[2], found[9] == 0.0, found[3]
 
 
@@ -219,9 +220,9 @@ def fold_pair(P, H, z, h, R, high, j, rules, nn):
 def unfold_one(i, P, z, R, h, H, high, rules, u, part, y, d, v, nn):
     """Fill u and part (a,), measurements without folds and their variances; infinite where the fold is not certain.
 
-    Azimuths update a copy of the prediction P[i] first. Then a range or range-rate joins whose folds within GATE
-    standard deviations are one, or none: then it is the nearest. Each narrows the prediction for the others, until no
-    more is certain. high (p, 3): upper edges of the fields of view, which set the widths.
+    Azimuths update a copy of the prediction P[i] first. Then a range or range-rate joins if all other folds are
+    exp(SURE^2 / 2) times less likely than the nearest. Each narrows the prediction for the others, until no more is
+    certain. high (p, 3): upper edges of the fields of view, which set the widths.
     """
     trial, at, fold = P[i : i + 1].copy(), h.copy(), np.zeros(2)
     certain = np.zeros(2, np.bool_)
@@ -246,8 +247,9 @@ def unfold_one(i, P, z, R, h, H, high, rules, u, part, y, d, v, nn):
                     continue
                 W = width_of(q, high[j, q], rules)
                 if not waits[1 - q]:
-                    found = fold_update_one(z[a], at[a], spread_of(q, 0, trial, H, a) + R[a], W, GATE)
-                    certain[q], fold[q] = found[1] <= 1.0, found[2]
+                    fold[q] = nearest_fold(at[a] - z[a], W)
+                    y0 = z[a] + shifted(fold[q], W) - at[a]
+                    certain[q] = abs(y0) <= certain_reach(spread_of(q, 0, trial, H, a) + R[a], W, SURE)
                 if certain[q]:
                     changed, part[a], u[a] = True, R[a], z[a] + shifted(fold[q], W)
                     s = gain_of(q, 0, trial, H, a, v, nn) + R[a]
