@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import oracles
 from scipy.linalg import block_diag
+from scipy.special import huber
 from scipy.stats import norm
 
 getcontext().prec = 80  # also where a narrow posterior is 1e-20 of a wide prior
@@ -89,6 +90,8 @@ def penalty(kind, x, low, high, sharpness, gamma):
     nu, beyond = sharpness / high, (x - high, low - x)
     if kind == "deadzone":
         return gamma * nu * sum(max(0.0, d) for d in beyond)
+    if kind == "huber":
+        return gamma * sum(huber(1.0, max(0.0, nu * d)) for d in beyond)
     return gamma * sum(np.exp(-np.logaddexp(0.0, -2 * nu * d)) for d in beyond)
 
 

@@ -115,6 +115,26 @@ def test_a_search_platform_after_platform_is_nearly_the_best_of_all_settings(kin
     assert (off < 1e-9).mean() > (0.95 if targets < 3 else 0.75)
 
 
+WHOLE = ((2.0, 0.5, -0.3, 0.0), (0.5, 40.0, 0.0, -6.0), (-0.3, 0.0, 1.0, 0.2), (0.0, -6.0, 0.2, 9.0))
+
+
+@pytest.mark.parametrize("kind", [{}, {"far": True}, FOLDED], ids=["near", "far", "folded"])
+def test_a_search_minimises_the_trace_of_the_whole_weighting_matrix(kind):
+    system = scene(points=(4, 1, 4), action="joint", weights=WHOLE, **kind)
+    belief = beliefs(system)
+    predicted = system.predict(belief, system.candidates()[None])
+    want = np.einsum("ij,ectji->ec", np.array(WHOLE), predicted.covariance)
+    np.testing.assert_allclose(system.cost(predicted), want, rtol=1e-12)
+    chosen = system.best_action(belief)
+    off = want[np.arange(len(chosen)), chosen] / want.min(axis=1) - 1
+    assert off.max() < 0.02
+    assert (off < 1e-9).mean() > 0.95
+    diagonal = dataclasses.replace(system, weights=tuple(np.diag(WHOLE).tolist()))
+    assert np.abs(diagonal.cost(predicted) / want - 1).max() > 0.01
+    first, cost = system.plan(belief, 1)
+    np.testing.assert_allclose(cost, want[np.arange(len(first)), first], rtol=1e-9)
+
+
 def test_a_systems_own_search_needs_no_candidates():
     class Own(KershawEvansPosition, BestAction):
         def candidates(self):

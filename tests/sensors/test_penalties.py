@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.special import expit
+from scipy.special import expit, huber
 
 from wavegym.core.errors import InputError
 from wavegym.sensors import fov_penalty, platform_view
 
-KINDS = ("logistic", "hard", "deadzone", "log-barrier")
-SHARPNESS = {"logistic": 100.0, "hard": 100.0, "deadzone": 100.0, "log-barrier": 1e8}
+KINDS = ("logistic", "hard", "deadzone", "huber", "log-barrier")
+SHARPNESS = {"logistic": 100.0, "hard": 100.0, "deadzone": 100.0, "huber": 100.0, "log-barrier": 1e8}
 HEIGHT = np.array([1e8, 1e6, 10.0])  # of range, range-rate and azimuth
 SETTINGS = np.array([(f, B, a) for f in (1e3, 1e4, 1e5) for B in (1e6, 20e6) for a in (1e-5, 1.2e-4, 1e-3, 6e-3)])
 VIEW = platform_view(*SETTINGS.T, 0.03, 128, 1000)  # variance, low and high, (setting, quantity)
@@ -30,9 +30,9 @@ def share(kind, x):
     return fov_penalty(kind, x * VIEW.high, VIEW.low, VIEW.high, SHARPNESS[kind], HEIGHT) / VIEW.variance
 
 
-@pytest.mark.parametrize("kind", ["hard", "deadzone"])
+@pytest.mark.parametrize("kind", ["hard", "deadzone", "huber"])
 @pytest.mark.parametrize("x", [-1.0, -0.85, 0.0, 0.5, 0.999999, 1.0])
-def test_hard_and_deadzone_are_exactly_zero_inside(kind, x):
+def test_hard_deadzone_and_huber_are_exactly_zero_inside(kind, x):
     """Also at the edge; a range has no lower edge."""
     assert not share(kind, x).any()
 
@@ -72,6 +72,7 @@ def test_plain_forms(x):
     beyond = HIGH * (abs(x) - 1)
     assert of("hard", x * HIGH) == (1e6 if beyond > 0 else 0.0)
     assert of("deadzone", x * HIGH) == pytest.approx(1e6 * 100 / HIGH * max(beyond, 0.0))
+    assert of("huber", x * HIGH) == pytest.approx(1e6 * huber(1.0, 100 / HIGH * max(beyond, 0.0)))
     both = sum(expit(200 / HIGH * d) for d in (beyond, -HIGH * (abs(x) + 1)))
     assert of("logistic", x * HIGH) == pytest.approx(1e6 * both, rel=1e-12, abs=1e-30)
 
@@ -124,8 +125,9 @@ def test_far_outside_nothing_overflows(kind, x):
         warnings.simplefilter("error")
         for side in (1.0, -1.0):
             got = of(kind, side * x * HIGH)
-            assert np.isfinite(got) or (kind == "deadzone" and x > 1e290)
-            assert got == pytest.approx(1e6) if kind != "deadzone" else got > 1e6
+            linear = kind in ("deadzone", "huber")
+            assert np.isfinite(got) or (linear and x > 1e290)
+            assert got == pytest.approx(1e6) if not linear else got > 1e6
 
 
 def test_at_the_edge_and_just_beyond():
@@ -133,6 +135,8 @@ def test_at_the_edge_and_just_beyond():
     assert of("hard", np.nextafter(HIGH, 500)) == 1e6
     assert of("deadzone", HIGH * 1.01) == pytest.approx(1e6)
     assert of("deadzone", HIGH * 1.02) == pytest.approx(2e6)
+    assert of("huber", HIGH * 1.01) == pytest.approx(0.5e6)
+    assert of("huber", HIGH * 1.02) == pytest.approx(1.5e6)
 
 
 @pytest.mark.parametrize("kind", KINDS)

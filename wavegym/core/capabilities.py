@@ -88,7 +88,7 @@ class LinearCost(Capability, members=("weights",), shortcut_for=("cost",)):
     """The cost is trace(Lambda P) summed over the targets, and the targets' motion is linear.
 
     Attributes:
-        weights: the diagonal of Lambda, (n,).
+        weights: Lambda (n, n), or its diagonal (n,).
         motion: the motion model, with F (n, n); only ``transition_matrix`` reads it.
     """
 

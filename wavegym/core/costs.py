@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.trace_kernels import summed_trace
+from wavegym.core.trace_kernels import summed_trace, summed_weighted
 
 
 def trace_cost(covariance: Array, weights: Array) -> Array:
-    """Sum over targets of trace(Lambda P), Lambda = diag(weights): (...) for P (..., target, n, n), weights (n,)."""
+    """Sum over targets of trace(Lambda P), (...), for P (..., target, n, n).
+
+    weights: Lambda (n, n), or its diagonal (n,).
+    """
     lead = covariance.shape[:-3]
     P = np.ascontiguousarray(covariance).reshape(-1, *covariance.shape[-3:])
     cost = np.empty(len(P))
-    summed_trace(P, weights, cost)
+    (summed_weighted if weights.ndim == 2 else summed_trace)(P, weights, cost)
     return cost.reshape(lead)

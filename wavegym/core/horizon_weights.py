@@ -17,7 +17,7 @@ def horizon_weights(F: ArrayLike, weights: ArrayLike, ahead: int) -> Array:
 
     Args:
         F: transition, (n, n).
-        weights: diagonal of Lambda, (n,).
+        weights: Lambda (n, n), or its diagonal (n,).
         ahead: L, steps, the step of the measurement included.
 
     Returns:
@@ -27,8 +27,9 @@ def horizon_weights(F: ArrayLike, weights: ArrayLike, ahead: int) -> Array:
         InputError: fewer than one step.
     """
     F, power = np.asarray(F, np.float64), np.eye(len(np.asarray(F)))
-    M = np.zeros_like(F)
+    M, given = np.zeros_like(F), np.asarray(weights, np.float64)
+    Lambda = np.diag(given) if given.ndim == 1 else given
     for _ in range(check_int("ahead", ahead, 1)):
-        M += power.T * np.asarray(weights) @ power
+        M += power.T @ Lambda @ power
         power = F @ power
     return M

@@ -12,15 +12,16 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
 from wavegym.sensors import platform_kernels as kernels
 
-Penalty = Literal["logistic", "hard", "deadzone", "log-barrier"]
+Penalty = Literal["logistic", "hard", "deadzone", "huber", "log-barrier"]
 PENALTIES: tuple[str, ...] = get_args(Penalty)
 KINDS = {
     "logistic": kernels.LOGISTIC,
     "hard": kernels.HARD,
     "deadzone": kernels.DEADZONE,
+    "huber": kernels.HUBER,
     "log-barrier": kernels.LOG_BARRIER,
 }
-SHARPNESS = {"logistic": 100.0, "hard": 100.0, "deadzone": 100.0, "log-barrier": 1e8}
+SHARPNESS = {"logistic": 100.0, "hard": 100.0, "deadzone": 100.0, "huber": 100.0, "log-barrier": 1e8}
 
 
 def fov_penalty(
@@ -35,6 +36,8 @@ def fov_penalty(
       |x| <= high (1 - ln(gamma / (p v)) / (2 sharpness)).
     * ``"hard"`` gamma outside, exactly 0 inside.
     * ``"deadzone"`` gamma nu times the distance outside, exactly 0 inside: gamma at high / sharpness beyond the edge.
+    * ``"huber"`` the same with a round corner: gamma (nu d)^2 / 2 up to the distance d = 1 / nu outside, then
+      gamma (nu d - 1/2). It has a gradient everywhere.
     * ``"log-barrier"`` -(gamma / sharpness) ln(1 - (x / high)^2), at most gamma; gamma outside. It is 0 at the centre
       only: choose a sharpness much greater than gamma over the variance.
 

@@ -9,7 +9,7 @@ from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
-LOGISTIC, HARD, DEADZONE, LOG_BARRIER = 0, 1, 2, 3
+LOGISTIC, HARD, DEADZONE, LOG_BARRIER, HUBER = 0, 1, 2, 3, 4
 NEGLIGIBLE = 90.0  # e^-90 is 1e-39: below the rounding of any variance at any height
 CELL = 1.0 / 12.0  # variance of a uniform error in a cell of width 1
 HALF_C = 0.5 * SPEED_OF_LIGHT
@@ -63,8 +63,11 @@ def penalty_one(kind, x, low, high, sharpness, height):
     if kind == HARD:
         return height if x > high or x < low else 0.0
     nu = sharpness / high
-    if kind == DEADZONE:
-        return height * nu * (max(x - high, 0.0) + max(low - x, 0.0))
+    if kind in (DEADZONE, HUBER):
+        outside = nu * (max(x - high, 0.0) + max(low - x, 0.0))
+        if kind == HUBER:
+            outside = 0.5 * outside * outside if outside < 1.0 else outside - 0.5
+        return height * outside
     if kind == LOG_BARRIER:
         inside = 1.0 - x / high * (x / high)
         if x < low or inside <= 0.0:

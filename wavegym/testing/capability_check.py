@@ -30,6 +30,7 @@ from wavegym.core.capabilities import (
     why_not,
     withdrawn,
 )
+from wavegym.core.costs import trace_cost
 from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
@@ -151,8 +152,8 @@ def _linear_cost(system: Any, belief: Any, candidates: Array) -> str | None:
     if "covariance" not in getattr(predicted, "_fields", ()):
         return None
     cost = system.cost(predicted)
-    variances = np.diagonal(predicted.covariance, axis1=-2, axis2=-1) * np.asarray(system.weights)
-    trace = variances.reshape(*cost.shape, -1).sum(axis=2)
+    P = predicted.covariance
+    trace = trace_cost(P.reshape(*cost.shape, -1, *P.shape[-2:]), np.asarray(system.weights))
     if _differ(cost - cost[:, :1], trace - trace[:, :1], np.abs(trace).max(axis=1)):
         return "cost() and trace(Lambda P) of two candidates differ by different amounts"
     return None

@@ -99,7 +99,7 @@ def vars_of(system):
     return {name: getattr(system, name) for name in ("horizon", "platforms", "starts", "looks", "q")}
 
 
-@pytest.mark.parametrize("kind", ["logistic", "hard", "deadzone", "log-barrier"])
+@pytest.mark.parametrize("kind", ["logistic", "hard", "deadzone", "huber", "log-barrier"])
 def test_inflated_errors_have_the_predicted_covariance_where_the_truth_is_predicted(kind):
     system = RfEo(out_of_view="inflated", penalty=kind, q=0.0, iterations=1, horizon=4)
     worlds, choose = oracles.worlds(system, 3), at_random(system)

@@ -148,6 +148,13 @@ BAD = [
     ({"weights": (0.0,) * 4}, "sum of weights is 0.0"),
     ({"weights": (NAN, 1.0, 1.0, 1.0)}, "weights.0 is nan"),
     ({"weights": (1.0, 1.0)}, "weights is .*expected 4 elements, not 2"),
+    ({"weights": np.diag([1.0, 1.0, 1.0, -2.0])}, r"weights has the eigenvalue -2, .* \(nearest eigenvalue: 0\)"),
+    (
+        {"weights": np.eye(4) + np.eye(4, k=1)},
+        r"weights has \[0, 1\] = 1 and \[1, 0\] = 0, expected a symmetric matrix",
+    ),
+    ({"weights": np.eye(3)}, r"weights has rows of \[3, 3, 3\] elements, expected 4 numbers, or 4 rows of 4"),
+    ({"weights": np.zeros((4, 4))}, "sum of weights is 0.0"),
     ({"prior_variance": (0.0, 1.0, 1.0, 1.0)}, "prior_variance.0 is 0.0, expected a finite number > 0"),
     ({"height": (-1.0, 1.0, 1.0)}, "height.0 is -1.0, expected a finite number >= 0"),
     ({"sharpness": (0.0, 1.0, 1.0)}, "sharpness.0 is 0.0, expected a finite number > 0"),

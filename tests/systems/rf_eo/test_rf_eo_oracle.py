@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from wavegym.sensors import fov_penalty, platform_jacobian, platform_measurement, platform_view
 from wavegym.systems.rf_eo.system import RfEo
 
-KINDS = ("logistic", "hard", "deadzone", "log-barrier")
+KINDS = ("logistic", "hard", "deadzone", "huber", "log-barrier")
 FIXED = np.array([[60e3, 10e6, 1e-3], [40e3, 5e6, 1e-3]])
 SYSTEM = RfEo()
 WAVELENGTH = plain.LIGHT / SYSTEM.carrier_hz
@@ -282,13 +282,13 @@ def test_far_targets_and_pairs_are_beyond_the_limit():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_penalties_inside_the_field_of_view(kind):
-    """Hard and deadzone: exactly 0. Logistic: 1e-3 of the plain variance up to 0.85 of the edge, of azimuth only from
+    """Hard, deadzone, Huber: exactly 0. Logistic: 1e-3 of the plain variance up to 0.85 of the edge, of azimuth from
     1.1e-4 rad on (finer pixels leave 1e-5 rad 11 %). Log-barrier: 0 at the centre only, capped outside."""
     settings = np.array([(f, 20e6, a) for f in np.geomspace(1e3, 1e5, 9) for a in np.geomspace(1e-5, 6e-3, 9)])
     plainly, low, high = platform_view(*settings.T, WAVELENGTH, 128, 1000)
     of = (100.0 if kind != "log-barrier" else 1e8, np.array(SYSTEM.height))
     at_share = {s: fov_penalty(kind, s * high, low, high, *of) for s in (0.0, 0.85, 1 - 1e-9, 1 + 1e-9, 2.0)}
-    if kind in ("hard", "deadzone"):
+    if kind in ("hard", "deadzone", "huber"):
         assert not any(at_share[s].any() for s in (0.0, 0.85, 1 - 1e-9))
     if kind == "logistic":
         worth = at_share[0.85] / plainly
@@ -298,4 +298,5 @@ def test_penalties_inside_the_field_of_view(kind):
     if kind == "log-barrier":
         assert not at_share[0.0].any()
         assert (at_share[0.85] > 0).all()
-    assert at_share[2.0] == pytest.approx(np.broadcast_to(of[1], high.shape) * (100.0 if kind == "deadzone" else 1.0))
+    beyond = {"deadzone": 100.0, "huber": 99.5}.get(kind, 1.0)  # 100 / nu outside
+    assert at_share[2.0] == pytest.approx(np.broadcast_to(of[1], high.shape) * beyond)

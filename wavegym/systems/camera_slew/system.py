@@ -49,9 +49,9 @@ from wavegym.systems.rf_eo.system import (
     Position,
     RfEo,
     StateVariance,
-    StateWeights,
     TurnRate,
 )
+from wavegym.systems.rf_eo.weights import StateWeights
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel
 from wavegym.trackers.polar_kernels import to_polar

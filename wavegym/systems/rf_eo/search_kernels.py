@@ -93,11 +93,12 @@ def absorb_all(V, H, tables, chosen, v, nn):
 
 @kernel
 def weighted_trace(V, weights):
-    """trace(W P) summed over the targets of V (t, n, n)."""
+    """trace(W P) summed over the targets of V (t, n, n); weights (n, n)."""
     total = 0.0
     for t in range(V.shape[0]):
-        for i in range(len(weights)):
-            total += weights[i] * V[t, i, i]
+        for i in range(weights.shape[0]):
+            for k in range(weights.shape[0]):
+                total += weights[i, k] * V[t, k, i]
     return total
 
 
@@ -160,7 +161,7 @@ def best_platform(V, H, R, j, sizes, weights, W, v, nn):
     """Cost and best points (prf, angle) of platform j's axes, where all others have already measured; nothing folds.
 
     For each PRF the covariance is updated with range and range-rate (in W). An azimuth then lowers the trace by
-    v' Lambda v / (h' P h + R), with the same v for every pixel angle.
+    v' W v / (h' P h + R), with the same v for every pixel angle.
     """
     targets, n, azimuth = V.shape[0], len(nn), 3 * j + 2
     least, prf, angle = np.inf, 0, 0
@@ -175,8 +176,9 @@ def best_platform(V, H, R, j, sizes, weights, W, v, nn):
             g[t] = gain_of(2, t, W, H[t], azimuth, v, nn)
             off[t] = 0.0
             for i in range(n):
-                total += weights[i] * W[t, i, i]
-                off[t] += weights[i] * v[i] * v[i]
+                for k in range(n):
+                    total += weights[i, k] * W[t, k, i]
+                    off[t] += weights[i, k] * v[k] * v[i]
         for m in range(sizes[1]):
             cost = total
             for t in range(targets):

@@ -26,7 +26,7 @@ from wavegym.core.capabilities import (
 )
 from wavegym.core.costs import trace_cost
 from wavegym.core.decision_makers import makers_by_form
-from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
+from wavegym.core.errors import InputError, check_ordered, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -59,6 +59,7 @@ from wavegym.systems.rf_eo.state import (
     received_fields,
     received_values,
 )
+from wavegym.systems.rf_eo.weights import Weights, weighting_matrix
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming
 
@@ -79,7 +80,6 @@ TurnRate = Annotated[float, Field(ge=-FASTEST, le=FASTEST, allow_inf_nan=False)]
 Bound = Annotated[float, Field(gt=0, le=GREATEST, allow_inf_nan=False)]
 Bounds = tuple[Bound, Bound]  # least and greatest
 StateVariance = tuple[Positive, Positive, Positive, Positive]
-StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 
 
 @system_parameters
@@ -118,7 +118,7 @@ class RfEo(
         probabilities that the target is seen and that its fold is certain.
 
     Rewards
-        -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
+        -trace(W P) summed over the targets, W = diag(weights) or whole: m^2, with 1 s^2 on the velocities.
 
     Starting state
         True targets start at ``starts``. With ``first_estimate="halfway"`` the estimates lie at half the true
@@ -178,7 +178,7 @@ class RfEo(
     threshold: float = parameter(
         0.5, "t, the least weighted information that the paper's scheduler demands for every target", ge=0
     )
-    weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
+    weights: Weights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W, or W in whole as four rows", unit="1, s^2")
     nearest_range: float = parameter(
         1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
     )
@@ -211,7 +211,7 @@ class RfEo(
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
-        check_positive("sum of weights", sum(self.weights))
+        self._weights  # noqa: B018  (invalid weights are reported here)
         for name in ("platforms", "starts"):
             check_within(f"number of {name}", len(getattr(self, name)), 1, MOST)
         if self.looks and len(self.looks) != len(self.platforms):
@@ -327,7 +327,7 @@ class RfEo(
 
     @cached_property
     def _weights(self) -> Array:
-        return np.array(self.weights)
+        return weighting_matrix(self.weights)
 
     @property
     def timings(self) -> dict[str, PulseTiming]:
