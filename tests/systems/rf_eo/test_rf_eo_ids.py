@@ -169,9 +169,19 @@ BAD = [
     ({"action": "boxx"}, "action is 'boxx'.*'box'"),
     ({"points": (0, 1, 4)}, "points of prf is 0"),
     ({"points": (4, 1)}, "points is .*expected 3 elements, not 2"),
-    ({"points": (10**6, 10**6, 4)}, "makes 4000000000000 settings, expected at most 65536"),
+    ({"points": (10**6, 10**6, 4)}, "library has 4000000000000 settings, of points .*, expected at most 65536"),
     ({"action": "joint", "platforms": ((0.0, 0.0),) * 8}, r"joint actions are 16\^8.*nearest action: 'library'"),
     ({"horizen": 50}, "did you mean 'horizon'"),
+    ({"turns": 4}, r"turns is 4, expected an odd number.*nearest: 5"),
+    ({"slew_rate": -1.0}, r"slew_rate is -1.* rad/s, expected"),
+    (
+        {"action": "joint", "points": (8, 1, 8), "slew_rate": 1.0},
+        r"joint actions are 320\^2, of points \(8, 1, 8\) with 5 turns.*nearest action: 'library'",
+    ),
+    (
+        {"points": (200, 1, 200), "turns": 3, "slew_rate": 1.0},
+        r"120000 settings, of points \(200, 1, 200\) with 3 turns",
+    ),
 ]
 
 

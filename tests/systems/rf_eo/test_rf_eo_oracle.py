@@ -153,7 +153,7 @@ def test_transition_is_the_plain_step(settings):
     state = system.initial(worlds)
     for k in range(system.horizon):
         actions = rng.uniform(-1, 1, (2, 3 * len(system.platforms)))
-        chosen, (truth, *_), (_, mean, P) = system.action_set.settings(actions), *state
+        chosen, (truth, *_), (_, mean, P, _) = system.action_set.settings(actions), *state
         state = system.transition(state, actions, worlds)
         for e in range(2):
             predicted = [plain.predict_ahead(system, *of, chosen[e]) for of in zip(mean[e], P[e], strict=True)]
@@ -167,7 +167,7 @@ def test_transition_is_the_plain_step(settings):
                 assert state.truth.received[e, t] == want.received
                 assert oracles.covariance_distance(got, want.covariance) < limit, (k, e, t)
                 assert np.abs((state.belief.mean[e, t] - want.mean) / sigma).max() < limit, (k, e, t)
-    of = list(zip(*(a.reshape(-1, *a.shape[2:]) for a in (state.truth.targets, *state.belief[1:])), strict=True))
+    of = list(zip(*(a.reshape(-1, *a.shape[2:]) for a in (state.truth.targets, *state.belief[1:3])), strict=True))
     np.testing.assert_allclose(system.state_info(state)["nees"].ravel(), [plain.nees(*a) for a in of], rtol=1e-6)
     np.testing.assert_allclose(system.cost(state.belief), [plain.cost(system, P) for P in state.belief.covariance])
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
 from wavegym.systems import visibility_windows as windows
@@ -94,12 +96,14 @@ def coming(belief: Belief) -> tuple[Array, Array]:
     return ahead[:, 0], other.argmax(axis=1)
 
 
-def platform_belief(belief: Belief, earlier_noise: Array) -> PlatformBelief:
+def platform_belief(belief: Belief, earlier_noise: Array, platforms: int) -> PlatformBelief:
     """The belief for the platform system, whose noise density is 1, so that it predicts with each target's own density.
 
     Args:
         belief: the belief.
         earlier_noise: F^-1 Q F'^-1, (4, 4): one step's noise as if it had come a step earlier.
+        platforms: their number; all look along +y.
     """
     extra = (belief.q - 1.0)[:, :, None, None] * earlier_noise
-    return PlatformBelief(belief.step, belief.mean, belief.covariance + extra)
+    looks = np.zeros((len(belief.step), platforms))
+    return PlatformBelief(belief.step, belief.mean, belief.covariance + extra, looks)

@@ -446,7 +446,7 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
         delay, off = self._turns(belief)
         now, changes = coming(belief)
         own = np.stack([off, delay, delay == 0, now, changes, np.log10(belief.q)], axis=-1).reshape(len(delay), -1)
-        platforms = self.loop.observe(platform_belief(belief, self._earlier_noise))
+        platforms = self.loop.observe(platform_belief(belief, self._earlier_noise, len(self.platforms)))
         left = 1.0 - belief.step / self.horizon
         return np.concatenate([platforms, left[:, None], belief.settling[:, None], own], axis=1)
 

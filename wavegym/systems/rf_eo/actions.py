@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
@@ -35,9 +35,23 @@ class Setting(NamedTuple):
         return " ".join(quantity(value, unit) for value, unit in zip(self, ("Hz", "Hz", "rad"), strict=True))
 
 
+class TurningSetting(NamedTuple):
+    """The setting of one platform that turns."""
+
+    prf: float  # Hz
+    bandwidth: float  # Hz
+    pixel_angle: float  # rad
+    turn: float  # rad, clockwise, before the measurement
+
+    @property
+    def label(self) -> str:
+        """``"1 kHz 20 MHz 100 urad, turn 0.5 rad"``."""
+        return f"{Setting(*self[:3]).label}, turn {quantity(self.turn, 'rad')}"
+
+
 @dataclass(frozen=True)
 class PlatformActions:
-    """Pulse repetition frequency (PRF), bandwidth B and pixel angle alpha of every platform.
+    """Pulse repetition frequency (PRF), bandwidth B and pixel angle alpha of every platform; its turn, if it turns.
 
     Args:
         ranges: least and greatest PRF (Hz), B (Hz) and alpha (rad).
@@ -48,6 +62,8 @@ class PlatformActions:
         fft_length: pulses integrated.
         pixels: across the image.
         as_printed: use the paper's misprinted field of view.
+        greatest_turn: of the look direction in a step, in rad, to either side; 0: it is fixed.
+        turns: number of turns in the library, odd, so that 0 is one.
 
     Raises:
         InputError: bounds that are reversed or not > 0, no points, or too many points.
@@ -61,22 +77,32 @@ class PlatformActions:
     fft_length: int
     pixels: int
     as_printed: bool = False
+    greatest_turn: float = 0.0
+    turns: int = 1
 
     @cached_property
     def one(self) -> ParameterBox:
         """One platform's parameters."""
         (f, F), (b, B), (a, A) = self.ranges
-        return ParameterBox(
-            (Parameter("prf", "Hz", f, F), Parameter("bandwidth", "Hz", b, B), Parameter("pixel_angle", "rad", a, A))
-        )
+        listed = [
+            Parameter("prf", "Hz", f, F),
+            Parameter("bandwidth", "Hz", b, B),
+            Parameter("pixel_angle", "rad", a, A),
+        ]
+        if self.greatest_turn > 0.0:
+            listed.append(Parameter("turn", "rad", -self.greatest_turn, self.greatest_turn, scale="linear"))
+        return ParameterBox(tuple(listed))
 
     @cached_property
     def box(self) -> ParameterBox:
         """Every platform's parameters, platform by platform."""
         numbered = range(1, self.platforms + 1)
-        return ParameterBox(
-            tuple(Parameter(f"{p.name}_{j}", p.unit, p.low, p.high) for j in numbered for p in self.one.parameters)
-        )
+        return ParameterBox(tuple(replace(p, name=f"{p.name}_{j}") for j in numbered for p in self.one.parameters))
+
+    @cached_property
+    def turn_levels(self) -> Array:
+        """Turns of the library in rad; 0 alone where the look direction is fixed."""
+        return np.linspace(-self.greatest_turn, self.greatest_turn, self.turns) if self.greatest_turn else np.zeros(1)
 
     @cached_property
     def levels(self) -> tuple[Array, Array, Array]:
@@ -89,19 +115,24 @@ class PlatformActions:
         return prf, bandwidth, angle
 
     def _check_points(self) -> None:
-        for name, count in zip(self.one.names, self.points, strict=True):
+        for name, count in zip(self.one.names[:3], self.points, strict=True):
             check_int(f"points of {name}", count, 1)
-        count = math.prod(self.points)
+        turns = len(self.turn_levels)
+        count = math.prod(self.points) * turns
+        source = f"points {self.points}" + f" with {turns} turns" * (turns > 1)
         if count > MOST_ACTIONS:
-            raise InputError(f"points is {self.points}, which makes {count} settings, expected at most {MOST_ACTIONS}")
+            raise InputError(f"library has {count} settings, of {source}, expected at most {MOST_ACTIONS}")
         if self.form == "joint" and count**self.platforms > MOST_ACTIONS:
             wanted = f"at most {MOST_ACTIONS} (nearest action: 'library')"
-            raise InputError(f"joint actions are {count}^{self.platforms}, of points {self.points}, expected {wanted}")
+            raise InputError(f"joint actions are {count}^{self.platforms}, of {source}, expected {wanted}")
 
     @cached_property
     def library(self) -> Library:
-        """The settings of one platform: every PRF with every bandwidth and pixel angle, the last fastest."""
-        return Library(tuple(Setting(*values) for values in product(*(level.tolist() for level in self.levels))))
+        """The settings of one platform: every PRF with every bandwidth, pixel angle and turn, the last fastest."""
+        levels = [level.tolist() for level in self.levels]
+        if self.greatest_turn:
+            return Library(tuple(TurningSetting(*values) for values in product(*levels, self.turn_levels.tolist())))
+        return Library(tuple(Setting(*values) for values in product(*levels)))
 
     @cached_property
     def joint(self) -> JointLibrary:
@@ -120,19 +151,19 @@ class PlatformActions:
         return np.array(self.library.entries)
 
     def settings(self, actions: Array) -> Array:
-        """PRF, bandwidth and pixel angle of every platform, (..., platform, 3), for ``actions``."""
+        """PRF, bandwidth and pixel angle of every platform, (..., platform, 3), for ``actions``; 4 with its turn."""
         if self.form == "box":
             values = self.box.decode(actions)
-            return values.reshape(*values.shape[:-1], self.platforms, 3)
+            return values.reshape(*values.shape[:-1], self.platforms, len(self.one))
         indices = self.joint.indices.take(actions, axis=0) if self.form == "joint" else actions
         return self._library_settings.take(indices, axis=0)
 
     def encode(self, settings: Array) -> Array:
-        """Box actions of settings (..., platform, 3)."""
+        """Box actions of settings (..., platform, 3), or with the turn (..., platform, 4)."""
         return self.box.encode(settings.reshape(*settings.shape[:-2], -1))
 
     def view(self, settings: Array) -> View:
-        """Variances and field of view of settings (..., 3)."""
+        """Variances and field of view of settings (..., 3 or 4)."""
         prf, bandwidth, pixel_angle = settings[..., 0], settings[..., 1], settings[..., 2]
         return platform_view(
             prf, bandwidth, pixel_angle, self.wavelength, self.fft_length, self.pixels, self.as_printed
@@ -146,32 +177,51 @@ class PlatformActions:
         (f, F), _, (a, A) = self.ranges
         return np.geomspace(f, F, GRID_POINTS), np.geomspace(a, A, GRID_POINTS)
 
+    @cached_property
+    def camera_grid(self) -> tuple[Array, Array]:
+        """Pixel angles and turns that a one-step search tries: every pixel angle of ``grid`` with every turn.
+
+        No turn comes first, then ever greater ones: where several cost the same, a search takes the first.
+        """
+        angles, turns = self.grid[1], self.turn_levels[self._turn_order]
+        return np.tile(angles, len(turns)), np.repeat(turns, len(angles))
+
+    @cached_property
+    def _turn_order(self) -> Array:
+        """Indices of ``turn_levels`` from the least turn to the greatest."""
+        return np.argsort(np.abs(self.turn_levels), kind="stable")
+
     @property
     def sizes(self) -> tuple[int, int]:
-        """Number of PRFs and of pixel angles in the grid."""
-        prfs, angles = self.grid
-        return len(prfs), len(angles)
+        """Number of PRFs, and of pixel angles with turns, in the grid."""
+        return len(self.grid[0]), len(self.camera_grid[0])
 
     @cached_property
     def axes(self) -> Array:
-        """Variance, low and high at the grid's points, (3, point, 3).
+        """Variance, low, high and turn at the grid's points, (4, point, 3).
 
-        The PRF sets those of range and range-rate, the pixel angle those of the azimuth. The field of view does not
-        depend on the bandwidth, so the greatest bandwidth is best. The shorter axis repeats its last point.
+        The PRF sets those of range and range-rate, the pixel angle those of the azimuth; the turn moves the azimuth
+        alone. The field of view does not depend on the bandwidth, so the greatest bandwidth is best. The shorter axis
+        repeats its last point.
         """
-        longest = max(len(values) for values in self.grid)
-        prfs, angles = (np.pad(values, (0, longest - len(values)), mode="edge") for values in self.grid)
+        longest = max(self.sizes)
+        prfs, angles, turns = (
+            np.pad(values, (0, longest - len(values)), mode="edge") for values in (self.grid[0], *self.camera_grid)
+        )
         best = np.full(longest, self.levels[1][-1])
-        return np.stack(self.view(np.stack([prfs, best, angles], axis=-1)))
+        turned = np.stack([np.zeros(longest), np.zeros(longest), turns], axis=-1)
+        return np.stack([*self.view(np.stack([prfs, best, angles], axis=-1)), turned])
 
-    def choose(self, prf: Array, pixel_angle: Array) -> Array:
-        """Actions for grid points: indices of PRF and of pixel angle, (..., platform) each."""
-        prfs, angles = self.grid
+    def choose(self, prf: Array, camera: Array) -> Array:
+        """Actions for grid points: indices of PRF and of pixel angle with turn, (..., platform) each."""
         if self.form == "box":
             best = np.full(prf.shape, self.levels[1][-1])
-            return self.encode(np.stack([prfs[prf], best, angles[pixel_angle]], axis=-1))
-        bandwidths = len(self.levels[1])
-        return self.number((prf * bandwidths + bandwidths - 1) * len(angles) + pixel_angle)
+            chosen = [self.grid[0][prf], best, *(values[camera] for values in self.camera_grid)]
+            return self.encode(np.stack(chosen[: len(self.one)], axis=-1))
+        prfs, bandwidths, angles, turns = *map(len, self.levels), len(self.turn_levels)
+        turn, angle = np.divmod(camera, angles)
+        chosen = (prf, np.full(prf.shape, bandwidths - 1), angle, self._turn_order[turn])
+        return self.number(np.ravel_multi_index(chosen, (prfs, bandwidths, angles, turns)))
 
     def number(self, indices: Array) -> Array:
         """Actions for one library index per platform, (..., platform) int."""

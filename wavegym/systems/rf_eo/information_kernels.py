@@ -118,7 +118,7 @@ def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, tota
 
 
 @kernel
-def most_information(mean, P, axes, sizes, threshold, F, Q, places, fence, rules, chosen, feasible, nn):
+def most_information(mean, P, looks, axes, sizes, threshold, F, Q, places, fence, rules, chosen, feasible, nn):
     """Fill ``chosen`` (e, p, 2): nearly the most information that gives every target at least ``threshold``.
 
     feasible (e,): whether such a choice was found; where not, the choice favours the worst-off target.
@@ -133,7 +133,7 @@ def most_information(mean, P, axes, sizes, threshold, F, Q, places, fence, rules
     weights, others, totals = np.empty(targets), np.empty(targets), np.empty(targets)
     for e in range(count):
         predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
-        tabulate(V, h, H, axes, fence, rules, tables, spread)
+        tabulate(V, h, H, looks[e], axes, fence, rules, tables, spread)
         for j in range(platforms):
             for t in range(targets):
                 for g in range(points):

@@ -12,7 +12,15 @@ import numpy as np
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import apparent
 from wavegym.sensors.platform_kernels import penalty_one, polar
-from wavegym.systems.rf_eo.look_kernels import hidden_half, information_one, look_one, spread_of, view_all, width_of
+from wavegym.systems.rf_eo.look_kernels import (
+    aim_all,
+    hidden_half,
+    information_one,
+    look_one,
+    spread_of,
+    view_all,
+    width_of,
+)
 from wavegym.systems.rf_eo.tracker_kernels import track_one, unfold_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
 
@@ -96,6 +104,7 @@ def transition(
     rows, view, true_view = 3 * platforms, empty_view(platforms), empty_view(platforms)
     T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(rows)
     y, d, v, u, part = np.empty(rows), np.empty(n), np.empty(n), np.empty(rows), np.empty(rows)
+    aimed = np.empty(places.shape)
     mean, P, truth, x, P_out, truth_out = (
         rows_of(mean), rows_of(P), rows_of(truth), rows_of(x), rows_of(P_out), rows_of(truth_out)
     )  # fmt: skip
@@ -103,21 +112,22 @@ def transition(
         k, share[e] = step[e], np.inf
         view_all(e, settings, rules, *view)
         view_all(e, settings, true_rules, *true_view)
+        aim_all(settings[e, :, 3], places, aimed)
         for t in range(targets):
             i = e * targets + t
             move_one(e, k, t, i, truth, true_F, true_L, process, truth_out, nn)
             predict_mean_one(i, mean, F, 0, x, nn)
             predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
-            look_one(i, x, places, rules, h, H)
+            look_one(i, x, aimed, rules, h, H)
             share[e] = min(share[e], information_one(i, P_out, h, H, *view, fence, rules))
             got = receive_one(
-                e, k, t, i, truth_out, h, error, places, view, true_view, fence, rules, true_rules, z, R
+                e, k, t, i, truth_out, h, error, aimed, view, true_view, fence, rules, true_rules, z, R
             )  # fmt: skip
             received[e, t], unseen_out[e, t] = got, 0 if got > 0 else unseen[e, t] + 1
             if rules.folding:
                 unfold_one(i, P_out, z, R, h, H, view[2], rules, u, part, y, d, v, nn)
                 z[:], R[:] = u, part
-            track_one(i, x, P_out, z, R, h, H, places, rules, y, d, v, nn)
+            track_one(i, x, P_out, z, R, h, H, aimed, rules, y, d, v, nn)
 
 
 @kernel
@@ -139,18 +149,20 @@ def receive(
     view, true_view = empty_view(platforms), empty_view(platforms)
     x, V, T = np.empty((1, n)), np.empty((1, n, n)), np.empty((n, n))
     H, h, truth = np.empty((3 * platforms, n)), np.empty(3 * platforms), rows_of(truth)
+    aimed = np.empty(places.shape)
     for e in range(count):
         share[e] = np.inf
         view_all(e, settings, rules, *view)
         view_all(e, settings, true_rules, *true_view)
+        aim_all(settings[e, :, 3], places, aimed)
         for t in range(targets):
             i = e * targets + t
             predict_mean_one(0, mean[e, t : t + 1], F, 0, x, nn)
             predict_covariance_one(0, P[e, t : t + 1], F, Q, 0, T, V, nn)
-            look_one(0, x, places, rules, h, H)
+            look_one(0, x, aimed, rules, h, H)
             share[e] = min(share[e], information_one(0, V, h, H, *view, fence, rules))
             receive_one(
-                e, step[e], t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z[e, t], R[e, t]
+                e, step[e], t, i, truth, h, error, aimed, view, true_view, fence, rules, true_rules, z[e, t], R[e, t]
             )  # fmt: skip
 
 
@@ -158,28 +170,30 @@ def receive(
 def track(mean, P, z, R, settings, F, Q, places, rules, x, P_out, nn):
     """Fill x (e, t, n), P_out (e, t, n, n): one step of the tracker with measurements z of variances R (e, t, a).
 
-    settings (e, p, 3): those that the measurements were made with; they set the unambiguous intervals.
+    settings (e, p, 4): those that the measurements were made with.
     """
     rows, n = z.shape[2], len(nn)
     T, H, h, y, d, v = (
         np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n)
     )  # fmt: skip
     view, targets, u, part = empty_view(places.shape[0]), mean.shape[1], np.empty(rows), np.empty(rows)
+    aimed = np.empty(places.shape)
     mean, P, z, R, x, P_out = rows_of(mean), rows_of(P), rows_of(z), rows_of(R), rows_of(x), rows_of(P_out)
     for i in range(mean.shape[0]):
         if i % targets == 0:
             view_all(i // targets, settings, rules, *view)
+            aim_all(settings[i // targets, :, 3], places, aimed)
         predict_mean_one(i, mean, F, 0, x, nn)
         predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
-        look_one(i, x, places, rules, h, H)
+        look_one(i, x, aimed, rules, h, H)
         u[:], part[:] = z[i], R[i]
         if rules.folding:
             unfold_one(i, P_out, z[i], R[i], h, H, view[2], rules, u, part, y, d, v, nn)
-        track_one(i, x, P_out, u, part, h, H, places, rules, y, d, v, nn)
+        track_one(i, x, P_out, u, part, h, H, aimed, rules, y, d, v, nn)
 
 
 @kernel
-def observe(mean, P, F, Q, places, rules, out, nn):
+def observe(mean, P, looks, F, Q, places, rules, out, nn):
     """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
 
     For every target, as predicted one step ahead: variances of position and velocity, then for each platform
@@ -188,12 +202,14 @@ def observe(mean, P, F, Q, places, rules, out, nn):
     n, rows = len(nn), 3 * places.shape[0]
     T, H, h = np.empty((n, n)), np.empty((rows, n)), np.empty(rows)
     x, V = np.empty((mean.shape[1], n)), np.empty((mean.shape[1], n, n))
+    aimed = np.empty(places.shape)
     for e in range(mean.shape[0]):
         column = 0
+        aim_all(looks[e], places, aimed)
         for t in range(mean.shape[1]):
             predict_mean_one(t, mean[e], F, 0, x, nn)
             predict_covariance_one(t, P[e], F, Q, 0, T, V, nn)
-            look_one(t, x, places, rules, h, H)
+            look_one(t, x, aimed, rules, h, H)
             out[e, column] = V[t, 0, 0] + V[t, 2, 2]
             out[e, column + 1] = V[t, 1, 1] + V[t, 3, 3]
             column += 2

@@ -1,9 +1,10 @@
 """What the platforms see of a predicted target, in compiled form: quantities, their spread, predicted variances.
 
 Shapes: e environments, t targets, p platforms, a = 3 p quantities, (r, rdot, azimuth) of platform after platform.
-``settings`` (e, p, 3): PRF, bandwidth and pixel angle; variance, low and high (p, 3): variances and field of
-view of one environment's settings. ``places`` (p, 3): positions and look directions; ``fence`` (2, 3): sharpness and
-height of the penalties; ``rules``: the scalars of ``Rules``.
+``settings`` (e, p, 4): PRF, bandwidth, pixel angle and look direction; variance, low and high (p, 3): variances and
+field of view of one environment's settings. ``places`` (p, 3): positions and directions from which azimuths count, +y
+in arguments of kernels; ``looks`` (e, p): look directions before the step; ``fence`` (2, 3): sharpness and height of
+the penalties; ``rules``: the scalars of ``Rules``.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -52,6 +53,19 @@ def view_all(e, settings, rules, variance, low, high):
             settings[e, j, 0], settings[e, j, 1], settings[e, j, 2], rules.wavelength, rules.fft_length, rules.pixels,
             rules.printed, j, variance, low, high
         )  # fmt: skip
+
+
+@inlined
+def aim_all(looks, places, aimed):
+    """Fill aimed (p, 3): the platforms' places, where azimuths count from looks (p,)."""
+    for j in range(places.shape[0]):
+        aimed[j, 0], aimed[j, 1], aimed[j, 2] = places[j, 0], places[j, 1], looks[j]
+
+
+@inlined
+def off_look(value, look, q):
+    """Quantity q, whose azimuth counts from +y, with its azimuth from ``look``."""
+    return wrapped(value - look) if q == 2 else value
 
 
 @inlined

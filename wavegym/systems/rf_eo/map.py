@@ -29,8 +29,9 @@ def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
     to_scale(axes, np.concatenate([places.T, trails.points], axis=1))
     _draw_fields(axes, system, moment, places)
     draw_trails(axes, trails)
+    looks = moment.states[-1].belief.looks[0]
     for j, place in enumerate(places):
-        c, s = np.cos(system.places[j, 2]), np.sin(system.places[j, 2])
+        c, s = np.cos(looks[j]), np.sin(looks[j])
         dart = DART @ np.array([[c, -s], [s, c]])  # turned clockwise
         axes.plot(*place[:, None], marker=dart, color=f"C{j}", markersize=12, markeredgewidth=0)
         style: dict[str, Any] = {"color": f"C{j}", "fontsize": SMALL, "ha": "center", "va": "top"}
@@ -46,7 +47,7 @@ def _draw_fields(axes: Axes, system: RfEo, moment: Moment, places: Array) -> Non
     if not moment.actions:
         return
     high = system.action_set.view(system.action_set.settings(moment.actions[-1]))[2][0]
-    for j, (place, look) in enumerate(zip(places, system.places[:, 2], strict=True)):
+    for j, (place, look) in enumerate(zip(places, moment.states[-1].belief.looks[0], strict=True)):
         fill(axes, sector(axes, place, look, min(high[j, 2], np.pi)), color=f"C{j}", **IMAGE)
         circle = place[:, None] + KILO * high[j, 0] * direction(np.linspace(0.0, 2.0 * np.pi, POINTS))
         axes.plot(*circle, color=f"C{j}", **UNAMBIGUOUS)

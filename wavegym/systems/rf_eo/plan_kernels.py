@@ -10,8 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
+from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
-from wavegym.systems.rf_eo.search_kernels import SWEEPS, absorb_all, best_of_two, tabulate, weighted_trace
+from wavegym.systems.rf_eo.search_kernels import (
+    SWEEPS,
+    absorb_all,
+    best_of_two,
+    tabulate,
+    variance_at,
+    weighted_trace,
+)
 from wavegym.trackers.kernels import predict_covariance_one
 
 BETTER = 1e-9  # least relative improvement for which the plan is changed
@@ -32,79 +40,121 @@ def follow(U, H, tables, chosen, s, last, weights, F, Q, bound, T, v, nn):
 
 
 @kernel
-def improve(U, H, tables, chosen, sizes, weights, F, Q, T, v, nn):
+def turn_later(j, k, ahead, R, chosen, axes, fence, rules):
+    """Fill looks[k + 1:, j], and the azimuths' R after step k, for the turns of platform j from step k on."""
+    (looks, h, spread), a = ahead, 3 * j + 2
+    for s in range(k, chosen.shape[0]):
+        looks[s + 1, j] = wrapped(looks[s, j] + axes[3, chosen[s, j, 1], 2])
+    for s in range(k + 1, chosen.shape[0]):
+        for t in range(h.shape[1]):
+            if h[s, t, 3 * j] >= rules.nearest:
+                for g in range(axes.shape[1]):
+                    R[s, t, a, g] = variance_at(g, 2, h[s, t, a], spread[s, t, a], looks[s, j], axes, fence, rules)
+
+
+@kernel
+def change(
+    j, axis, k, end, spent, total, U, ahead, H, tables, chosen, axes, sizes, weights, F, Q, fence, rules, T, v, nn
+):
+    """Give platform j the best grid point of an axis, the same at steps k to ``end`` - 1; returns the plan's cost.
+
+    The choice stays where none costs less than ``total``; spent: cost of the steps before k.
+    """
+    turns, kept, best = axis == 1 and axes[3].any(), chosen[k:end, j, axis].copy(), -1
+    least, turned = total, np.nan
+    for g in range(sizes[axis]):
+        chosen[k:end, j, axis] = g
+        if turns and axes[3, g, 2] != turned:
+            turned = axes[3, g, 2]
+            turn_later(j, k, ahead, tables[0], chosen, axes, fence, rules)
+        cost = spent + follow(U, H, tables, chosen, k, len(chosen) - 1, weights, F, Q, least - spent, T, v, nn)
+        if cost < least - BETTER * total:
+            best, least = g, cost
+    if best >= 0:
+        kept[:] = best
+    chosen[k:end, j, axis] = kept
+    if turns:
+        turn_later(j, k, ahead, tables[0], chosen, axes, fence, rules)
+    return least
+
+
+@kernel
+def improve(U, ahead, H, tables, chosen, axes, sizes, weights, F, Q, fence, rules, T, v, nn):
     """Change one grid point of one platform at one step at a time, as long as the plan's cost falls.
 
-    U (s + 1, t, n, n) holds the covariances of the plan so far. The tables stay those of the plan given.
+    A platform that turns may also take the same turn at all steps that are left: one turn alone may not reach a target.
+    U (s + 1, t, n, n) holds the covariances of the plan so far. The tables stay those of the plan given, but follow the
+    platforms' turns.
     """
-    depth, platforms = chosen.shape[:2]
+    (depth, platforms), turning = chosen.shape[:2], axes[3].any()
     total = follow(U, H, tables, chosen, 0, depth - 1, weights, F, Q, np.inf, T, v, nn)
     for _ in range(SWEEPS):
         before, spent = total, 0.0  # spent: cost of the steps before k
         for k in range(depth):
             for j in range(platforms):
-                for axis in range(2):
-                    best, kept = chosen[k, j, axis], total
-                    for g in range(sizes[axis]):
-                        chosen[k, j, axis] = g
-                        cost = spent + follow(
-                            U, H, tables, chosen, k, depth - 1, weights, F, Q, total - spent, T, v, nn
+                for axis, end in ((0, k + 1), (1, k + 1), (1, depth)):
+                    if end == k + 1 or turning:
+                        total = change(
+                            j, axis, k, end, spent, total, U, ahead, H, tables, chosen, axes, sizes, weights, F, Q,
+                            fence, rules, T, v, nn
                         )  # fmt: skip
-                        if cost < total - BETTER * kept:
-                            best, total = g, cost
-                    chosen[k, j, axis] = best
             spent += follow(U, H, tables, chosen, k, k, weights, F, Q, np.inf, T, v, nn)
         if total >= before:
             break
 
 
 @kernel
-def foresee(x, U, h, H, tables, chosen, search, axes, sizes, weights, F, Q, places, fence, rules, room, nn):
-    """Fill x, U and the tables of every step along the plan ``chosen`` from x[0], U[0]; returns the plan's cost.
+def foresee(x, U, ahead, H, tables, chosen, search, axes, sizes, weights, F, Q, places, fence, rules, room, nn):
+    """Fill x, U, looks and the tables of each step of the plan ``chosen`` from x[0], U[0], looks[0]; the plan's cost.
 
-    search: fill ``chosen`` too, by the one-step scheduler. room: scratch space.
+    ahead: looks (s + 1, p), the look directions before each step, h and spread (s, t, a). search: fill ``chosen`` too,
+    by the one-step scheduler. room: scratch space.
     """
-    (R, seen, widths), (other, W, rest, spread, v) = tables, room
+    (R, seen, widths), (looks, h, spread), (other, W, rest, v) = tables, ahead, room
     total = 0.0
     for k in range(chosen.shape[0]):
         now = (R[k], seen[k], widths)
-        predict_ahead(x[k], U[k], F, Q, places, rules, x[k + 1], U[k + 1], h, H[k], nn)
-        tabulate(U[k + 1], h, H[k], axes, fence, rules, now, spread)
+        predict_ahead(x[k], U[k], F, Q, places, rules, x[k + 1], U[k + 1], h[k], H[k], nn)
+        tabulate(U[k + 1], h[k], H[k], looks[k], axes, fence, rules, now, spread[k])
         if search:
             best_of_two(U[k + 1], H[k], now, sizes, weights, chosen[k], other, W, rest, v, nn)
         absorb_all(U[k + 1], H[k], now, chosen[k], v, nn)
+        for j in range(chosen.shape[1]):
+            looks[k + 1, j] = wrapped(looks[k, j] + axes[3, chosen[k, j, 1], 2])
         total += weighted_trace(U[k + 1], weights)
     return total
 
 
 @kernel
-def plan(mean, P, step, horizon, axes, sizes, weights, F, Q, places, fence, rules, chosen, cost, nn):
+def plan(mean, P, looks, step, horizon, axes, sizes, weights, F, Q, places, fence, rules, chosen, cost, nn):
     """Fill ``chosen`` (e, s, p, 2), the one-step scheduler's plan improved, and its predicted cost (e,).
 
-    The plan is shorter at the episode's end. What a setting is worth depends on the predicted spread, and so on the
-    plan before it: where it does, the plan is improved again from its own spread, as long as its cost falls.
+    The plan is shorter at the episode's end. What a setting is worth may depend on the plan before it: on the spread
+    that it leaves, and on its look directions. Where it does, the plan is improved again from its own spread and
+    looks, as long as its cost falls.
     """
     (count, depth, platforms), targets, n = chosen.shape[:3], mean.shape[1], len(nn)
     rows, points = 3 * platforms, axes.shape[1]
     x, U = np.empty((depth + 1, targets, n)), np.empty((depth + 1, targets, n, n))
-    W, rest, spread = np.empty(U.shape[1:]), np.empty(U.shape[1:]), np.empty((targets, rows))
-    h, H = np.empty((targets, rows)), np.empty((depth, targets, rows, n))
+    W, rest, spread = np.empty(U.shape[1:]), np.empty(U.shape[1:]), np.empty((depth, targets, rows))
+    h, H = np.empty((depth, targets, rows)), np.empty((depth, targets, rows, n))
     R, seen = np.empty((depth, targets, rows, points)), np.empty((depth, targets, platforms, points))
     tables = R, seen, np.empty((points, 3))
     T, v, other = np.empty((n, n)), np.empty(n), np.empty((platforms, 2), np.int64)
-    room = (other, W, rest, spread, v)
+    room, ahead = (other, W, rest, v), (np.empty((depth + 1, platforms)), h, spread)
+    depends = rules.folding or rules.margin > 0.0 or axes[3].any()
     for e in range(count):
         levels = max(1, min(depth, horizon - step[e]))
         best, trial = chosen[e, :levels], np.empty((levels, platforms, 2), np.int64)
-        x[0], U[0], least = mean[e], P[e], np.inf
+        x[0], U[0], ahead[0][0], least = mean[e], P[e], looks[e], np.inf
         for attempt in range(SWEEPS):
             total = foresee(
-                x, U, h, H, tables, trial, attempt == 0, axes, sizes, weights, F, Q, places, fence, rules, room, nn
+                x, U, ahead, H, tables, trial, attempt == 0, axes, sizes, weights, F, Q, places, fence, rules, room, nn
             )  # fmt: skip
             if total >= least * (1.0 - BETTER):
                 break
             best[:], least = trial, total
-            if attempt > 0 and not (rules.folding or rules.margin > 0.0):
+            if attempt > 0 and not depends:
                 break
-            improve(U, H, tables, trial, sizes, weights, F, Q, T, v, nn)
+            improve(U, ahead, H, tables, trial, axes, sizes, weights, F, Q, fence, rules, T, v, nn)
         cost[e] = least

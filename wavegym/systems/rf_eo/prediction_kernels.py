@@ -14,6 +14,7 @@ from wavegym.systems.rf_eo.look_kernels import (
     gain_of,
     information_one,
     look_one,
+    off_look,
     predicted_variance,
     seen_one,
     spread_of,
@@ -36,7 +37,7 @@ def predict_ahead(mean, P, F, Q, places, rules, x, V, h, H, nn):
 
 @kernel
 def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
-    """Fill predicted means x (e, c, t, n) and updated covariances P_out (e, c, t, n, n); settings (e or 1, c, p, 3)."""
+    """Fill predicted means x (e, c, t, n) and updated covariances P_out (e, c, t, n, n); settings (e or 1, c, p, 4)."""
     (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
@@ -60,7 +61,8 @@ def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
                     if rules.folding and q == 0:
                         r_variance, rdot_variance = spread_of(0, t, V, H[t], a), spread_of(1, t, V, H[t], a + 1)
                         seen = seen_one(h[t, a], h[t, a + 1], r_variance, rdot_variance, high, j, rules)
-                    R = predicted_variance(h[t, a], spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                    value = off_look(h[t, a], own[c, j, 3], q)
+                    R = predicted_variance(value, spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
                     g = gain_of(q, t, out, H[t], a, v, nn)
                     s = expected_innovation(g, R, seen, width_of(q, high[j, q], rules))
                     shrink_one(t, out, v, s, nn)
@@ -68,15 +70,17 @@ def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
 
 @kernel
 def information(mean, P, settings, F, Q, places, fence, rules, out, nn):
-    """out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 3)."""
+    """out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 4)."""
     (count, candidates, targets), n, platforms = out.shape, len(nn), places.shape[0]
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V = np.empty((targets, n)), np.empty((targets, n, n))
-    h, H = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n))
+    h, H, off = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), np.empty(3 * platforms)
     for e in range(count):
         predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
         for c in range(candidates):
             view_all(c, own, rules, variance, low, high)
             for t in range(targets):
-                out[e, c, t] = information_one(t, V, h[t], H[t], variance, low, high, fence, rules)
+                for a in range(len(off)):
+                    off[a] = off_look(h[t, a], own[c, a // 3, 3], a % 3)
+                out[e, c, t] = information_one(t, V, off, H[t], variance, low, high, fence, rules)

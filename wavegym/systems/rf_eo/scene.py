@@ -118,7 +118,7 @@ class Sight(NamedTuple):
 
 def in_view(system: RfEo, moment: Moment) -> Sight:
     """True quantities of each target at each platform in the last step, and which of them were in view."""
-    places = system.places
+    places = system.places_at(moment.states[-1].belief)[0]
     value = platform_measurement(moment.states[-1].truth.targets[0], places[:, None], system.as_printed)
     _, low, high = system.action_set.view(system.action_set.settings(moment.actions[-1])[0])
     low[:, 2], high[:, 2] = np.maximum(low[:, 2], -np.pi), np.minimum(high[:, 2], np.pi)  # the full circle

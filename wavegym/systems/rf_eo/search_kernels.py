@@ -1,7 +1,8 @@
 """Search over the grid of RF/EO settings in compiled form: the best settings one step ahead.
 
 Shapes and arguments as in ``kernels.py``; g points on each of the two axes of a platform's grid: PRF (sets
-range and range-rate) and pixel angle (sets the azimuth), at the greatest bandwidth. ``sizes``: points on each axis.
+range and range-rate) and pixel angle with turn (set the azimuth), at the greatest bandwidth. ``sizes``: points on each
+axis.
 ``chosen`` (p, 2): every platform's grid point. ``tables``: R (t, a, g), the predicted variance of every quantity at
 every point of its axis; seen (t, p, g), the probability that the radar sees the target; widths (g, 3), the unambiguous
 intervals.
@@ -12,10 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.kernels import kernel
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.look_kernels import (
     expected_innovation,
     gain_of,
+    off_look,
     predicted_variance,
     seen_one,
     spread_of,
@@ -34,14 +37,21 @@ def empty_tables(targets, platforms, points):
     return np.empty((targets, 3 * platforms, points)), np.empty((targets, platforms, points)), np.empty((points, 3))
 
 
+@inlined
+def variance_at(g, q, value, spread, look, axes, fence, rules):
+    """R~ of quantity q at point g of its axis; value: predicted (azimuth: from +y); look: direction before the turn."""
+    ahead = off_look(value, wrapped(look + axes[3, g, q]), q)
+    return predicted_variance(ahead, spread, axes[0, g, q], axes[1, g, q], axes[2, g, q], q, fence, rules)
+
+
 @kernel
-def tabulate(V, h, H, axes, fence, rules, tables, spread):
+def tabulate(V, h, H, looks, axes, fence, rules, tables, spread):
     """Fill the tables, and spread (t, a).
 
-    spread: variance of the quantity's prediction. axes (3, g, 3): variance, low and high at the points; columns 0 and 1
-    belong to the PRF, column 2 to the pixel angle.
+    spread: variance of the quantity's prediction. looks (p,): look directions before the step. axes (4, g, 3):
+    variance, low, high and turn at the points; columns 0 and 1 belong to the PRF, column 2 to pixel angle and turn.
     """
-    (variance, low, high), (R, seen, widths) = (axes[0], axes[1], axes[2]), tables
+    (R, seen, widths), high = tables, axes[2]
     for g in range(axes.shape[1]):
         for q in range(3):
             widths[g, q] = width_of(q, high[g, q], rules)
@@ -52,9 +62,7 @@ def tabulate(V, h, H, axes, fence, rules, tables, spread):
             for g in range(axes.shape[1]):
                 R[t, a, g] = np.inf
                 if h[t, a - q] >= rules.nearest:
-                    R[t, a, g] = predicted_variance(
-                        h[t, a], spread[t, a], variance[g, q], low[g, q], high[g, q], q, fence, rules
-                    )
+                    R[t, a, g] = variance_at(g, q, h[t, a], spread[t, a], looks[a // 3], axes, fence, rules)
         for j in range(seen.shape[1]):
             a = 3 * j
             for g in range(axes.shape[1]):
@@ -226,7 +234,7 @@ def best_of_two(V, H, tables, sizes, weights, chosen, other, W, rest, v, nn):
 
 
 @kernel
-def best_settings(mean, P, axes, sizes, weights, F, Q, places, fence, rules, chosen, nn):
+def best_settings(mean, P, looks, axes, sizes, weights, F, Q, places, fence, rules, chosen, nn):
     """Fill ``chosen`` (e, p, 2), the grid points with nearly the least trace one step ahead."""
     (count, platforms), targets, n = chosen.shape[:2], mean.shape[1], len(nn)
     rows = 3 * platforms
@@ -237,5 +245,5 @@ def best_settings(mean, P, axes, sizes, weights, F, Q, places, fence, rules, cho
     other = np.empty((platforms, 2), np.int64)
     for e in range(count):
         predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
-        tabulate(V, h, H, axes, fence, rules, tables, spread)
+        tabulate(V, h, H, looks[e], axes, fence, rules, tables, spread)
         best_of_two(V, H, tables, sizes, weights, chosen[e], other, W, rest, v, nn)

@@ -45,6 +45,7 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
+    looks: Array  # (env, platform) rad: look directions, clockwise from +y
 
 
 def received_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:
@@ -101,7 +102,20 @@ def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...
     return tuple(listed)
 
 
-def own_fields(targets: int, platform: int) -> tuple[str, ...]:
+def direction_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:
+    """For platforms that turn: to which side of its look direction each sees each target."""
+    return tuple(
+        ObservationField(
+            f"azimuth_off_look_{t}_{j}", "rad", 0.0, 1.0,
+            f"from the look direction of platform {j} to target {t}, as predicted one step ahead",
+        )
+        for t in range(1, targets + 1)
+        for j in range(1, platforms + 1)
+    )  # fmt: skip
+
+
+def own_fields(targets: int, platform: int, turning: bool) -> tuple[str, ...]:
     """The names of the observation fields of one platform, counted from 1."""
     names = [f"log10_{name}" for name, *_ in QUANTITIES] + [f"log10_sigma_{short}" for short, *_ in SPREADS]
+    names += ["azimuth_off_look"] * turning
     return tuple(f"{name}_{t}_{platform}" for t in range(1, targets + 1) for name in names)

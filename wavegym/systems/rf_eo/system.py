@@ -30,7 +30,7 @@ from wavegym.core.errors import InputError, check_ordered, check_within
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors import range_and_rate
+from wavegym.sensors import platform_measurement, range_and_rate
 from wavegym.sensors.penalties import KINDS, SHARPNESS, Penalty
 from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.recorded_targets import (
@@ -54,6 +54,7 @@ from wavegym.systems.rf_eo.state import (
     Measurements,
     Truth,
     World,
+    direction_fields,
     own_fields,
     platform_fields,
     received_fields,
@@ -111,6 +112,9 @@ class RfEo(
         posterior is as wide too, as after a range alone (posterior linearisation). Schedulers predict the covariance
         with a variance that grows at the edge of the field of view (eqs. 12 and 13).
 
+        With a ``slew_rate`` an action also turns each platform's look direction, by slew_rate dt at most, before the
+        platform measures; else the look direction is fixed.
+
         With ``folding``, range is received modulo c / (2 PRF) and range-rate modulo lambda PRF / 2. The radar receives
         neither if the echo overlaps with a transmitted pulse, in part or whole (``duty``), or if the folded range-rate
         lies in the clutter notch (``notch``). The filter uses a range or a range-rate only if every other fold is
@@ -145,6 +149,12 @@ class RfEo(
     platforms: tuple[Position, ...] = parameter(((-1e3, -1e3), (1e3, -1e3)), "positions (x, y)", unit="m")
     looks: tuple[Azimuth, ...] = parameter(
         (), "look direction of each platform, clockwise from +y; by default all look along +y", unit="rad"
+    )
+    slew_rate: float = parameter(
+        0.0, "greatest turn rate of each look direction; 0: it is fixed", unit="rad/s", ge=0, le=FASTEST
+    )
+    turns: int = parameter(
+        5, "with a slew rate: number of turns in the library, equally spaced; odd, so that 0 is one", ge=1, le=10_001
     )
     starts: tuple[TargetState, ...] = parameter(
         ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0)), "first state [x xdot y ydot] of each target", unit="m, m/s"
@@ -221,6 +231,10 @@ class RfEo(
             check_ordered(name, low, high)
             if low == high:
                 raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
+        if self.turns % 2 == 0:
+            raise InputError(
+                f"turns is {self.turns}, expected an odd number, so that 0 is one of them (nearest: {self.turns + 1})"
+            )
         self._check_camera()
         self._check_radar()
         self._check_folding()
@@ -279,7 +293,10 @@ class RfEo(
         """The settings that the platforms may take."""
         ranges = (self.prf, self.bandwidth, self.pixel_angle)
         optics = (self.wavelength, self.fft_length, self.pixels, self.as_printed)
-        return PlatformActions(ranges, self.points, len(self.platforms), self.action, *optics)
+        greatest_turn = min(self.slew_rate * self.dt, math.pi)
+        return PlatformActions(
+            ranges, self.points, len(self.platforms), self.action, *optics, greatest_turn, self.turns
+        )  # fmt: skip
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
@@ -290,15 +307,16 @@ class RfEo(
     def decision_makers(self) -> tuple[DecisionMaker, ...]:
         """Every platform; its observation fields are the predicted measurements of the targets from there."""
         makers, targets = makers_by_form(self.actions, "platform"), len(self.starts)
-        return tuple(maker._replace(fields=own_fields(targets, j)) for j, maker in enumerate(makers, 1))
+        turning = self.slew_rate > 0.0
+        return tuple(maker._replace(fields=own_fields(targets, j, turning)) for j, maker in enumerate(makers, 1))
 
     def candidates(self) -> Array:
         """See ``PlatformActions.candidates``."""
         return self.action_set.candidates
 
     def named_constants(self) -> dict[str, Array]:
-        """``proposed``: the non-adaptive settings, where the box contains them."""
-        if self.action != "box" or len(self.platforms) != len(PROPOSED):
+        """``proposed``: the non-adaptive settings, where the box contains them and no platform turns."""
+        if self.action != "box" or self.slew_rate > 0.0 or len(self.platforms) != len(PROPOSED):
             return {}
         settings = np.array(PROPOSED)
         inside = all(
@@ -308,15 +326,35 @@ class RfEo(
 
     @property
     def places(self) -> Array:
-        """(x, y) of every platform in m and its look direction in rad, (platform, 3), a fresh array."""
+        """(x, y) of every platform in m and its first look direction in rad, (platform, 3), a fresh array."""
         looks = self.looks or (0.0,) * len(self.platforms)
         return np.column_stack([self.platforms, looks])
 
+    def places_at(self, belief: Belief) -> Array:
+        """(x, y) of every platform in m and its look direction in rad, (env, platform, 3)."""
+        return np.concatenate([np.broadcast_to(self.platforms, (*belief.looks.shape, 2)), belief.looks[..., None]], -1)
+
+    def aimed_settings(self, belief: Belief, actions: Array) -> Array:
+        """PRF, bandwidth, pixel angle and look direction after the turn, (env[, candidate], platform, 4)."""
+        settings = self.action_set.settings(actions)
+        looks = belief.looks if settings.ndim == 3 else belief.looks[:, None]
+        if self.slew_rate > 0.0:
+            turned = looks + settings[..., 3]
+            looks = turned - 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))
+        shape = np.broadcast_shapes(settings.shape[:-1], looks.shape)
+        emitted, looks = np.broadcast_to(settings[..., :3], (*shape, 3)), np.broadcast_to(looks, shape)
+        return np.concatenate([emitted, looks[..., None]], axis=-1)
+
     @cached_property
     def _scene(self) -> tuple[Any, ...]:
-        """Kernel arguments: model, platforms with their look directions, penalties, and the scalars."""
+        """Kernel arguments: model, platforms whose azimuths count from +y, penalties, and the scalars."""
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
-        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self.places, fence, self._rules
+        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self._seats, fence, self._rules
+
+    @property
+    def _seats(self) -> Array:
+        """(x, y, 0) of every platform."""
+        return np.column_stack([self.platforms, np.zeros(len(self.platforms))])
 
     @cached_property
     def _rules(self) -> Rules:
@@ -372,7 +410,8 @@ class RfEo(
         covariance = np.tile(np.diag(self.prior_variance), (count, S, 1, 1))
         nothing = np.zeros((count, S), np.int64)
         truth = Truth(true_states, nothing, nothing.copy(), np.zeros(count), window)
-        return State(truth, Belief(np.zeros(count, np.int64), mean, covariance))
+        looks = np.tile(self.places[:, 2], (count, 1))
+        return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, looks))
 
     @cached_property
     def _true_motion(self) -> tuple[Array, Array]:
@@ -395,14 +434,15 @@ class RfEo(
         """One step: targets move, platforms take their settings and measure, the filter updates."""
         if self.truth_model._recorded:
             return self.composed_transition(state, action, world)
-        (true_states, _, unseen, *_), (step, mean, covariance) = state
+        (true_states, _, unseen, *_), (step, mean, covariance, _) = state
+        settings = self.aimed_settings(state.belief, action)
         x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
         kernels.transition(
-            step, mean, covariance, true_states, unseen, world.process, world.error, self.action_set.settings(action),
+            step, mean, covariance, true_states, unseen, world.process, world.error, settings,
             *self._true_motion, self.truth_model._rules, *self._scene, x, P, moved, received, missed, share, NN
         )  # fmt: skip
-        return State(Truth(moved, received, missed, share), Belief(step + 1, x, P))
+        return State(Truth(moved, received, missed, share), Belief(step + 1, x, P, settings[..., 3].copy()))
 
     @property
     def _recorded_shape(self) -> tuple[int, int]:
@@ -424,8 +464,8 @@ class RfEo(
         z, share = np.empty((count, targets, 3 * len(self.platforms))), np.empty(count)
         variance = np.empty(z.shape)
         kernels.receive(
-            *belief, truth.targets, world.error, self.action_set.settings(action), self.truth_model._rules,
-            *self._scene, z, variance, share, NN
+            belief.step, belief.mean, belief.covariance, truth.targets, world.error,
+            self.aimed_settings(belief, action), self.truth_model._rules, *self._scene, z, variance, share, NN
         )  # fmt: skip
         return Measurements(z, variance, share)
 
@@ -434,9 +474,9 @@ class RfEo(
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
         F, Q, places, _, rules = self._scene
         z, variance, _ = measurements
-        settings = self.action_set.settings(action)
+        settings = self.aimed_settings(belief, action)
         kernels.track(belief.mean, belief.covariance, z, variance, settings, F, Q, places, rules, x, P, NN)
-        return Belief(belief.step + 1, x, P)
+        return Belief(belief.step + 1, x, P, settings[..., 3].copy())
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of quantities received, and the information that was predicted."""
@@ -446,24 +486,25 @@ class RfEo(
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances."""
-        several, settings = self._settings(actions)
+        several, settings = self._settings(belief, actions)
         shape = (len(belief.step), settings.shape[1], len(self.starts))
         x, P = np.empty((*shape, 4)), np.empty((*shape, 4, 4))
         prediction.predict(belief.mean, belief.covariance, settings, *self._scene, x, P, NN)
         step = np.broadcast_to(belief.step[:, None] + 1, shape[:2])
-        return Belief(step, x, P) if several else Belief(step[:, 0], x[:, 0], P[:, 0])
+        ahead = Belief(step, x, P, settings[..., 3].copy())
+        return ahead if several else Belief(*(part[:, 0] for part in ahead))
 
     def information(self, belief: Belief, actions: Array) -> Array:
         """The paper's gain tr(P C' R~^-1 C) of every target one step ahead, (env[, candidate], target)."""
-        several, settings = self._settings(actions)
+        several, settings = self._settings(belief, actions)
         gain = np.empty((len(belief.step), settings.shape[1], len(self.starts)))
         prediction.information(belief.mean, belief.covariance, settings, *self._scene, gain, NN)
         return gain if several else gain[:, 0]
 
-    def _settings(self, actions: Array) -> tuple[bool, Array]:
-        """Whether actions have the axis ``candidate``, and their settings (env, candidate, platform, 3)."""
+    def _settings(self, belief: Belief, actions: Array) -> tuple[bool, Array]:
+        """Whether actions have the axis ``candidate``, and their settings (env, candidate, platform, 4)."""
         several = actions.ndim == (2 if self.action == "joint" else 3)
-        return several, self.action_set.settings(actions if several else actions[:, None])
+        return several, self.aimed_settings(belief, actions if several else actions[:, None])
 
     def best_action(self, belief: Belief) -> Array:
         """The one-step scheduler's choice, platform after platform until none changes; for a box, on a fine grid."""
@@ -471,6 +512,7 @@ class RfEo(
         best_settings(
             belief.mean,
             belief.covariance,
+            belief.looks,
             self.action_set.axes,
             self.action_set.sizes,
             self._weights,
@@ -502,6 +544,7 @@ class RfEo(
         most_information(
             belief.mean,
             belief.covariance,
+            belief.looks,
             self.action_set.axes,
             self.action_set.sizes,
             least,
@@ -521,8 +564,8 @@ class RfEo(
         cost = np.empty(len(belief.step))
         chosen = np.empty((len(cost), depth, len(self.platforms), 2), np.int64)
         plan(
-            belief.mean, belief.covariance, belief.step, self.horizon, self.action_set.axes, self.action_set.sizes,
-            self._weights, *self._scene, chosen, cost, NN
+            belief.mean, belief.covariance, belief.looks, belief.step, self.horizon, self.action_set.axes,
+            self.action_set.sizes, self._weights, *self._scene, chosen, cost, NN
         )  # fmt: skip
         return self.action_set.choose(chosen[:, 0, :, 0], chosen[:, 0, :, 1]), cost
 
@@ -533,21 +576,42 @@ class RfEo(
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: each target's uncertainty, and the predicted measurements of it at each platform."""
-        return platform_fields(len(self.starts), len(self.platforms))
+        turned = direction_fields(len(self.starts), len(self.platforms)) if self.slew_rate > 0.0 else ()
+        return (*self._log_fields, *turned)
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
-        out = np.empty((len(belief.step), len(self.observation_fields)))
+        out = np.empty((len(belief.step), len(self._decades)))
         F, Q, places, _, rules = self._scene
-        kernels.observe(belief.mean, belief.covariance, F, Q, places, rules, out, NN)
+        kernels.observe(belief.mean, belief.covariance, belief.looks, F, Q, places, rules, out, NN)
         logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
-        return logs
+        if not self.slew_rate > 0.0:
+            return logs
+        ahead, places = belief.mean @ self.motion.F.T, self.places_at(belief)
+        off = platform_measurement(ahead[:, :, None], places[:, None], self.as_printed)[..., 2]
+        return np.concatenate([logs, off.reshape(len(off), -1)], axis=1)
 
     @cached_property
     def _decades(self) -> Array:
         """Factors from natural logarithms to log10, halved where the kernel fills a variance for a sigma."""
-        return np.array([0.5 if "sigma" in e.name else 1.0 for e in self.observation_fields]) / np.log(10.0)
+        return np.array([0.5 if "sigma" in e.name else 1.0 for e in self._log_fields]) / np.log(10.0)
+
+    @property
+    def _log_fields(self) -> tuple[ObservationField, ...]:
+        """The observation fields that ``kernels.observe`` fills, before the logarithm."""
+        return platform_fields(len(self.starts), len(self.platforms))
+
+    @property
+    def setting_fields(self) -> tuple[ObservationField, ...]:
+        """Where the platforms look, if they turn."""
+        looked = "azimuth, clockwise from +y, to which platform {} looks"
+        numbers = range(1, len(self.platforms) + 1) if self.slew_rate > 0.0 else ()
+        return tuple(ObservationField(f"look_{j}", "rad", 0.0, 1.8, looked.format(j)) for j in numbers)
+
+    def settings_of(self, belief: Belief) -> Array:
+        """See ``setting_fields``."""
+        return belief.looks[:, : len(self.setting_fields)]
 
     @property
     def measurement_fields(self) -> tuple[ObservationField, ...]:
