@@ -161,7 +161,7 @@ class MostInformation(Capability, members=("most_information",), shortcut_for=("
 
     @abstractmethod
     def information(self, belief: Any, actions: Array) -> Array:
-        """Weighted information of each target, (env[, candidate], target)."""
+        """Weighted information of each target, (env[, candidate], target); the threshold for one that is absent."""
 
     @abstractmethod
     def most_information(self, belief: Any, threshold: float | None = None) -> tuple[Array, Array]:

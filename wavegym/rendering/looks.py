@@ -96,17 +96,28 @@ def prepare_position_errors(axes: Axes, horizon: int) -> None:
     steps_along(axes, horizon)
 
 
-def draw_position_errors(axes: Axes, moment: Moment, plane: slice) -> None:
-    """Each target's distance from the estimate to the truth, and its root mean square according to the belief."""
+def draw_position_errors(axes: Axes, moment: Moment, plane: slice, shown: Array | None = None) -> None:
+    """Each target's distance from the estimate to the truth, and its root mean square according to the belief.
+
+    Args:
+        axes: a panel of ``prepare_position_errors``.
+        moment: what the episode was until now.
+        plane: picks x and y from a state.
+        shown: which targets have a curve at each step, (step, target) bool; by default all at all steps.
+    """
     errors = [state.belief.mean[0] - state.truth.targets[0] for state in moment.states]
     distance = np.maximum(np.hypot(*np.array(errors)[..., plane].T), LEAST)  # (target, step)
     variances = np.array([np.diagonal(state.belief.covariance[0], axis1=1, axis2=2) for state in moment.states])
     sigma = np.sqrt(variances[..., plane].sum(axis=-1)).T
+    if shown is not None:
+        distance, sigma = (np.where(shown.T, values, np.nan) for values in (distance, sigma))
     for t, (error, spread) in enumerate(zip(distance, sigma, strict=True)):
         axes.plot(error, color=colour(t), linewidth=0.8, alpha=0.6)
         axes.plot(spread, color=colour(t), linewidth=1.3, linestyle=(0, (3, 2)))
         axes.plot([len(error) - 1], error[-1:], "o", color=colour(t), markersize=3)
-    fit_y(axes, np.stack([distance, sigma]))
+    curves = np.stack([distance, sigma])
+    if np.isfinite(curves).any():
+        fit_y(axes, curves[np.isfinite(curves)])
 
 
 def prepare_looks(axes: Axes, targets: int, horizon: int, title: str) -> None:

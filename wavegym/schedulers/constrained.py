@@ -188,7 +188,8 @@ class _Search:
     def _evaluate(self, points: Array) -> tuple[Array, Array]:
         """The value minimised (m,), and log information minus log t (m, target), of points (m, d)."""
         if self._threshold is None:
-            value = np.log(self._system.cost(self._system.predict(self._belief, points[None]))[0])
+            cost = self._system.cost(self._system.predict(self._belief, points[None]))[0]
+            value = np.log(np.maximum(cost, np.finfo(float).tiny))  # 0 where no target is in the scene
             over, lacking = np.zeros((len(points), 0)), np.zeros(len(points))
         else:
             information = np.maximum(self._system.information(self._belief, points[None])[0], np.finfo(float).tiny)

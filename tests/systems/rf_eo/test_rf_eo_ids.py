@@ -172,6 +172,10 @@ BAD = [
     ({"points": (10**6, 10**6, 4)}, "library has 4000000000000 settings, of points .*, expected at most 65536"),
     ({"action": "joint", "platforms": ((0.0, 0.0),) * 8}, r"joint actions are 16\^8.*nearest action: 'library'"),
     ({"horizen": 50}, "did you mean 'horizon'"),
+    ({"births": (0,)}, r"births is \(0,\), expected 2 steps, one for each of starts"),
+    ({"births": (0, 1000)}, "greatest of births is 1000.*nearest: 999"),
+    ({"births": (0, -1)}, "births.1 is -1"),
+    ({"lifetime": 0}, "lifetime is 0"),
     ({"turns": 4}, r"turns is 4, expected an odd number.*nearest: 5"),
     ({"slew_rate": -1.0}, r"slew_rate is -1.* rad/s, expected"),
     (

@@ -216,12 +216,13 @@ class PlatformActions:
         """Actions for grid points: indices of PRF and of pixel angle with turn, (..., platform) each."""
         if self.form == "box":
             best = np.full(prf.shape, self.levels[1][-1])
-            chosen = [self.grid[0][prf], best, *(values[camera] for values in self.camera_grid)]
-            return self.encode(np.stack(chosen[: len(self.one)], axis=-1))
+            angle, turn = (values[camera] for values in self.camera_grid)
+            settings = np.stack([self.grid[0][prf], best, angle, turn], axis=-1)
+            return self.encode(settings[..., : len(self.one)])
         prfs, bandwidths, angles, turns = *map(len, self.levels), len(self.turn_levels)
         turn, angle = np.divmod(camera, angles)
-        chosen = (prf, np.full(prf.shape, bandwidths - 1), angle, self._turn_order[turn])
-        return self.number(np.ravel_multi_index(chosen, (prfs, bandwidths, angles, turns)))
+        indices = (prf, np.full(prf.shape, bandwidths - 1), angle, self._turn_order[turn])
+        return self.number(np.ravel_multi_index(indices, (prfs, bandwidths, angles, turns)))
 
     def number(self, indices: Array) -> Array:
         """Actions for one library index per platform, (..., platform) int."""

@@ -118,7 +118,9 @@ def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, tota
 
 
 @kernel
-def most_information(mean, P, looks, axes, sizes, threshold, F, Q, places, fence, rules, chosen, feasible, nn):
+def most_information(
+    step, mean, P, looks, axes, sizes, threshold, F, Q, places, fence, rules, stay, chosen, feasible, nn
+):
     """Fill ``chosen`` (e, p, 2): nearly the most information that gives every target at least ``threshold``.
 
     feasible (e,): whether such a choice was found; where not, the choice favours the worst-off target.
@@ -128,21 +130,28 @@ def most_information(mean, P, looks, axes, sizes, threshold, F, Q, places, fence
     x, V = np.empty((targets, n)), np.empty((targets, n, n))
     h, H, spread = np.empty((targets, rows)), np.empty((targets, rows, n)), np.empty((targets, rows))
     tables, tried = empty_tables(targets, platforms, points), np.empty((platforms, 2), np.int64)
-    R, seen, widths = tables
+    R, seen, widths, here = tables
     radar, camera = np.empty((platforms, targets, points)), np.empty((platforms, targets, points))
     weights, others, totals = np.empty(targets), np.empty(targets), np.empty(targets)
     for e in range(count):
-        predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
+        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, x, V, h, H, nn)
         tabulate(V, h, H, looks[e], axes, fence, rules, tables, spread)
-        for j in range(platforms):
-            for t in range(targets):
+        present = 0
+        for t in range(targets):
+            if not here[t]:
+                continue
+            for j in range(platforms):
                 for g in range(points):
                     a = 3 * j
-                    radar[j, t, g] = 0.0
+                    radar[j, present, g] = 0.0
                     for q in range(2):
-                        radar[j, t, g] += weighted_information(
+                        radar[j, present, g] += weighted_information(
                             spread[t, a + q], R[t, a + q, g], seen[t, j, g], widths[g, q]
                         )
-                    camera[j, t, g] = spread[t, a + 2] / R[t, a + 2, g]
-        share = choose(radar, camera, sizes, threshold, tried, chosen[e], weights, others, totals)
+                    camera[j, present, g] = spread[t, a + 2] / R[t, a + 2, g]
+            present += 1
+        share = choose(
+            radar[:, :present], camera[:, :present], sizes, threshold, tried, chosen[e], weights[:present],
+            others[:present], totals[:present]
+        )  # fmt: skip
         feasible[e] = share >= threshold

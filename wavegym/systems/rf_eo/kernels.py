@@ -16,6 +16,7 @@ from wavegym.systems.rf_eo.look_kernels import (
     aim_all,
     hidden_half,
     information_one,
+    is_here,
     look_one,
     spread_of,
     view_all,
@@ -97,9 +98,12 @@ def rows_of(array):
 @kernel
 def transition(
     step, mean, P, truth, unseen, process, error, settings, true_F, true_L, true_rules, F, Q, places, fence, rules,
-    x, P_out, truth_out, received, unseen_out, share, nn
+    stay, x, P_out, truth_out, received, unseen_out, share, nn
 ):  # fmt: skip
-    """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen (e, t), share (e,)."""
+    """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen (e, t), share (e,).
+
+    What is not in the scene stays as it is.
+    """
     (count, targets, n), platforms = mean.shape, places.shape[0]
     rows, view, true_view = 3 * platforms, empty_view(platforms), empty_view(platforms)
     T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(rows)
@@ -115,6 +119,9 @@ def transition(
         aim_all(settings[e, :, 3], places, aimed)
         for t in range(targets):
             i = e * targets + t
+            if not is_here(t, k + 1, stay):
+                truth_out[i], x[i], P_out[i], received[e, t], unseen_out[e, t] = truth[i], mean[i], P[i], 0, 0
+                continue
             move_one(e, k, t, i, truth, true_F, true_L, process, truth_out, nn)
             predict_mean_one(i, mean, F, 0, x, nn)
             predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
@@ -128,21 +135,25 @@ def transition(
                 unfold_one(i, P_out, z, R, h, H, view[2], rules, u, part, y, d, v, nn)
                 z[:], R[:] = u, part
             track_one(i, x, P_out, z, R, h, H, aimed, rules, y, d, v, nn)
+        share[e] = share[e] if share[e] < np.inf else 0.0  # an empty scene
 
 
 @kernel
-def move(step, truth, process, F, L, truth_out, nn):
-    """Fill truth_out (e, t, n): all targets one step on."""
+def move(step, truth, process, F, L, stay, truth_out, nn):
+    """Fill truth_out (e, t, n): all targets in the scene one step on."""
     targets = truth.shape[1]
     truth, truth_out = rows_of(truth), rows_of(truth_out)
     for i in range(truth.shape[0]):
         e, t = i // targets, i % targets
-        move_one(e, step[e], t, i, truth, F, L, process, truth_out, nn)
+        if is_here(t, step[e] + 1, stay):
+            move_one(e, step[e], t, i, truth, F, L, process, truth_out, nn)
+        else:
+            truth_out[i] = truth[i]
 
 
 @kernel
 def receive(
-    step, mean, P, truth, error, settings, true_rules, F, Q, places, fence, rules, z, R, share, nn
+    step, mean, P, truth, error, settings, true_rules, F, Q, places, fence, rules, stay, z, R, share, nn
 ):  # fmt: skip
     """Fill z, R (e, t, a), what the platforms measure of truth (e, t, n), and share (e,), the least information."""
     (count, targets, n), platforms = mean.shape, places.shape[0]
@@ -157,6 +168,9 @@ def receive(
         aim_all(settings[e, :, 3], places, aimed)
         for t in range(targets):
             i = e * targets + t
+            if not is_here(t, step[e] + 1, stay):
+                z[e, t], R[e, t] = 0.0, np.inf
+                continue
             predict_mean_one(0, mean[e, t : t + 1], F, 0, x, nn)
             predict_covariance_one(0, P[e, t : t + 1], F, Q, 0, T, V, nn)
             look_one(0, x, aimed, rules, h, H)
@@ -164,10 +178,11 @@ def receive(
             receive_one(
                 e, step[e], t, i, truth, h, error, aimed, view, true_view, fence, rules, true_rules, z[e, t], R[e, t]
             )  # fmt: skip
+        share[e] = share[e] if share[e] < np.inf else 0.0
 
 
 @kernel
-def track(mean, P, z, R, settings, F, Q, places, rules, x, P_out, nn):
+def track(step, mean, P, z, R, settings, F, Q, places, rules, stay, x, P_out, nn):
     """Fill x (e, t, n), P_out (e, t, n, n): one step of the tracker with measurements z of variances R (e, t, a).
 
     settings (e, p, 4): those that the measurements were made with.
@@ -183,6 +198,9 @@ def track(mean, P, z, R, settings, F, Q, places, rules, x, P_out, nn):
         if i % targets == 0:
             view_all(i // targets, settings, rules, *view)
             aim_all(settings[i // targets, :, 3], places, aimed)
+        if not is_here(i % targets, step[i // targets] + 1, stay):
+            x[i], P_out[i] = mean[i], P[i]
+            continue
         predict_mean_one(i, mean, F, 0, x, nn)
         predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
         look_one(i, x, aimed, rules, h, H)

@@ -4,7 +4,7 @@ Shapes: e environments, t targets, p platforms, a = 3 p quantities, (r, rdot, az
 ``settings`` (e, p, 4): PRF, bandwidth, pixel angle and look direction; variance, low and high (p, 3): variances and
 field of view of one environment's settings. ``places`` (p, 3): positions and directions from which azimuths count, +y
 in arguments of kernels; ``looks`` (e, p): look directions before the step; ``fence`` (2, 3): sharpness and height of
-the penalties; ``rules``: the scalars of ``Rules``.
+the penalties; ``rules``: the scalars of ``Rules``; ``stay`` (t, 2): the steps after which targets come and go.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -53,6 +53,12 @@ def view_all(e, settings, rules, variance, low, high):
             settings[e, j, 0], settings[e, j, 1], settings[e, j, 2], rules.wavelength, rules.fft_length, rules.pixels,
             rules.printed, j, variance, low, high
         )  # fmt: skip
+
+
+@inlined
+def is_here(t, step, stay):
+    """Whether target t is in the scene at a step."""
+    return stay[t, 0] < step <= stay[t, 1]
 
 
 @inlined

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.rendering.drawings import KILO, fill
-from wavegym.rendering.maps import POINTS, direction, draw_trails, sector, to_scale, trails_of
+from wavegym.rendering.maps import POINTS, direction, draw_track, sector, to_scale, trails_of
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import SMALL
 from wavegym.systems.rf_eo.system import RfEo
@@ -28,7 +28,10 @@ def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
     trails, places = trails_of(moment, PLANE, KILO), KILO * np.array(system.platforms)
     to_scale(axes, np.concatenate([places.T, trails.points], axis=1))
     _draw_fields(axes, system, moment, places)
-    draw_trails(axes, trails)
+    here = targets_shown(system, moment)
+    for t in np.flatnonzero(here[-1]).tolist():
+        steps = here[:, t]
+        draw_track(axes, t, trails.truth[steps, t], trails.mean[steps, t], trails.outlines[t])
     looks = moment.states[-1].belief.looks[0]
     for j, place in enumerate(places):
         c, s = np.cos(looks[j]), np.sin(looks[j])
@@ -36,6 +39,13 @@ def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
         axes.plot(*place[:, None], marker=dart, color=f"C{j}", markersize=12, markeredgewidth=0)
         style: dict[str, Any] = {"color": f"C{j}", "fontsize": SMALL, "ha": "center", "va": "top"}
         axes.annotate(f"P{j + 1}", place, (0, -6), textcoords="offset points", **style)
+
+
+def targets_shown(system: RfEo, moment: Moment) -> Array:
+    """Which targets each state of the episode shows, (step, target): those that are in the scene, or come now."""
+    steps = np.array([state.belief.step[0] for state in moment.states])
+    shows: Array = system.present(steps) | system.present(steps + 1)
+    return shows
 
 
 def _draw_fields(axes: Axes, system: RfEo, moment: Moment, places: Array) -> None:

@@ -1,7 +1,7 @@
 """A plan of several steps for RF/EO platforms in compiled form.
 
 Shapes and arguments as in ``search_kernels.py``; s steps ahead; ``chosen`` (s, p, 2), and so
-are R and seen of the ``tables``.
+are R, seen and here of the ``tables``.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.kernels import kernel
+from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.systems.rf_eo.search_kernels import (
@@ -28,12 +28,15 @@ BETTER = 1e-9  # least relative improvement for which the plan is changed
 @kernel
 def follow(U, H, tables, chosen, s, last, weights, F, Q, bound, T, v, nn):
     """Cost of the steps s to ``last`` from U[s] (t, n, n); fills U[s + 1], ...; stops where it reaches ``bound``."""
-    (R, seen, widths), total = tables, 0.0
+    (R, seen, widths, here), total = tables, 0.0
     for k in range(s, last + 1):
         for t in range(U.shape[1]):
-            predict_covariance_one(t, U[k], F, Q, 0, T, U[k + 1], nn)
-        absorb_all(U[k + 1], H[k], (R[k], seen[k], widths), chosen[k], v, nn)
-        total += weighted_trace(U[k + 1], weights)
+            if here[k, t]:
+                predict_covariance_one(t, U[k], F, Q, 0, T, U[k + 1], nn)
+            else:
+                U[k + 1, t] = U[k, t]
+        absorb_all(U[k + 1], H[k], (R[k], seen[k], widths, here[k]), chosen[k], v, nn)
+        total += weighted_trace(U[k + 1], here[k], weights)
         if total >= bound:
             break
     return total
@@ -52,7 +55,7 @@ def turn_later(j, k, ahead, R, chosen, axes, fence, rules):
                     R[s, t, a, g] = variance_at(g, 2, h[s, t, a], spread[s, t, a], looks[s, j], axes, fence, rules)
 
 
-@kernel
+@inlined
 def change(
     j, axis, k, end, spent, total, U, ahead, H, tables, chosen, axes, sizes, weights, F, Q, fence, rules, T, v, nn
 ):
@@ -104,29 +107,31 @@ def improve(U, ahead, H, tables, chosen, axes, sizes, weights, F, Q, fence, rule
 
 
 @kernel
-def foresee(x, U, ahead, H, tables, chosen, search, axes, sizes, weights, F, Q, places, fence, rules, room, nn):
+def foresee(
+    step, x, U, ahead, H, tables, chosen, search, axes, sizes, weights, F, Q, places, fence, rules, stay, room, nn
+):
     """Fill x, U, looks and the tables of each step of the plan ``chosen`` from x[0], U[0], looks[0]; the plan's cost.
 
     ahead: looks (s + 1, p), the look directions before each step, h and spread (s, t, a). search: fill ``chosen`` too,
     by the one-step scheduler. room: scratch space.
     """
-    (R, seen, widths), (looks, h, spread), (other, W, rest, v) = tables, ahead, room
+    (R, seen, widths, here), (looks, h, spread), (other, W, rest, v) = tables, ahead, room
     total = 0.0
     for k in range(chosen.shape[0]):
-        now = (R[k], seen[k], widths)
-        predict_ahead(x[k], U[k], F, Q, places, rules, x[k + 1], U[k + 1], h[k], H[k], nn)
+        now = (R[k], seen[k], widths, here[k])
+        predict_ahead(step + k, x[k], U[k], F, Q, places, rules, stay, x[k + 1], U[k + 1], h[k], H[k], nn)
         tabulate(U[k + 1], h[k], H[k], looks[k], axes, fence, rules, now, spread[k])
         if search:
             best_of_two(U[k + 1], H[k], now, sizes, weights, chosen[k], other, W, rest, v, nn)
         absorb_all(U[k + 1], H[k], now, chosen[k], v, nn)
         for j in range(chosen.shape[1]):
             looks[k + 1, j] = wrapped(looks[k, j] + axes[3, chosen[k, j, 1], 2])
-        total += weighted_trace(U[k + 1], weights)
+        total += weighted_trace(U[k + 1], here[k], weights)
     return total
 
 
 @kernel
-def plan(mean, P, looks, step, horizon, axes, sizes, weights, F, Q, places, fence, rules, chosen, cost, nn):
+def plan(step, mean, P, looks, horizon, axes, sizes, weights, F, Q, places, fence, rules, stay, chosen, cost, nn):
     """Fill ``chosen`` (e, s, p, 2), the one-step scheduler's plan improved, and its predicted cost (e,).
 
     The plan is shorter at the episode's end. What a setting is worth may depend on the plan before it: on the spread
@@ -139,7 +144,7 @@ def plan(mean, P, looks, step, horizon, axes, sizes, weights, F, Q, places, fenc
     W, rest, spread = np.empty(U.shape[1:]), np.empty(U.shape[1:]), np.empty((depth, targets, rows))
     h, H = np.empty((depth, targets, rows)), np.empty((depth, targets, rows, n))
     R, seen = np.empty((depth, targets, rows, points)), np.empty((depth, targets, platforms, points))
-    tables = R, seen, np.empty((points, 3))
+    tables = R, seen, np.empty((points, 3)), np.empty((depth, targets), np.bool_)
     T, v, other = np.empty((n, n)), np.empty(n), np.empty((platforms, 2), np.int64)
     room, ahead = (other, W, rest, v), (np.empty((depth + 1, platforms)), h, spread)
     depends = rules.folding or rules.margin > 0.0 or axes[3].any()
@@ -149,7 +154,8 @@ def plan(mean, P, looks, step, horizon, axes, sizes, weights, F, Q, places, fenc
         x[0], U[0], ahead[0][0], least = mean[e], P[e], looks[e], np.inf
         for attempt in range(SWEEPS):
             total = foresee(
-                x, U, ahead, H, tables, trial, attempt == 0, axes, sizes, weights, F, Q, places, fence, rules, room, nn
+                step[e], x, U, ahead, H, tables, trial, attempt == 0, axes, sizes, weights, F, Q, places, fence, rules,
+                stay, room, nn
             )  # fmt: skip
             if total >= least * (1.0 - BETTER):
                 break

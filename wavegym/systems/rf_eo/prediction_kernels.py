@@ -13,6 +13,7 @@ from wavegym.systems.rf_eo.look_kernels import (
     expected_innovation,
     gain_of,
     information_one,
+    is_here,
     look_one,
     off_look,
     predicted_variance,
@@ -26,24 +27,30 @@ from wavegym.trackers.rank_one_kernels import shrink_one
 
 
 @kernel
-def predict_ahead(mean, P, F, Q, places, rules, x, V, h, H, nn):
-    """Predict all targets: mean x (t, n), covariance V (t, n, n), measurements h (t, a), Jacobians H (t, a, n)."""
+def predict_ahead(step, mean, P, F, Q, places, rules, stay, x, V, h, H, nn):
+    """Predict all targets: mean x (t, n), covariance V (t, n, n), measurements h (t, a), Jacobians H (t, a, n).
+
+    A target that is not in the scene one step ahead stays as it is; its range of -1 is too near to be measured.
+    """
     T = np.empty((len(nn), len(nn)))
     for t in range(mean.shape[0]):
+        if not is_here(t, step + 1, stay):
+            x[t], V[t], h[t], H[t] = mean[t], P[t], -1.0, 0.0
+            continue
         predict_mean_one(t, mean, F, 0, x, nn)
         predict_covariance_one(t, P, F, Q, 0, T, V, nn)
         look_one(t, x, places, rules, h[t], H[t])
 
 
 @kernel
-def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
+def predict(step, mean, P, settings, F, Q, places, fence, rules, stay, x, P_out, nn):
     """Fill predicted means x (e, c, t, n) and updated covariances P_out (e, c, t, n, n); settings (e or 1, c, p, 4)."""
     (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
     h, H, spread, seen = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), 0.0, 1.0
     for e in range(count):
-        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
+        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
         for c in range(candidates):
             view_all(c, own, rules, variance, low, high)
@@ -69,14 +76,14 @@ def predict(mean, P, settings, F, Q, places, fence, rules, x, P_out, nn):
 
 
 @kernel
-def information(mean, P, settings, F, Q, places, fence, rules, out, nn):
+def information(step, mean, P, settings, F, Q, places, fence, rules, stay, out, nn):
     """out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 4)."""
     (count, candidates, targets), n, platforms = out.shape, len(nn), places.shape[0]
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V = np.empty((targets, n)), np.empty((targets, n, n))
     h, H, off = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), np.empty(3 * platforms)
     for e in range(count):
-        predict_ahead(mean[e], P[e], F, Q, places, rules, ahead, V, h, H, nn)
+        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
         for c in range(candidates):
             view_all(c, own, rules, variance, low, high)

@@ -17,7 +17,7 @@ from wavegym.rendering.maps import colour
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
 from wavegym.sensors import platform_measurement
-from wavegym.systems.rf_eo.map import DART, IMAGE, PLANE, UNAMBIGUOUS, draw_platform_map
+from wavegym.systems.rf_eo.map import DART, IMAGE, PLANE, UNAMBIGUOUS, draw_platform_map, targets_shown
 from wavegym.systems.rf_eo.system import RfEo
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class PlatformScene:
             wipe(axes)
         self._received.set_text(received_caption(self.system, moment))
         draw_platform_map(self._map, self.system, moment)
-        draw_position_errors(self._errors, moment, PLANE)
+        draw_position_errors(self._errors, moment, PLANE, targets_shown(self.system, moment))
         for axes in self._views:
             axes.set_visible(bool(moment.actions))
         if moment.actions:
@@ -110,7 +110,7 @@ class PlatformScene:
 class Sight(NamedTuple):
     """True quantities at every platform in the last step, folded where they fold, and its field of view."""
 
-    value: Array  # (platform, target, 3): range in m, range-rate in m/s, azimuth from the look direction in rad
+    value: Array  # (platform, target, 3): range in m, range-rate in m/s, azimuth from the look in rad; NaN: absent
     low: Array  # (platform, 3): edges of the field of view
     high: Array  # (platform, 3)
     seen: Array  # (platform, target, 3) bool
@@ -129,7 +129,8 @@ def in_view(system: RfEo, moment: Moment) -> Sight:
     if system.folding:
         value, visible = system.folded(value, high[:, None])
         seen[..., :2] = visible[..., None] & ~blind
-    return Sight(value, low, high, seen)
+    here = targets_shown(system, moment)[-1][:, None]
+    return Sight(np.where(here, value, np.nan), low, high, seen & here)
 
 
 def draw_view(axes: Axes, sight: Sight, settings: Array, platform: int) -> None:
@@ -138,10 +139,10 @@ def draw_view(axes: Axes, sight: Sight, settings: Array, platform: int) -> None:
     Args:
         axes: the platform's panel.
         sight: quantities and fields of view of all platforms.
-        settings: PRF in Hz, bandwidth in Hz and pixel angle in rad of every platform, (platform, 3).
+        settings: PRF in Hz, bandwidth in Hz and pixel angle in rad of every platform, (platform, 3 or 4).
         platform: number of the platform.
     """
-    prf, bandwidth, angle = settings[platform].tolist()
+    prf, bandwidth, angle = settings[platform, :3].tolist()
     words = f"PRF {quantity(prf, 'Hz')}, B {quantity(bandwidth, 'Hz')}, α {quantity(angle, 'rad')}"
     axes.title.set(text=f"P{platform + 1}: {words}", color=f"C{platform}")
     value, low, high, seen = (field[platform] for field in sight)
@@ -183,8 +184,8 @@ def received_caption(system: RfEo, moment: Moment) -> str:
     if not moment.actions:
         return ""
     truth, most = moment.states[-1].truth, 3 * len(system.platforms)
-    counts = []
+    counts, here = [], system.present(moment.states[-1].belief.step)[0]
     for t, (received, unseen) in enumerate(zip(truth.received[0].tolist(), truth.unseen[0].tolist(), strict=True)):
         known = f"{received} of {most}" if received else f"nothing for {unseen} step{'s' * (unseen > 1)}"
-        counts.append(f"target {t + 1}: {known}")
+        counts.append(f"target {t + 1}: {known if here[t] else 'absent'}")
     return "quantities measured:  " + "  ·  ".join(counts)

@@ -2,10 +2,9 @@
 
 Shapes and arguments as in ``kernels.py``; g points on each of the two axes of a platform's grid: PRF (sets
 range and range-rate) and pixel angle with turn (set the azimuth), at the greatest bandwidth. ``sizes``: points on each
-axis.
-``chosen`` (p, 2): every platform's grid point. ``tables``: R (t, a, g), the predicted variance of every quantity at
-every point of its axis; seen (t, p, g), the probability that the radar sees the target; widths (g, 3), the unambiguous
-intervals.
+axis. ``chosen`` (p, 2): every platform's grid point. ``tables``: R (t, a, g), the predicted variance of every quantity
+at every point of its axis; seen (t, p, g), the probability that the radar sees the target; widths (g, 3), the
+unambiguous intervals; here (t,), whether the target is in the scene.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -18,7 +17,6 @@ from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.look_kernels import (
     expected_innovation,
     gain_of,
-    off_look,
     predicted_variance,
     seen_one,
     spread_of,
@@ -33,15 +31,17 @@ FEW = 8  # PRFs, up to which they are tried in pairs; pairs of the fine grid of 
 
 @kernel
 def empty_tables(targets, platforms, points):
-    """R, seen and widths, to be filled by ``tabulate``."""
-    return np.empty((targets, 3 * platforms, points)), np.empty((targets, platforms, points)), np.empty((points, 3))
+    """R, seen, widths and here, to be filled by ``tabulate``."""
+    R, seen = np.empty((targets, 3 * platforms, points)), np.empty((targets, platforms, points))
+    return R, seen, np.empty((points, 3)), np.empty(targets, np.bool_)
 
 
 @inlined
 def variance_at(g, q, value, spread, look, axes, fence, rules):
     """R~ of quantity q at point g of its axis; value: predicted (azimuth: from +y); look: direction before the turn."""
-    ahead = off_look(value, wrapped(look + axes[3, g, q]), q)
-    return predicted_variance(ahead, spread, axes[0, g, q], axes[1, g, q], axes[2, g, q], q, fence, rules)
+    if q == 2:
+        value = wrapped(value - wrapped(look + axes[3, g, 2]))
+    return predicted_variance(value, spread, axes[0, g, q], axes[1, g, q], axes[2, g, q], q, fence, rules)
 
 
 @kernel
@@ -51,11 +51,12 @@ def tabulate(V, h, H, looks, axes, fence, rules, tables, spread):
     spread: variance of the quantity's prediction. looks (p,): look directions before the step. axes (4, g, 3):
     variance, low, high and turn at the points; columns 0 and 1 belong to the PRF, column 2 to pixel angle and turn.
     """
-    (R, seen, widths), high = tables, axes[2]
+    (R, seen, widths, here), high = tables, axes[2]
     for g in range(axes.shape[1]):
         for q in range(3):
             widths[g, q] = width_of(q, high[g, q], rules)
     for t in range(h.shape[0]):
+        here[t] = h[t, 0] >= 0.0
         for a in range(h.shape[1]):
             q = a % 3
             spread[t, a] = spread_of(q, t, V, H[t], a)
@@ -75,7 +76,7 @@ def absorb_platform(V, H, tables, j, prf, angle, v, nn):
 
     A negative point: not chosen yet.
     """
-    R, seen, widths = tables
+    R, seen, widths, _ = tables
     for t in range(V.shape[0]):
         for q in range(3):
             a, g = 3 * j + q, angle if q == 2 else prf
@@ -100,10 +101,12 @@ def absorb_all(V, H, tables, chosen, v, nn):
 
 
 @kernel
-def weighted_trace(V, weights):
-    """trace(W P) summed over the targets of V (t, n, n); weights (n, n)."""
+def weighted_trace(V, here, weights):
+    """trace(W P) summed over the targets of V (t, n, n) that are in the scene, here (t,); weights (n, n)."""
     total = 0.0
     for t in range(V.shape[0]):
+        if not here[t]:
+            continue
         for i in range(weights.shape[0]):
             for k in range(weights.shape[0]):
                 total += weights[i, k] * V[t, k, i]
@@ -115,7 +118,7 @@ def cost_of(V, H, tables, chosen, weights, W, v, nn):
     """trace(W P) summed over the targets after all measurements of ``chosen``; W: scratch space."""
     W[:] = V
     absorb_all(W, H, tables, chosen, v, nn)
-    return weighted_trace(W, weights)
+    return weighted_trace(W, tables[3], weights)
 
 
 @kernel
@@ -165,7 +168,7 @@ def search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn):
 
 
 @kernel
-def best_platform(V, H, R, j, sizes, weights, W, v, nn):
+def best_platform(V, H, R, here, j, sizes, weights, W, v, nn):
     """Cost and best points (prf, angle) of platform j's axes, where all others have already measured; nothing folds.
 
     For each PRF the covariance is updated with range and range-rate (in W). An azimuth then lowers the trace by
@@ -183,6 +186,8 @@ def best_platform(V, H, R, j, sizes, weights, W, v, nn):
                 shrink_one(t, W, v, s, nn)
             g[t] = gain_of(2, t, W, H[t], azimuth, v, nn)
             off[t] = 0.0
+            if not here[t]:
+                continue
             for i in range(n):
                 for k in range(n):
                     total += weights[i, k] * W[t, k, i]
@@ -214,7 +219,7 @@ def search(V, H, tables, sizes, weights, backwards, chosen, W, rest, v, nn):
             for other in range(platforms):
                 if other != j and chosen[other, 0] >= 0:
                     absorb_platform(rest, H, tables, other, chosen[other, 0], chosen[other, 1], v, nn)
-            cost, prf, angle = best_platform(rest, H, tables[0], j, sizes, weights, W, v, nn)
+            cost, prf, angle = best_platform(rest, H, tables[0], tables[3], j, sizes, weights, W, v, nn)
             changed = changed or prf != chosen[j, 0] or angle != chosen[j, 1]
             chosen[j, 0], chosen[j, 1] = prf, angle
         if not changed:
@@ -234,7 +239,7 @@ def best_of_two(V, H, tables, sizes, weights, chosen, other, W, rest, v, nn):
 
 
 @kernel
-def best_settings(mean, P, looks, axes, sizes, weights, F, Q, places, fence, rules, chosen, nn):
+def best_settings(step, mean, P, looks, axes, sizes, weights, F, Q, places, fence, rules, stay, chosen, nn):
     """Fill ``chosen`` (e, p, 2), the grid points with nearly the least trace one step ahead."""
     (count, platforms), targets, n = chosen.shape[:2], mean.shape[1], len(nn)
     rows = 3 * platforms
@@ -244,6 +249,6 @@ def best_settings(mean, P, looks, axes, sizes, weights, F, Q, places, fence, rul
     tables, v = empty_tables(targets, platforms, axes.shape[1]), np.empty(n)
     other = np.empty((platforms, 2), np.int64)
     for e in range(count):
-        predict_ahead(mean[e], P[e], F, Q, places, rules, x, V, h, H, nn)
+        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, x, V, h, H, nn)
         tabulate(V, h, H, looks[e], axes, fence, rules, tables, spread)
         best_of_two(V, H, tables, sizes, weights, chosen[e], other, W, rest, v, nn)

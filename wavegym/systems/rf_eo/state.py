@@ -11,6 +11,7 @@ from wavegym.core.system import ObservationField
 
 QUANTITIES = (("range", "m", 3.5, 1.0), ("range_rate", "m/s", 0.5, 1.5), ("azimuth", "rad", -0.5, 1.0))
 SPREADS = (("r", "m", 1.0, 1.0), ("rdot", "m/s", -0.5, 1.0), ("az", "rad", -3.0, 1.5))
+SOON = 10  # steps ahead in which coming and going is observed
 
 
 class World(NamedTuple):
@@ -37,6 +38,7 @@ class Measurements(NamedTuple):
     z: Array  # (env, target, 3 platforms), 0 where nothing was received
     variance: Array  # (env, target, 3 platforms) of their errors as the tracker assumes it; infinite: not received
     information: Array  # (env,) least weighted information of any target, as predicted for the settings
+    present: Array  # (env, target) bool: targets in the scene
 
 
 class Belief(NamedTuple):
@@ -112,6 +114,19 @@ def direction_fields(targets: int, platforms: int) -> tuple[ObservationField, ..
         for t in range(1, targets + 1)
         for j in range(1, platforms + 1)
     )  # fmt: skip
+
+
+def presence_fields(targets: int) -> tuple[ObservationField, ...]:
+    """For targets that come and go: whether each is in the scene one step ahead, and when that changes."""
+    listed = []
+    for t in range(1, targets + 1):
+        where = f"1 if target {t} is in the scene one step ahead, else 0"
+        changes = f"steps until target {t} comes or goes, at most {SOON}"
+        listed += [
+            ObservationField(f"present_{t}", "1", 0.5, 0.5, where),
+            ObservationField(f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, changes),
+        ]
+    return tuple(listed)
 
 
 def own_fields(targets: int, platform: int, turning: bool) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
@@ -50,6 +50,7 @@ from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.search_kernels import best_settings
 from wavegym.systems.rf_eo.state import (
+    SOON,
     Belief,
     Measurements,
     Truth,
@@ -57,6 +58,7 @@ from wavegym.systems.rf_eo.state import (
     direction_fields,
     own_fields,
     platform_fields,
+    presence_fields,
     received_fields,
     received_values,
 )
@@ -69,6 +71,7 @@ LOST_AFTER = 10  # steps without any measurement
 PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 
 MOST = 64  # targets, and platforms
+LONGEST = 1_000_000  # steps
 FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
 FASTEST = 1e6  # rad/s
 GREATEST = 1e12  # PRF and bandwidth in Hz, pixel angle in rad
@@ -115,6 +118,9 @@ class RfEo(
         With a ``slew_rate`` an action also turns each platform's look direction, by slew_rate dt at most, before the
         platform measures; else the look direction is fixed.
 
+        With ``births`` and ``lifetime`` targets come and go: a target is first measured, and counts first, one step
+        after its birth. Tracker and schedulers know both in advance, and the first estimate too.
+
         With ``folding``, range is received modulo c / (2 PRF) and range-rate modulo lambda PRF / 2. The radar receives
         neither if the echo overlaps with a transmitted pulse, in part or whole (``duty``), or if the folded range-rate
         lies in the clutter notch (``notch``). The filter uses a range or a range-rate only if every other fold is
@@ -122,7 +128,7 @@ class RfEo(
         probabilities that the target is seen and that its fold is certain.
 
     Rewards
-        -trace(W P) summed over the targets, W = diag(weights) or whole: m^2, with 1 s^2 on the velocities.
+        -trace(W P) summed over the targets in the scene, W = diag(weights) or whole: m^2, with 1 s^2 on the velocities.
 
     Starting state
         True targets start at ``starts``. With ``first_estimate="halfway"`` the estimates lie at half the true
@@ -139,7 +145,7 @@ class RfEo(
     terminates = False
     chooses_prf = True
 
-    horizon: int = parameter(1000, "steps in an episode", ge=1, le=1_000_000)
+    horizon: int = parameter(1000, "steps in an episode", ge=1, le=LONGEST)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
     q: float = parameter(0.01, "process noise density", unit="m^2/s^3", truth=True, ge=0, le=1e12)
     turn_rate: TurnRate = parameter(0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True)
@@ -159,6 +165,8 @@ class RfEo(
     starts: tuple[TargetState, ...] = parameter(
         ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0)), "first state [x xdot y ydot] of each target", unit="m, m/s"
     )
+    births: tuple[NonNegativeInt, ...] = parameter((), "step at which each target comes; by default 0 for all")
+    lifetime: int = parameter(LONGEST, "steps for which each target stays", ge=1, le=LONGEST)
     first_estimate: Literal["halfway", "drawn"] = parameter("halfway", "first estimates; see Starting state", unit="")
     prior_variance: StateVariance = parameter((1e6, 25.0, 1e6, 25.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True)
     prf: Bounds = parameter((1e3, 100e3), "least and greatest pulse repetition frequency", unit="Hz")
@@ -231,6 +239,7 @@ class RfEo(
             check_ordered(name, low, high)
             if low == high:
                 raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
+        self._check_births()
         if self.turns % 2 == 0:
             raise InputError(
                 f"turns is {self.turns}, expected an odd number, so that 0 is one of them (nearest: {self.turns + 1})"
@@ -240,6 +249,16 @@ class RfEo(
         self._check_folding()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
         self.action_set.levels  # noqa: B018  (invalid points are reported here)
+
+    def _check_births(self) -> None:
+        """InputError for births that do not fit the targets, come too late, or leave the scene empty."""
+        if not self.births:
+            return
+        if self._recorded:
+            raise InputError(f"births is {self.births}, expected () with recorded targets (nearest: ())")
+        if len(self.births) != len(self.starts):
+            raise InputError(f"births is {self.births}, expected {len(self.starts)} steps, one for each of starts")
+        check_within("greatest of births", max(self.births), 0, self.horizon - 1)
 
     def _check_camera(self) -> None:
         """InputError for an image wider than the full circle."""
@@ -341,15 +360,31 @@ class RfEo(
         if self.slew_rate > 0.0:
             turned = looks + settings[..., 3]
             looks = turned - 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))
-        shape = np.broadcast_shapes(settings.shape[:-1], looks.shape)
-        emitted, looks = np.broadcast_to(settings[..., :3], (*shape, 3)), np.broadcast_to(looks, shape)
-        return np.concatenate([emitted, looks[..., None]], axis=-1)
+        aimed = np.empty((len(belief.looks), *settings.shape[1:-1], 4))
+        aimed[..., :3], aimed[..., 3] = settings[..., :3], looks
+        return aimed
 
     @cached_property
     def _scene(self) -> tuple[Any, ...]:
         """Kernel arguments: model, platforms whose azimuths count from +y, penalties, and the scalars."""
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
-        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self._seats, fence, self._rules
+        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self._seats, fence, self._rules, self._stay
+
+    @property
+    def _stay(self) -> Array:
+        """The steps after which each target comes and goes, (target, 2) int."""
+        births = np.array(self.births or (0,) * len(self.starts), np.int64)
+        return np.stack([births, births + self.lifetime], axis=1)
+
+    @cached_property
+    def _come_and_go(self) -> bool:
+        """Whether not all targets are in the scene throughout."""
+        return any(self.births) or self.lifetime < self.horizon
+
+    def present(self, step: Array) -> Array:
+        """Which targets are in the scene at each of the steps (...), (..., target) bool."""
+        first, last = self._stay.T
+        return (first < step[..., None]) & (step[..., None] <= last)
 
     @property
     def _seats(self) -> Array:
@@ -455,7 +490,7 @@ class RfEo(
         if recorded and truth.window is not None:
             return truth._replace(targets=recorded.states(truth.window, step + 1))
         moved = np.empty(truth.targets.shape)
-        kernels.move(step, truth.targets, world.process, *self._true_motion, moved, NN)
+        kernels.move(step, truth.targets, world.process, *self._true_motion, self._stay, moved, NN)
         return truth._replace(targets=moved)
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
@@ -467,21 +502,23 @@ class RfEo(
             belief.step, belief.mean, belief.covariance, truth.targets, world.error,
             self.aimed_settings(belief, action), self.truth_model._rules, *self._scene, z, variance, share, NN
         )  # fmt: skip
-        return Measurements(z, variance, share)
+        return Measurements(z, variance, share, self.present(belief.step + 1))
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
         """One step of the filter."""
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
-        F, Q, places, _, rules = self._scene
-        z, variance, _ = measurements
+        F, Q, places, _, rules, stay = self._scene
+        z, variance, *_ = measurements
         settings = self.aimed_settings(belief, action)
-        kernels.track(belief.mean, belief.covariance, z, variance, settings, F, Q, places, rules, x, P, NN)
+        kernels.track(
+            belief.step, belief.mean, belief.covariance, z, variance, settings, F, Q, places, rules, stay, x, P, NN
+        )  # fmt: skip
         return Belief(belief.step + 1, x, P, settings[..., 3].copy())
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of quantities received, and the information that was predicted."""
         received = np.isfinite(measurements.variance).sum(axis=2)
-        unseen = np.where(received > 0, 0, truth.unseen + 1)
+        unseen = np.where((received > 0) | ~measurements.present, 0, truth.unseen + 1)
         return Truth(truth.targets, received, unseen, measurements.information, truth.window)
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
@@ -489,16 +526,21 @@ class RfEo(
         several, settings = self._settings(belief, actions)
         shape = (len(belief.step), settings.shape[1], len(self.starts))
         x, P = np.empty((*shape, 4)), np.empty((*shape, 4, 4))
-        prediction.predict(belief.mean, belief.covariance, settings, *self._scene, x, P, NN)
+        prediction.predict(belief.step, belief.mean, belief.covariance, settings, *self._scene, x, P, NN)
         step = np.broadcast_to(belief.step[:, None] + 1, shape[:2])
         ahead = Belief(step, x, P, settings[..., 3].copy())
         return ahead if several else Belief(*(part[:, 0] for part in ahead))
 
     def information(self, belief: Belief, actions: Array) -> Array:
-        """The paper's gain tr(P C' R~^-1 C) of every target one step ahead, (env[, candidate], target)."""
+        """The paper's gain tr(P C' R~^-1 C) of every target one step ahead, (env[, candidate], target).
+
+        That of a target that is not in the scene is the threshold: it lacks nothing.
+        """
         several, settings = self._settings(belief, actions)
         gain = np.empty((len(belief.step), settings.shape[1], len(self.starts)))
-        prediction.information(belief.mean, belief.covariance, settings, *self._scene, gain, NN)
+        prediction.information(belief.step, belief.mean, belief.covariance, settings, *self._scene, gain, NN)
+        if self._come_and_go:
+            gain = np.where(self.present(belief.step + 1)[:, None], gain, self.threshold)
         return gain if several else gain[:, 0]
 
     def _settings(self, belief: Belief, actions: Array) -> tuple[bool, Array]:
@@ -510,6 +552,7 @@ class RfEo(
         """The one-step scheduler's choice, platform after platform until none changes; for a box, on a fine grid."""
         chosen = np.empty((len(belief.step), len(self.platforms), 2), np.int64)
         best_settings(
+            belief.step,
             belief.mean,
             belief.covariance,
             belief.looks,
@@ -542,6 +585,7 @@ class RfEo(
         if not least >= 0.0:
             raise InputError(f"threshold is {least}, expected a number >= 0")
         most_information(
+            belief.step,
             belief.mean,
             belief.covariance,
             belief.looks,
@@ -564,33 +608,48 @@ class RfEo(
         cost = np.empty(len(belief.step))
         chosen = np.empty((len(cost), depth, len(self.platforms), 2), np.int64)
         plan(
-            belief.mean, belief.covariance, belief.looks, belief.step, self.horizon, self.action_set.axes,
+            belief.step, belief.mean, belief.covariance, belief.looks, self.horizon, self.action_set.axes,
             self.action_set.sizes, self._weights, *self._scene, chosen, cost, NN
         )  # fmt: skip
         return self.action_set.choose(chosen[:, 0, :, 0], chosen[:, 0, :, 1]), cost
 
     def cost(self, belief: Belief) -> Array:
-        """trace(W P) summed over the targets."""
-        return trace_cost(belief.covariance, self._weights)
+        """trace(W P) summed over the targets in the scene."""
+        if not self._come_and_go:
+            return trace_cost(belief.covariance, self._weights)
+        here = self.present(belief.step)[..., None, None]
+        return trace_cost(np.where(here, belief.covariance, 0.0), self._weights)
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: each target's uncertainty, and the predicted measurements of it at each platform."""
         turned = direction_fields(len(self.starts), len(self.platforms)) if self.slew_rate > 0.0 else ()
-        return (*self._log_fields, *turned)
+        return (*self._log_fields, *turned, *(presence_fields(len(self.starts)) if self._come_and_go else ()))
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self._decades)))
-        F, Q, places, _, rules = self._scene
+        F, Q, places, _, rules, _ = self._scene
         kernels.observe(belief.mean, belief.covariance, belief.looks, F, Q, places, rules, out, NN)
         logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
-        if not self.slew_rate > 0.0:
-            return logs
-        ahead, places = belief.mean @ self.motion.F.T, self.places_at(belief)
-        off = platform_measurement(ahead[:, :, None], places[:, None], self.as_printed)[..., 2]
-        return np.concatenate([logs, off.reshape(len(off), -1)], axis=1)
+        parts = [logs]
+        if self.slew_rate > 0.0:
+            ahead, places = belief.mean @ self.motion.F.T, self.places_at(belief)
+            off = platform_measurement(ahead[:, :, None], places[:, None], self.as_printed)[..., 2]
+            parts.append(off.reshape(len(off), -1))
+        if self._come_and_go:
+            parts.append(self._presence(belief.step))
+        return np.concatenate(parts, axis=1) if len(parts) > 1 else logs
+
+    def _presence(self, step: Array) -> Array:
+        """Values of ``presence_fields``, (env, fields)."""
+        here, changes = (
+            self.present(step + 1),
+            self._stay - step[:, None, None],
+        )  # (env, target, 2) steps until it changes
+        coming = np.where(changes > 0, changes, SOON).min(axis=2)
+        return np.stack([here, np.minimum(coming, SOON)], axis=-1).reshape(len(step), -1).astype(np.float64)
 
     @cached_property
     def _decades(self) -> Array:
@@ -626,19 +685,22 @@ class RfEo(
         """Figures of each target and of the last settings.
 
         For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
-        (quantities measured in this step) and ``lost`` (nothing received for more than ten steps). For the settings:
-        ``information``, the least weighted information of any target as predicted, and ``below_threshold``; 0 and False
-        before the first choice.
+        (quantities measured in this step) and ``lost`` (nothing received for more than ten steps). Where targets come
+        and go, ``present``; the figures of an absent target are 0. For the settings: ``information``, the least
+        weighted information of any target in the scene as predicted, and ``below_threshold``; 0 and False before the
+        first choice, or without a target.
         """
         truth, belief = state
         position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
         kernels.measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
-        return {
-            "position_error": position,
-            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
-            "nees": nees,
+        here = self.present(belief.step) if self._come_and_go else np.ones(position.shape, np.bool_)
+        figures = {
+            "position_error": position * here,
+            "position_variance": (belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2]) * here,
+            "nees": nees * here,
             "received": truth.received.copy(),
             "lost": truth.unseen > LOST_AFTER,
             "information": truth.share.copy(),
-            "below_threshold": (truth.share < self.threshold) & (belief.step > 0),
+            "below_threshold": (truth.share < self.threshold) & (belief.step > 0) & here.any(axis=1),
         }
+        return {**figures, "present": here} if self._come_and_go else figures
