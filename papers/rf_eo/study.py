@@ -38,7 +38,7 @@ POLICIES = {  # the far targets are always beyond the range of the proposed sett
     scene: (*fixed, *TUNED, ADAPTIVE, INFORMATION, MARGIN[scene], *(f"lookahead:{H}" for H in DEPTHS), "random")
     for scene, fixed in ((PUBLISHED, (PROPOSED,)), (FAR, ()))
 }
-PENALTIES = ("logistic", "hard", "deadzone", "log-barrier")
+PENALTIES = ("logistic", "hard", "deadzone", "huber", "log-barrier")
 TUNING_WORLDS = 64
 CHUNK = 5  # worlds played as one batch
 
