@@ -39,18 +39,17 @@ from wavegym.systems.recorded_targets import (
 )
 from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.rf_eo.look_kernels import Rules
-from wavegym.systems.rf_eo.state import received_fields, received_values
-from wavegym.systems.rf_eo.system import (
+from wavegym.systems.rf_eo.scenario import (
     FARTHEST,
     GREATEST,
     MOST,
-    NN,
     Azimuth,
     Position,
-    RfEo,
     StateVariance,
     TurnRate,
 )
+from wavegym.systems.rf_eo.state import received_fields, received_values
+from wavegym.systems.rf_eo.system import NN, RfEo
 from wavegym.systems.rf_eo.weights import StateWeights
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel

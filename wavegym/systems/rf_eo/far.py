@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 from wavegym.core.parameters import changed_default, system_parameters
-from wavegym.systems.rf_eo.system import Bounds, Position, RfEo, StateVariance, TargetState
+from wavegym.systems.rf_eo.scenario import Bounds, Position, StateVariance, TargetState
+from wavegym.systems.rf_eo.system import RfEo
 
 
 @system_parameters

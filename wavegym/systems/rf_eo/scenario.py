@@ -1,0 +1,279 @@
+"""The parameters of the RF/EO loop, what they refuse, and what follows: motion, settings, places, presence, cost."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, NonNegativeInt
+
+from wavegym.core.arrays import Array
+from wavegym.core.costs import trace_cost
+from wavegym.core.errors import InputError, check_ordered, check_within
+from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
+from wavegym.core.system import System
+from wavegym.sensors.penalties import KINDS, Penalty
+from wavegym.systems.precision import MOST_RATIO
+from wavegym.systems.recorded_targets import (
+    PlaysRecordings,
+    farthest_range_parameter,
+    radar_parameter,
+    smoothing_parameter,
+    targets_parameter,
+    tracks_parameter,
+)
+from wavegym.systems.rf_eo.actions import PlatformActions
+from wavegym.systems.rf_eo.look_kernels import Rules
+from wavegym.systems.rf_eo.state import (
+    Belief,
+)
+from wavegym.systems.rf_eo.weights import Weights, weighting_matrix
+from wavegym.targets import MotionModel, constant_turn
+from wavegym.waveforms import SPEED_OF_LIGHT
+
+MOST = 64  # targets, and platforms
+LONGEST = 1_000_000  # steps
+FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
+FASTEST = 1e6  # rad/s
+GREATEST = 1e12  # PRF and bandwidth in Hz, pixel angle in rad
+
+Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Position = tuple[Coordinate, Coordinate]
+TargetState = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+Azimuth = Annotated[float, Field(ge=-math.pi, le=math.pi, allow_inf_nan=False)]
+TurnRate = Annotated[float, Field(ge=-FASTEST, le=FASTEST, allow_inf_nan=False)]
+Bound = Annotated[float, Field(gt=0, le=GREATEST, allow_inf_nan=False)]
+Bounds = tuple[Bound, Bound]  # least and greatest
+StateVariance = tuple[Positive, Positive, Positive, Positive]
+
+
+@system_parameters
+class PlatformScenario(System, PlaysRecordings):
+    """What ``RfEo`` can be given, what it refuses, and what follows: motion, settings, places, presence, cost."""
+
+    horizon: int = parameter(1000, "steps in an episode", ge=1, le=LONGEST)
+    dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
+    q: float = parameter(0.01, "process noise density", unit="m^2/s^3", truth=True, ge=0, le=1e12)
+    turn_rate: TurnRate = parameter(0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True)
+    carrier_hz: float = parameter(10e9, "carrier frequency fc", unit="Hz", gt=0, le=1e15)
+    fft_length: int = parameter(128, "Nfft, pulses integrated", truth=True, ge=1, le=1_000_000)
+    pixels: int = parameter(1000, "Npix, pixels across the image", truth=True, ge=1, le=1_000_000)
+    platforms: tuple[Position, ...] = parameter(((-1e3, -1e3), (1e3, -1e3)), "positions (x, y)", unit="m")
+    looks: tuple[Azimuth, ...] = parameter(
+        (), "look direction of each platform, clockwise from +y; by default all look along +y", unit="rad"
+    )
+    slew_rate: float = parameter(
+        0.0, "greatest turn rate of each look direction; 0: it is fixed", unit="rad/s", ge=0, le=FASTEST
+    )
+    turns: int = parameter(
+        5, "with a slew rate: number of turns in the library, equally spaced; odd, so that 0 is one", ge=1, le=10_001
+    )
+    starts: tuple[TargetState, ...] = parameter(
+        ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0)), "first state [x xdot y ydot] of each target", unit="m, m/s"
+    )
+    births: tuple[NonNegativeInt, ...] = parameter((), "step at which each target comes; by default 0 for all")
+    lifetime: int = parameter(LONGEST, "steps for which each target stays", ge=1, le=LONGEST)
+    first_estimate: Literal["halfway", "drawn"] = parameter("halfway", "first estimates; see Starting state", unit="")
+    prior_variance: StateVariance = parameter((1e6, 25.0, 1e6, 25.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True)
+    prf: Bounds = parameter((1e3, 100e3), "least and greatest pulse repetition frequency", unit="Hz")
+    bandwidth: Bounds = parameter((1e6, 20e6), "least and greatest bandwidth B", unit="Hz")
+    pixel_angle: Bounds = parameter((1e-5, 2e-3 * math.pi), "least and greatest pixel angle alpha", unit="rad")
+    points: tuple[int, int, int] = parameter((4, 1, 4), "number of PRFs, bandwidths and pixel angles in the library")
+    penalty: Penalty = parameter("logistic", "growth of a predicted variance at the edge of the field of view", unit="")
+    sharpness: tuple[Positive, Positive, Positive] | None = parameter(
+        None,
+        "nu of the penalty relative to the edge, for range, range-rate and azimuth; by default 100, for the "
+        "log-barrier 1e8",
+    )
+    height: tuple[NonNegative, NonNegative, NonNegative] = parameter(
+        (1e8, 1e6, 10.0), "gamma of the penalty, for range, range-rate and azimuth", unit="m^2, m^2/s^2, rad^2"
+    )
+    out_of_view: Literal["missing", "inflated"] = parameter(
+        "missing",
+        "quantities outside the field of view: not received, or (the paper's) drawn with variance and penalty",
+        unit="",
+    )
+    iterations: int = parameter(
+        10, "most iterations of an update; 1 is the plain extended Kalman filter, the paper's", ge=1, le=1_000_000
+    )
+    margin: float = parameter(
+        0.0, "standard deviations that a predicted quantity has to be inside the field of view", ge=0
+    )
+    threshold: float = parameter(
+        0.5, "t, the least weighted information that the paper's scheduler demands for every target", ge=0
+    )
+    weights: Weights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W, or W in whole as four rows", unit="1, s^2")
+    nearest_range: float = parameter(
+        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
+    )
+    folding: bool = parameter(
+        False, "range and range-rate beyond the unambiguous interval are received folded; without, not at all"
+    )
+    duty: float = parameter(
+        0.1,
+        "with folding: share of time for which the radar transmits; an echo that returns then, even in part, is lost",
+        truth=True,
+        ge=0,
+        lt=0.5,
+    )
+    notch: float = parameter(
+        10.0, "with folding: half width of the clutter notch around folded range-rate 0", unit="m/s", truth=True, ge=0
+    )
+    as_printed: bool = parameter(False, "use the paper's misprinted equations", unit="")
+    action: Literal["box", "library", "joint"] = parameter(
+        "box",
+        "log PRF, B and alpha of every platform; an index for each platform; or one index for all platforms",
+        unit="",
+    )
+    targets: Literal["random", "recorded"] = targets_parameter()
+    tracks: Path | None = tracks_parameter()
+    radar: tuple[float, ...] | None = radar_parameter()
+    farthest_range: float = farthest_range_parameter(100e3)
+    smoothing: float | None = smoothing_parameter()
+
+    def __post_init__(self) -> None:
+        """Check what single fields cannot say."""
+        self._weights  # noqa: B018  (invalid weights are reported here)
+        for name in ("platforms", "starts"):
+            check_within(f"number of {name}", len(getattr(self, name)), 1, MOST)
+        if self.looks and len(self.looks) != len(self.platforms):
+            raise InputError(f"looks is {self.looks}, expected {len(self.platforms)} angles, one for each platform")
+        for name in ("prf", "bandwidth", "pixel_angle"):
+            low, high = getattr(self, name)
+            check_ordered(name, low, high)
+            if low == high:
+                raise InputError(f"{name} is ({low:g}, {high:g}), expected low < high")
+        self._check_births()
+        if self.turns % 2 == 0:
+            raise InputError(
+                f"turns is {self.turns}, expected an odd number, so that 0 is one of them (nearest: {self.turns + 1})"
+            )
+        self._check_camera()
+        self._check_radar()
+        self._check_folding()
+        self._recorded  # noqa: B018  (an invalid recording is reported here)
+        self.action_set.levels  # noqa: B018  (invalid points are reported here)
+
+    def _check_births(self) -> None:
+        """InputError for births that do not fit the targets, come too late, or leave the scene empty."""
+        if not self.births:
+            return
+        if self._recorded:
+            raise InputError(f"births is {self.births}, expected () with recorded targets (nearest: ())")
+        if len(self.births) != len(self.starts):
+            raise InputError(f"births is {self.births}, expected {len(self.starts)} steps, one for each of starts")
+        check_within("greatest of births", max(self.births), 0, self.horizon - 1)
+
+    def _check_camera(self) -> None:
+        """InputError for an image wider than the full circle."""
+        widest = 2.0 * math.pi / self.pixels
+        if self.pixel_angle[1] > widest * (1.0 + 1e-9):
+            wanted = f"at most 2 pi / pixels, the full circle (nearest: {widest:.6g})"
+            raise InputError(f"high of pixel_angle is {self.pixel_angle[1]:g} rad, expected {wanted}")
+
+    def _check_radar(self) -> None:
+        """InputError for a range variance below the filter's precision, or pulses that do not fit into a step."""
+        finest = 0.5 * SPEED_OF_LIGHT / self.bandwidth[1]
+        ratio = max(self.prior_variance) / (finest * finest / 12.0)
+        if ratio > MOST_RATIO:
+            least = max(self.prior_variance) * MOST_RATIO / ratio
+            wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
+            raise InputError(f"prior_variance is up to {max(self.prior_variance):g}, expected {wanted}")
+        dwell = self.fft_length / self.prf[0]
+        if dwell > self.dt:
+            wanted = f"at most dt = {self.dt:g} s (nearest prf: {self.fft_length / self.dt:g} Hz)"
+            given = f"dwell of {self.fft_length} pulses at {self.prf[0]:g} Hz is {dwell:g} s"
+            raise InputError(f"{given}, expected {wanted}")
+
+    def _check_folding(self) -> None:
+        """InputError where folding meets the paper's other forms, or a notch leaves the lowest PRF nothing to see."""
+        if not self.folding:
+            return
+        if self.out_of_view == "inflated":
+            raise InputError("out_of_view is 'inflated', expected 'missing' with folding (nearest: 'missing')")
+        if self.as_printed:
+            raise InputError("as_printed is True, expected False with folding (nearest: False)")
+        half = 0.25 * self.wavelength * self.prf[0]
+        if not self.notch < half:
+            least = 4.0 * self.notch / self.wavelength
+            raise InputError(
+                f"notch is {self.notch:g} m/s, expected less than half the unambiguous velocity of the lowest PRF, "
+                f"{half:.4g} m/s at {self.prf[0]:g} Hz (nearest: {0.99 * half:.4g}, or a prf from {1.01 * least:.4g})"
+            )
+
+    @property
+    def _recorded_shape(self) -> tuple[int, int]:
+        """Targets, and steps."""
+        return len(self.starts), self.horizon
+
+    @property
+    def wavelength(self) -> float:
+        """lambda in m."""
+        return SPEED_OF_LIGHT / self.carrier_hz
+
+    @cached_property
+    def motion(self) -> MotionModel:
+        """The targets' motion model, of the tracker; ``truth_model.motion`` is the world's."""
+        return constant_turn(self.dt, self.q, self.turn_rate)
+
+    @cached_property
+    def action_set(self) -> PlatformActions:
+        """The settings that the platforms may take."""
+        ranges = (self.prf, self.bandwidth, self.pixel_angle)
+        optics = (self.wavelength, self.fft_length, self.pixels, self.as_printed)
+        greatest_turn = min(self.slew_rate * self.dt, math.pi)
+        return PlatformActions(
+            ranges, self.points, len(self.platforms), self.action, *optics, greatest_turn, self.turns
+        )  # fmt: skip
+
+    @property
+    def places(self) -> Array:
+        """(x, y) of every platform in m and its first look direction in rad, (platform, 3), a fresh array."""
+        looks = self.looks or (0.0,) * len(self.platforms)
+        return np.column_stack([self.platforms, looks])
+
+    def places_at(self, belief: Belief) -> Array:
+        """(x, y) of every platform in m and its look direction in rad, (env, platform, 3)."""
+        return np.concatenate([np.broadcast_to(self.platforms, (*belief.looks.shape, 2)), belief.looks[..., None]], -1)
+
+    @property
+    def _stay(self) -> Array:
+        """The steps after which each target comes and goes, (target, 2) int."""
+        births = np.array(self.births or (0,) * len(self.starts), np.int64)
+        return np.stack([births, births + self.lifetime], axis=1)
+
+    @cached_property
+    def _come_and_go(self) -> bool:
+        """Whether not all targets are in the scene throughout."""
+        return any(self.births) or self.lifetime < self.horizon
+
+    def present(self, step: Array) -> Array:
+        """Which targets are in the scene at each of the steps (...), (..., target) bool."""
+        first, last = self._stay.T
+        return (first < step[..., None]) & (step[..., None] <= last)
+
+    @property
+    def _seats(self) -> Array:
+        """(x, y, 0) of every platform."""
+        return np.column_stack([self.platforms, np.zeros(len(self.platforms))])
+
+    @cached_property
+    def _rules(self) -> Rules:
+        """The scalars of the kernels."""
+        law = (self.wavelength, self.fft_length, self.pixels, self.out_of_view == "inflated", self.iterations)
+        folds = (self.folding, self.duty, self.notch)
+        return Rules(KINDS[self.penalty], self.nearest_range, self.margin, self.as_printed, *law, *folds)
+
+    @cached_property
+    def _weights(self) -> Array:
+        return weighting_matrix(self.weights)
+
+    def cost(self, belief: Belief) -> Array:
+        """trace(W P) summed over the targets in the scene."""
+        if not self._come_and_go:
+            return trace_cost(belief.covariance, self._weights)
+        here = self.present(belief.step)[..., None, None]
+        return trace_cost(np.where(here, belief.covariance, 0.0), self._weights)
