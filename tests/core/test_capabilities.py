@@ -152,7 +152,7 @@ OFFERED = {
     "RfEoFar": RF_EO,
     "Urban": "DecisionMakers TimedPulses",
     "UrbanSignal": "DecisionMakers TimedPulses",
-    "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
+    "CameraSlew": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets TimedPulses",
     "SectorSetup": "Delay FusedTransition Gain LinearCost MeasurementObservation RecordedTargets",
     "SectorSetupCity": "Delay FusedTransition Gain LinearCost MeasurementObservation",
     "BeamAllocation": "DecisionMakers Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets TimedPulses",

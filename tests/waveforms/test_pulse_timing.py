@@ -20,6 +20,7 @@ from wavegym.waveforms import (
     TrapezoidChirp,
     Waveform,
     check_dwells,
+    check_range_folds,
     check_time_on_target,
     time_left,
     transmitted_interval,
@@ -179,13 +180,24 @@ def test_a_pulse_longer_than_the_step_is_refused():
     train = PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=900)
     check_time_on_target({"a": single, "b": train}, 1.0)
     check_time_on_target({"a": single}, 0.2 + 1.0, farthest=0.5 * C)  # an echo after 1 s
-    with pytest.raises(InputError, match=r"^a takes 0\.2 s, expected at most the step, 0\.1 s \(nearest: 0\.1 s\)$"):
+    with pytest.raises(
+        InputError, match=r"^a takes 0\.2 s, .* the step, 0\.1 s \(nearest: 0\.1 s of transmission\)$"
+    ):
         check_time_on_target({"a": single}, 0.1)
     with pytest.raises(InputError, match=r"^b takes 0\.89901 s, .* \(nearest: 500 pulses\)$"):
         check_time_on_target({"b": train}, 0.5)
     check_time_on_target({"b": PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=500)}, 0.5)
     with pytest.raises(InputError, match="nearest: 0 s"):
         check_time_on_target({"a": single}, 0.1, farthest=0.5 * C)
+
+
+def test_a_range_that_folds_is_refused():
+    train = PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=9)
+    check_range_folds({"a": PulseTiming(duration=1e-5, carrier_hz=1e10), "b": train}, 0.5e-3 * C)
+    with pytest.raises(InputError, match=r"^range of b folds at 149896 m, .* 299792 m \(nearest: interval 0.002\)$"):
+        check_range_folds({"b": train}, 1e-3 * C)
+    with pytest.raises(InputError, match="farthest"):
+        check_range_folds({"b": train}, -1.0)
 
 
 def test_a_time_budget():

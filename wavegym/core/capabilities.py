@@ -282,10 +282,16 @@ class TimedPulses(Capability, members=("timings", "target_ranges")):
     Attributes:
         bistatic: whether the receivers are antennas of their own, which listen while the transmitter sends.
         chooses_prf: whether the PRF is chosen, so that a target may be ambiguous or hidden at some of them.
+        duration_means: the definition of a pulse's duration, a sentence.
     """
 
     bistatic: ClassVar[bool] = False
     chooses_prf: ClassVar[bool] = False
+
+    @property
+    def duration_means(self) -> str:
+        """By default that of ``wavegym.waveforms.transmitted_interval``."""
+        return "The duration of a pulse holds 99 % of its energy."
 
     @property
     @abstractmethod

@@ -171,7 +171,7 @@ def _unit(made: Any, name: Any) -> str:
 BOUNDS = {  # pydantic's type of error: key of the bound, and the valid values
     "greater_than": ("gt", "{1} > {0:g}"),
     "greater_than_equal": ("ge", "{1} >= {0:g} (nearest: {0:g})"),
-    "less_than": ("lt", "{1} < {0:g}"),
+    "less_than": ("lt", "{1} < {0:g} (nearest: just below it)"),
     "less_than_equal": ("le", "{1} <= {0:g} (nearest: {0:g})"),
 }
 

@@ -27,7 +27,6 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.build import SETTINGS
 from wavegym.observations.scaling import LIMIT
 from wavegym.registration import full_id
-from wavegym.waveforms.timing import ENERGY
 
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
@@ -50,7 +49,8 @@ INFO_AT_TIMES = {
 }
 EXTENT_WORLDS = 100  # in which the ranges and speeds of targets are looked up
 TIMING_HEAD = (
-    "pulse", "duration µs", "blind to km", "range folds at km", "range-rate folds at m/s", "% of a step on the air"
+    "pulse", "duration µs", "blind to km", "range folds at km", "range-rate folds at m/s", "duty cycle %",
+    "% of a step on the air",
 )  # fmt: skip
 MOST_ROWS = 100  # of the table of a joint form; the order of the combinations defines a longer table
 FORMS = ("library", "joint", "box")  # values of a system's parameter ``action``; a system may accept only some
@@ -160,14 +160,15 @@ def _timing(system: System) -> str:
             "none" if math.isinf(value) else f"{value:.4g}"
             for value in (1e-3 * timing.unambiguous_range, timing.unambiguous_velocity)
         ]
-        duty = f"{100 * timing.duration * timing.count / system.dt:.2g}"
+        duty = "none" if timing.interval is None else f"{100 * timing.duty_cycle:.3g}"
+        sent = f"{100 * timing.duration * timing.count / system.dt:.2g}"
         blind = "none" if system.bistatic else f"{1e-3 * timing.blind_range:.4g}"  # type: ignore[attr-defined]
         lengths = f"{1e6 * timing.duration:.4g}", blind
-        rows.append((alike[0] + others, *lengths, *ambiguous, duty))
+        rows.append((alike[0] + others, *lengths, *ambiguous, duty, sent))
     text = (
         f"In {EXTENT_WORLDS} worlds the targets are {1e-3 * nearest:.4g} to {1e-3 * farthest:.4g} km away, at "
-        f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. The duration of a pulse holds "
-        f"{100 * ENERGY:g} % of its energy. [Waveform timing](../waveform_timing.md) defines the columns."
+        f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. {system.duration_means} "  # type: ignore[attr-defined]
+        "[Waveform timing](../waveform_timing.md) defines the columns."
     )
     if system.bistatic:  # type: ignore[attr-defined]
         text += " The receivers are antennas of their own, which listen while the transmitter sends."

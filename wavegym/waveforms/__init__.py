@@ -85,6 +85,7 @@ from wavegym.waveforms.pulse_train import PulseTrain
 from wavegym.waveforms.timing import (
     PulseTiming,
     check_dwells,
+    check_range_folds,
     check_time_on_target,
     pulse_timings,
     time_left,
@@ -111,6 +112,7 @@ __all__ = [
     "Waveform",
     "ambiguity",
     "check_dwells",
+    "check_range_folds",
     "check_time_on_target",
     "chirp_law",
     "chirp_measurement_covariance",

@@ -44,7 +44,7 @@ class PulseTrain(Waveform):
         if not isinstance(self.pulse, Waveform):
             raise InputError(f"pulse is {self.pulse!r}, expected a Waveform such as GaussianChirp(duration=1e-6)")
         if isinstance(self.count, bool) or not isinstance(self.count, (int, np.integer)) or self.count < 1:
-            raise InputError(f"count is {self.count!r}, expected an integer >= 1")
+            raise InputError(f"count is {self.count!r}, expected an integer >= 1 (nearest: 1)")
         check_positive("interval", self.interval, "s")
         if self.count > 1:
             _check_disjoint(self.pulse, self.interval)

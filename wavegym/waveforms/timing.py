@@ -102,8 +102,8 @@ class PulseTiming:
         closed = self.duration + self.recovery
         if not self.interval > closed:
             raise InputError(
-                f"interval (PRI) is {self.interval!r} s, PRF {1.0 / self.interval:.6g} Hz, expected room for the pulse "
-                f"and its recovery, {closed:.6g} s, and for echoes (nearest: interval > {closed:.6g}, "
+                f"interval (PRI) is {float(self.interval)!r} s, PRF {1.0 / self.interval:.6g} Hz, expected room for "
+                f"the pulse and its recovery, {closed:.6g} s, and for echoes (nearest: interval > {closed:.6g}, "
                 f"PRF < {1.0 / closed:.6g})"
             )
         if self.duration > self.max_duty * self.interval * (1.0 + 1e-12):
@@ -242,10 +242,29 @@ def check_time_on_target(timings: Mapping[str, PulseTiming], step: float, farthe
         time = timing.time_on_target(farthest)
         if time > step:
             spare = step - farthest / _HALF_C - timing.duration
-            fits = f"{max(spare + timing.duration, 0.0):.6g} s"
+            fits = f"{max(spare + timing.duration, 0.0):.6g} s of transmission"
             if timing.interval is not None and spare >= 0.0:
                 fits = f"{1 + int(spare / timing.interval)} pulses"
             raise InputError(f"{label} takes {time:.6g} s, expected at most the step, {step!r} s (nearest: {fits})")
+
+
+def check_range_folds(timings: Mapping[str, PulseTiming], farthest: float) -> None:
+    """Check that no target is farther than the unambiguous range of any pulse or train.
+
+    Args:
+        timings: of the pulses, by label.
+        farthest: range of the farthest target, m.
+
+    Raises:
+        InputError: a value out of range; or the first pulse whose range folds, where it does, and what fits.
+    """
+    check_non_negative("farthest", farthest, "m")
+    for label, timing in timings.items():
+        if timing.unambiguous_range < farthest:
+            raise InputError(
+                f"range of {label} folds at {timing.unambiguous_range:.6g} m, expected at least the range of the "
+                f"farthest target, {farthest:.6g} m (nearest: interval {farthest / _HALF_C:.6g})"
+            )
 
 
 def time_left(dwells: ArrayLike, step: ArrayLike, switching: ArrayLike = 0.0) -> FloatArray:

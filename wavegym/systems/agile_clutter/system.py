@@ -66,7 +66,7 @@ from wavegym.trackers import GaussianMixture, Particles, predict_covariance, sin
 from wavegym.trackers.information_reduction import reduction_table
 from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.protocol import Tracker, own_tracker
-from wavegym.waveforms import PulseTiming, check_time_on_target, pulse_timings
+from wavegym.waveforms import PulseTiming, check_range_folds, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
@@ -204,6 +204,7 @@ class AgileClutter(
         self._check_clutter()
         self._check_precision()
         check_time_on_target(self.timings, self.dt)
+        check_range_folds(self.timings, self._farthest_range())
 
     def _check_library(self) -> None:
         """InputError for a library of one's own together with what describes the built-in one."""
@@ -258,6 +259,12 @@ class AgileClutter(
     def farthest_starts(self) -> Array:
         """First states of the targets that stand for all possible ones, (state, 4)."""
         return np.array(self.starts)
+
+    def _farthest_range(self) -> float:
+        """Range of the farthest target, without manoeuvres, at its birth or the end of its stay, m."""
+        starts = self._possible_starts()
+        last = starts @ self._motion_over(min(self.lifetime, self.horizon) * self.dt).F.T
+        return float(range_and_rate(np.stack([starts, last])[:, :, None], np.array(self.sensors))[..., 0].max())
 
     @cached_property
     def motion(self) -> MotionModel:

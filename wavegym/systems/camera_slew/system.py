@@ -12,7 +12,14 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost, MeasurementObservation
+from wavegym.core.capabilities import (
+    Delay,
+    FusedTransition,
+    Gain,
+    LinearCost,
+    MeasurementObservation,
+    TimedPulses,
+)
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import check_ordered
 from wavegym.core.parameters import Positive, parameter, system_parameters
@@ -47,6 +54,7 @@ from wavegym.systems.rf_eo.scenario import (
     Position,
     StateVariance,
     TurnRate,
+    ranges_of_moving_targets,
 )
 from wavegym.systems.rf_eo.state import received_fields, received_values
 from wavegym.systems.rf_eo.system import NN, RfEo
@@ -54,6 +62,7 @@ from wavegym.systems.rf_eo.weights import StateWeights
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel
 from wavegym.trackers.polar_kernels import to_polar
+from wavegym.waveforms import PulseTiming
 
 LONGEST = 10_000  # steps: the system keeps a transition matrix for each number of steps
 FASTEST = 1e6  # rad/s
@@ -63,7 +72,9 @@ Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
 @system_parameters
-class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation, PlaysRecordings):
+class CameraSlew(
+    System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation, PlaysRecordings, TimedPulses
+):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
@@ -249,6 +260,23 @@ class CameraSlew(System, FusedTransition, LinearCost, Gain, Delay, MeasurementOb
         """F^-1 Q F'^-1: one step's noise as if it had come a step earlier."""
         back = np.linalg.inv(self.motion.F)
         return back @ self.motion.Q @ back.T
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """The radars' train, of pulses of 1/B."""
+        train = PulseTiming(
+            duration=1.0 / self.bandwidth, carrier_hz=self.carrier_hz, interval=1.0 / self.prf, count=self.fft_length
+        )
+        return {f"{self.prf:.4g} Hz": train}
+
+    @property
+    def duration_means(self) -> str:
+        """See ``TimedPulses``."""
+        return self.loop.duration_means
+
+    def target_ranges(self, world: World) -> Array:
+        """Of every target at every platform, (env, target, step, platform, 2)."""
+        return ranges_of_moving_targets(self, world, self.platforms)
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""

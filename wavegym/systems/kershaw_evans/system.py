@@ -513,7 +513,8 @@ class KershawEvansPosition(KershawEvans):
     Description
         As wavegym/KershawEvans-v0 with a position-only cost, q = 100 m^2/s^3 and sweeps up to 1 MHz. A long pulse
         measures range-rate, which is worth nothing now and much one step later, so the best schedule is about 14 %
-        below the one-step scheduler.
+        below the one-step scheduler. q decides what foresight is worth: nothing at q = 1, 5 % at q = 10. No recorded
+        target that was tried moves as hard as q = 100 assumes.
 
     Rewards
         -trace(Lambda P) with Lambda = diag(1, 0): minus the variance of range in m^2.

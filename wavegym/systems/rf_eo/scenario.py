@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, NonNegativeInt
 
 from wavegym.core.arrays import Array
@@ -15,6 +16,7 @@ from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import System
+from wavegym.sensors import range_and_rate
 from wavegym.sensors.penalties import KINDS, Penalty
 from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.recorded_targets import (
@@ -32,7 +34,7 @@ from wavegym.systems.rf_eo.state import (
 )
 from wavegym.systems.rf_eo.weights import Weights, weighting_matrix
 from wavegym.targets import MotionModel, constant_turn
-from wavegym.waveforms import SPEED_OF_LIGHT
+from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming
 
 MOST = 64  # targets, and platforms
 LONGEST = 1_000_000  # steps
@@ -188,6 +190,8 @@ class PlatformScenario(System, PlaysRecordings):
             given = f"dwell of {self.fft_length} pulses at {self.prf[0]:g} Hz is {dwell:g} s"
             raise InputError(f"{given}, expected {wanted}")
 
+        self.timings  # noqa: B018  (a PRF without room for the pulse is reported here)
+
     def _check_folding(self) -> None:
         """InputError where folding meets the paper's other forms, or a notch leaves the lowest PRF nothing to see."""
         if not self.folding:
@@ -271,9 +275,39 @@ class PlatformScenario(System, PlaysRecordings):
     def _weights(self) -> Array:
         return weighting_matrix(self.weights)
 
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """A train at each PRF of the library: of pulses of ``duty`` with folding, else of 1/B, the shortest."""
+        return {
+            f"{prf:.4g} Hz": PulseTiming(
+                duration=self.duty / prf if self.folding else 1.0 / self.bandwidth[1],
+                carrier_hz=self.carrier_hz,
+                interval=1.0 / prf,
+                count=self.fft_length,
+            )
+            for prf in self.action_set.levels[0]
+        }
+
+    @property
+    def duration_means(self) -> str:
+        """See ``TimedPulses``."""
+        if self.folding:
+            return "A pulse lasts the share `duty` of the interval."
+        return "A pulse lasts 1/B of the greatest bandwidth, the shortest that has it."
+
     def cost(self, belief: Belief) -> Array:
         """trace(W P) summed over the targets in the scene."""
         if not self._come_and_go:
             return trace_cost(belief.covariance, self._weights)
         here = self.present(belief.step)[..., None, None]
         return trace_cost(np.where(here, belief.covariance, 0.0), self._weights)
+
+
+def ranges_of_moving_targets(system: Any, world: Any, platforms: ArrayLike) -> Array:
+    """Ranges (m) and range-rates (m/s) of targets [x xdot y ydot], (env, target, step, platform, 2)."""
+    truth, found = system.initial(world).truth, []
+    for k in range(system.horizon + 1):
+        found.append(range_and_rate(truth.targets[:, :, None, [0, 2, 1, 3]], np.array(platforms)))
+        if k < system.horizon:
+            truth = system.move(truth, np.full(len(truth.targets), k), world)
+    return np.stack(found, axis=2)

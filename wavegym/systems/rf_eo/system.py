@@ -27,7 +27,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import system_parameters
 from wavegym.core.system import ObservationField, State
-from wavegym.sensors import platform_measurement, range_and_rate
+from wavegym.sensors import platform_measurement
 from wavegym.sensors.penalties import SHARPNESS
 from wavegym.systems.recorded_targets import (
     drawn_windows,
@@ -36,7 +36,7 @@ from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.information_kernels import most_information
 from wavegym.systems.rf_eo.plan_kernels import plan
-from wavegym.systems.rf_eo.scenario import PlatformScenario
+from wavegym.systems.rf_eo.scenario import PlatformScenario, ranges_of_moving_targets
 from wavegym.systems.rf_eo.search_kernels import best_settings
 from wavegym.systems.rf_eo.state import (
     SOON,
@@ -51,7 +51,6 @@ from wavegym.systems.rf_eo.state import (
     received_fields,
     received_values,
 )
-from wavegym.waveforms import PulseTiming
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
@@ -94,9 +93,10 @@ class RfEo(
 
         With ``folding``, range is received modulo c / (2 PRF) and range-rate modulo lambda PRF / 2. The radar receives
         neither if the echo overlaps with a transmitted pulse, in part or whole (``duty``), or if the folded range-rate
-        lies in the clutter notch (``notch``). The filter uses a range or a range-rate only if every other fold is
-        exp(5^2 / 2) times less likely than the nearest one. Schedulers predict the expected covariance: with the
-        probabilities that the target is seen and that its fold is certain.
+        lies in the clutter notch (``notch``). Error variances do not depend on the SNR here, so a partly eclipsed echo
+        counts as lost. The filter uses a range or a range-rate only if every other fold is exp(5^2 / 2) times less
+        likely than the nearest one: one Gaussian for each target cannot hold several folds. Schedulers predict the
+        expected covariance: with the probabilities that the target is seen and that its fold is certain.
 
     Rewards
         -trace(W P) summed over the targets in the scene, W = diag(weights) or whole: m^2, with 1 s^2 on the velocities.
@@ -161,27 +161,9 @@ class RfEo(
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
         return self.motion.F[None].copy(), self.motion.Q[None].copy(), self._seats, fence, self._rules, self._stay
 
-    @property
-    def timings(self) -> dict[str, PulseTiming]:
-        """A train at each PRF of the library: of pulses of ``duty`` with folding, else of 1/B, the shortest."""
-        return {
-            f"{prf:.4g} Hz": PulseTiming(
-                duration=self.duty / prf if self.folding else 1.0 / self.bandwidth[1],
-                carrier_hz=self.carrier_hz,
-                interval=1.0 / prf,
-                count=self.fft_length,
-            )
-            for prf in self.action_set.levels[0]
-        }
-
     def target_ranges(self, world: World) -> Array:
         """Of every target at every platform, (env, target, step, platform, 2)."""
-        truth, found = self.initial(world).truth, []
-        for k in range(self.horizon + 1):
-            found.append(range_and_rate(truth.targets[:, :, None, [0, 2, 1, 3]], np.array(self.platforms)))
-            if k < self.horizon:
-                truth = self.move(truth, np.full(len(truth.targets), k), world)
-        return np.stack(found, axis=2)
+        return ranges_of_moving_targets(self, world, self.platforms)
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""

@@ -63,7 +63,8 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         and hidden at times known from the start: they drive behind buildings on a map. Targets are far apart, so the
         association is known and there are no false returns. An extended Kalman filter uses the detections. Where they
         are curved over the spread of the prediction, posterior linearisation iterates the update. One step ahead a
-        set-up never pays; over a window of visibility it does.
+        set-up never pays; over a window of visibility it does. The waveform is given by its error variances alone, so
+        it has no timing; the receivers are separate and listen while the illuminator sends.
 
     Rewards
         -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.

@@ -37,7 +37,14 @@ from wavegym.systems.urban.state import (
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import Tracks, UrbanTracker
 from wavegym.trackers.urban.tracker import EMPTY, MODELS
-from wavegym.waveforms import GaussianChirp, PulseTiming, PulseTrain, measurement_covariances, pulse_timings
+from wavegym.waveforms import (
+    GaussianChirp,
+    PulseTiming,
+    PulseTrain,
+    check_time_on_target,
+    measurement_covariances,
+    pulse_timings,
+)
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "confirm_after": 8}
@@ -186,6 +193,7 @@ class Urban(System, DecisionMakers, TimedPulses):
             given = len(self.truth_model.arrivals)
             raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)} as without truth")
         self._check_antennas()
+        check_time_on_target(self.timings, self.dt)
         _ = self.actions, self.urban_tracker, self.scene, self._most
 
     def _check_antennas(self) -> None:
