@@ -1,0 +1,121 @@
+"""The beam of the multifunction radar in compiled form: energy, detections, errors, and what a miss says.
+
+Shapes: g targets, f findings of a dwell: range (m), azimuth (rad) and z. S: mean E/N0 of the echo, of which the
+receiver sees z, the power of echo and noise together. Both are complex normal (Swerling 1), so z is exponential with
+mean 1 + S, the probability of z > T is exp(-T / (1 + S)), and beyond T the rest of z is exponential again. Errors of
+range and azimuth are those of a monopulse and a matched filter at the power that was seen: variances proportional to
+1 / (2 z). World and tracker both take them from z, so no SNR is assumed.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.platform_kernels import bearing, wrapped
+
+TWO_WAY = 8.0 * np.log(2.0)  # loss of a pointing error d: exp(-TWO_WAY d^2 / B^2), one half in power each way at B / 2
+REACH = 1.5  # beam widths off the axis beyond which no echo is seen: the loss is 54 dB there
+NODES = np.array([-2.8569700138728056, -1.3556261799742659, 0.0, 1.3556261799742659, 2.8569700138728056])
+WEIGHTS = np.array([0.011257411327720691, 0.22207592200561266, 8.0 / 15.0, 0.22207592200561266, 0.011257411327720691])
+FALSE = 10_000  # number of the stream of false alarms within a dwell's key
+
+
+class Beam(NamedTuple):
+    """The radar's numbers."""
+
+    width: float  # B, rad: half-power width of the beam, one way
+    reference: float  # m: range at which a dwell of ``unit`` has E/N0 = 1 on the beam's axis
+    unit: float  # s
+    range_error: float  # m: standard deviation of range at 2 z = 1
+    angle_error: float  # rad: of azimuth at 2 z = 1
+    range_cell: float  # m: a false alarm occurs in each cell with probability exp(-T)
+    nearest: float  # m
+    farthest: float  # m
+    gate: float  # squared Mahalanobis distance
+
+
+@inlined
+def energy(r, off, seconds, beam):
+    """S of a target at range r, ``off`` rad beside the beam's axis, in a dwell of ``seconds``."""
+    ratio = beam.reference / r
+    gain = ratio * ratio * ratio * ratio * seconds / beam.unit
+    return gain * np.exp(-TWO_WAY * off * off / (beam.width * beam.width))
+
+
+@inlined
+def detection(S, threshold):
+    """Probability that z exceeds the threshold."""
+    return np.exp(-threshold / (1.0 + S))
+
+
+@kernel
+def expected_detection(r, variance, seconds, threshold, beam):
+    """Probability of detection where the azimuth has this variance about the beam's axis, and what a miss says.
+
+    The second value is the variance of the azimuth given a miss, over that before. Gauss-Hermite quadrature of five
+    nodes.
+    """
+    sigma, missed, square, pd = np.sqrt(variance), 0.0, 0.0, 0.0
+    for i in range(len(NODES)):
+        chance = detection(energy(r, NODES[i] * sigma, seconds, beam), threshold)
+        pd += WEIGHTS[i] * chance
+        missed += WEIGHTS[i] * (1.0 - chance)
+        square += WEIGHTS[i] * NODES[i] * NODES[i] * (1.0 - chance)
+    return pd, square / missed if missed > 0.0 else 1.0
+
+
+@kernel
+def echoes(key, x, here, late, axis, seconds, threshold, beam, found):
+    """Detections of true targets x (g, n), flown on for ``late`` s; fills found (f, 3), returns their number."""
+    count = 0
+    for g in range(len(here)):
+        if not here[g] or count == len(found):
+            continue
+        px, py = x[g, 0] + late * x[g, 1], x[g, 2] + late * x[g, 3]
+        azimuth = bearing(px, py)
+        off = wrapped(azimuth - axis)
+        if abs(off) > REACH * beam.width:
+            continue
+        own, r = stream(key, g), np.sqrt(px * px + py * py)
+        S = energy(r, off, seconds, beam)
+        if uniform(own, 0) < detection(S, threshold):
+            z = threshold + (1.0 + S) * exponential(own, 1)
+            spread = np.sqrt(0.5 / z)
+            found[count, 0] = r + beam.range_error * spread * normal(own, 2)
+            found[count, 1] = azimuth + beam.angle_error * spread * normal(own, 3)
+            found[count, 2] = z
+            count += 1
+    return count
+
+
+@kernel
+def false_alarms(key, axis, low, high, threshold, beam, found, count):
+    """Append false alarms, uniform between two ranges and across the beam, to found[:count]; returns the number."""
+    own, expected, sum_of_gaps, i = stream(key, FALSE), np.exp(-threshold) * (high - low) / beam.range_cell, 0.0, 0
+    while count < len(found):
+        sum_of_gaps += exponential(own, 4 * i)
+        if sum_of_gaps > expected:
+            break
+        found[count, 0] = low + (high - low) * uniform(own, 4 * i + 1)
+        found[count, 1] = axis + beam.width * (uniform(own, 4 * i + 2) - 0.5)
+        found[count, 2] = threshold + exponential(own, 4 * i + 3)
+        count, i = count + 1, i + 1
+    return count
+
+
+@inlined
+def false_density(threshold, beam):
+    """Expected false alarms of a dwell for each metre and radian."""
+    return np.exp(-threshold) / (beam.range_cell * beam.width)
+
+
+@inlined
+def errors(z, beam, variance):
+    """Fill variance (2,): of range and azimuth where the power z was seen."""
+    variance[0] = beam.range_error * beam.range_error * 0.5 / z
+    variance[1] = beam.angle_error * beam.angle_error * 0.5 / z

@@ -1,0 +1,243 @@
+"""Dwells of the multifunction radar in compiled form: what an update or a search does to tracks and to the undetected.
+
+Shapes: e environments, k slots, s sectors, b range bins, f findings; see ``track_kernels`` and ``beam_kernels``.
+``undetected`` (s, b): the expected number of targets without a track. It is a Poisson intensity: targets come at the outer
+edge, move between neighbouring cells at the rates of an isotropic flow, leave at the edges, and are fewer after a search.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.platform_kernels import bearing, wrapped
+from wavegym.systems.multifunction_radar.beam_kernels import (
+    REACH,
+    detection,
+    echoes,
+    energy,
+    errors,
+    expected_detection,
+    false_alarms,
+    false_density,
+)
+from wavegym.systems.multifunction_radar.track_kernels import (
+    NN,
+    PLACE,
+    begin_slot,
+    distance_to,
+    keep_slot,
+    look_at,
+    predict_slot,
+    trace_at,
+    update_slot,
+)
+from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
+
+LOG_2PI = np.log(2.0 * np.pi)
+MOST_FOUND = 32  # detections of a dwell
+
+
+class Area(NamedTuple):
+    """The region as sectors and range bins, and how undetected targets move in it."""
+
+    half_sector: float  # rad
+    nearest: float  # m
+    farthest: float  # m
+    beams: int  # of a sector
+    births: float  # targets that come to a sector, 1/s
+    radial: float  # flow to the next bin on either side, 1/s
+    lateral: float  # flow to the next sector on either side times the range, m/s
+    dropped: float  # existence below which a track is dropped
+    speed: float  # standard deviation of the velocity of a new track on each axis, m/s
+
+
+@inlined
+def cell_of(r, azimuth, shape, area):
+    """Sector and bin of a place; the nearest ones of a place outside."""
+    s = int((azimuth + area.half_sector) / (2.0 * area.half_sector) * shape[0])
+    b = int((r - area.nearest) / (area.farthest - area.nearest) * shape[1])
+    return min(max(s, 0), shape[0] - 1), min(max(b, 0), shape[1] - 1)
+
+
+@inlined
+def middle_of(b, bins, area):
+    """Range in the middle of a bin, m."""
+    return area.nearest + (b + 0.5) * (area.farthest - area.nearest) / bins
+
+
+@kernel
+def drift(undetected, seconds, area, before):
+    """Move the intensity (s, b) on by ``seconds``, a short time against one over the rates; before: scratch space."""
+    sectors, bins = undetected.shape
+    before[:] = undetected
+    for b in range(bins):
+        lateral = area.lateral / middle_of(b, bins, area)
+        for s in range(sectors):
+            flow = area.births if b == bins - 1 else 0.0
+            flow -= 2.0 * (area.radial + lateral) * before[s, b]
+            if b > 0:
+                flow += area.radial * before[s, b - 1]
+            if b < bins - 1:
+                flow += area.radial * before[s, b + 1]
+            if s > 0:
+                flow += lateral * before[s - 1, b]
+            if s < sectors - 1:
+                flow += lateral * before[s + 1, b]
+            undetected[s, b] = before[s, b] + seconds * flow
+
+
+@kernel
+def hit(k, time, slots, modes, prediction, finding, gated, threshold, beam):
+    """Update slot k with a finding (3,): state, and existence by the likelihood against that of a false alarm.
+
+    gated: squared distance of the finding, log det of its innovation, probability of detection, variances (2,).
+    """
+    (x, P, mu), (squared, log_det, pd, variance) = prediction, gated
+    likelihood = np.exp(-0.5 * (squared + log_det) - LOG_2PI) / false_density(threshold, beam)
+    odds = slots.existence[k] * (1.0 - pd + pd * likelihood)
+    slots.existence[k] = odds / (odds + 1.0 - slots.existence[k])
+    update_slot(k, time, slots, modes, x, P, mu, finding[0], finding[1], variance)
+
+
+@kernel
+def miss(k, time, slots, modes, prediction, pd, ratio):
+    """A dwell on slot k without a finding: less existence, and a wider azimuth, as the beam may have missed."""
+    x, P, mu = prediction
+    slots.existence[k] *= (1.0 - pd) / (1.0 - slots.existence[k] * pd)
+    h, H, v = np.empty(2), np.empty((2, 4)), np.empty(4)
+    for j in range(2):
+        look_at(x, j, h, H)
+        s = gain_one(j, P, H, 1, v, NN, PLACE)
+        shrink_one(j, P, v, s / (1.0 - ratio) if ratio != 1.0 else np.inf, NN)
+    keep_slot(k, time, slots, modes, x, P, mu)
+
+
+@kernel
+def look_for(k, time, slots, pointing, seconds, threshold, modes, beam, findings):
+    """A dwell whose beam covers slot k: the nearest finding in its gate that no other slot has used, or none.
+
+    pointing: the beam's axis; NaN: it points where the track is predicted. findings: their number, the findings (f, 3), and
+    which are used (f,).
+    """
+    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
+    mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
+    h, H, v, variance = np.empty(2), np.empty((2, 4)), np.empty(4), np.empty(2)
+    count, found, used = findings
+    predict_slot(k, time, slots, modes, x, P, mu, mean, covariance)
+    look_at(mean, 0, h, H)
+    if np.isnan(pointing):
+        pd, ratio = expected_detection(h[0], gain_one(0, covariance, H, 1, v, NN, PLACE), seconds, threshold, beam)
+    else:
+        pd, ratio = detection(energy(h[0], wrapped(h[1] - pointing), seconds, beam), threshold), 1.0
+    best, least, log_det = -1, beam.gate, 0.0
+    for f in range(count):
+        if not used[f]:
+            errors(found[f, 2], beam, variance)
+            squared, log_determinant = distance_to(mean, covariance, found[f, 0], found[f, 1], variance, h, H)
+            if squared < least:
+                best, least, log_det = f, squared, log_determinant
+    if best < 0:
+        miss(k, time, slots, modes, (x, P, mu), pd, ratio)
+        return
+    used[best] = True
+    errors(found[best, 2], beam, variance)
+    hit(k, time, slots, modes, (x, P, mu), found[best], (least, log_det, pd, variance), threshold, beam)
+
+
+@kernel
+def azimuth_of(k, time, slots):
+    """Azimuth at which slot k is predicted, and its range; modes fly straight on."""
+    px, py, seconds = 0.0, 0.0, time - slots.time[k]
+    for j in range(2):
+        px += slots.probability[k, j] * (slots.mean[k, j, 0] + seconds * slots.mean[k, j, 1])
+        py += slots.probability[k, j] * (slots.mean[k, j, 2] + seconds * slots.mean[k, j, 3])
+    return bearing(px, py), np.sqrt(px * px + py * py)
+
+
+@kernel
+def begin_tracks(time, slots, findings, undetected, seconds, threshold, modes, beam, area):
+    """A track in a free slot for every finding that no slot has used; no track where all slots are taken.
+
+    Its existence weighs the undetected targets expected there against false alarms.
+    """
+    (count, found, used), variance, k = findings, np.empty(2), 0
+    width = (area.farthest - area.nearest) / undetected.shape[1]
+    for f in range(count):
+        while k < len(slots.existence) and slots.existence[k] > 0.0:
+            k += 1
+        if used[f] or k == len(slots.existence):
+            continue
+        s, b = cell_of(found[f, 0], found[f, 1], undetected.shape, area)
+        pd = detection(energy(found[f, 0], 0.0, seconds, beam), threshold)
+        expected = undetected[s, b] / area.beams * pd / (width * beam.width)
+        errors(found[f, 2], beam, variance)
+        begin_slot(k, time, slots, modes, found[f, 0], found[f, 1], variance, area.speed)
+        slots.existence[k] = expected / (expected + false_density(threshold, beam))
+
+
+@kernel
+def drop_tracks(time, slots, undetected, area):
+    """Free the slots of little existence or out of the region; what existence they had is undetected again."""
+    for k in range(len(slots.existence)):
+        if slots.existence[k] == 0.0:
+            continue
+        azimuth, r = azimuth_of(k, time, slots)
+        inside = area.nearest <= r <= area.farthest and abs(azimuth) <= area.half_sector
+        if slots.existence[k] < area.dropped or not inside:
+            if inside:
+                s, b = cell_of(r, azimuth, undetected.shape, area)
+                undetected[s, b] += slots.existence[k]
+            slots.existence[k] = 0.0
+
+
+@kernel
+def rate_of_cost(time, slots, undetected, modes, most):
+    """The cost per second at ``time``: of every track e min(tr P, c0) + (1 - e) c0, of every undetected target c0."""
+    total = 0.0
+    for s in range(undetected.shape[0]):
+        for b in range(undetected.shape[1]):
+            total += most * undetected[s, b]
+    for k in range(len(slots.existence)):
+        e = slots.existence[k]
+        if e > 0.0:
+            p, c, v, q = slots.moments[k]
+            trace = trace_at(p, c, v, q, modes, time - slots.time[k])
+            total += e * min(trace, most) + (1.0 - e) * most
+    return total
+
+
+@kernel
+def search(time, slots, sector, turn, undetected, truth, key, seconds, laws):
+    """Search one beam of a sector: tracks in the beam are updated or missed, other findings begin tracks.
+
+    truth: x (g, n), here (g,) and the seconds since their cell began.
+    """
+    threshold, modes, beam, area = laws
+    (sectors, bins), (x, here, late) = undetected.shape, truth
+    axis = -area.half_sector + (sector + (turn + 0.5) / area.beams) * 2.0 * area.half_sector / sectors
+    found, used = np.empty((MOST_FOUND, 3)), np.zeros(MOST_FOUND, np.bool_)
+    count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
+    count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
+    for k in range(len(slots.existence)):
+        if slots.existence[k] > 0.0 and abs(wrapped(azimuth_of(k, time, slots)[0] - axis)) <= REACH * beam.width:
+            look_for(k, time, slots, axis, seconds, threshold, modes, beam, (count, found, used))
+    begin_tracks(time, slots, (count, found, used), undetected, seconds, threshold, modes, beam, area)
+    for b in range(bins):
+        pd = detection(energy(middle_of(b, bins, area), 0.0, seconds, beam), threshold)
+        undetected[sector, b] *= 1.0 - pd / area.beams
+
+
+@kernel
+def update(time, slots, k, truth, key, seconds, laws):
+    """Point the beam at track k and look for it."""
+    threshold, modes, beam, area = laws
+    x, here, late = truth
+    found, used = np.empty((MOST_FOUND, 3)), np.zeros(MOST_FOUND, np.bool_)
+    axis, r = azimuth_of(k, time, slots)
+    count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
+    count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
+    look_for(k, time, slots, np.nan, seconds, threshold, modes, beam, (count, found, used))

@@ -1,0 +1,191 @@
+"""Tracks of the multifunction radar in compiled form: an IMM of two modes for each slot, and its existence.
+
+Shapes: k slots, m = 2 modes, n = 4 elements of [x xdot y ydot]. A slot keeps what it was at its last update: mean
+(m, n) and covariance (m, n, n) of each mode and their probabilities. What it is at another time follows in closed form.
+
+Where a target's acceleration is white with the density of its mode, the covariance of all modes together grows by
+the expected density: q(s) = q* + (q(0) - q*) exp(-rate s), with the stationary density q* and the rate of the Markov
+chain. So the trace of the position's covariance after s seconds is
+
+    p + 2 c s + v s^2 + 2 (q* s^3 / 3 + (q(0) - q*) I(s)),    I(s) = integral of (s - u)^2 exp(-rate u) du over 0..s.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.platform_kernels import bearing, wrapped
+from wavegym.trackers.imm_kernels import combine_one, mix_one, reweigh_one
+from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
+
+NN, MM = (0, 0, 0, 0), (0, 0)  # the state's and the modes' sizes, known when compiling
+PLACE = (0, 2)  # elements on which range and azimuth depend
+SMALL = 1e-3  # rate times seconds below which I(s) is a series
+
+
+class Modes(NamedTuple):
+    """The tracker's motion model."""
+
+    density: tuple[float, float]  # white acceleration of each mode, m^2/s^3
+    leave: tuple[float, float]  # rate at which a target leaves each mode, 1/s
+
+
+class Slots(NamedTuple):
+    """Tracks of one environment; arrays (k, ...)."""
+
+    time: np.ndarray  # of the last update, s
+    mean: np.ndarray  # (k, m, n)
+    covariance: np.ndarray  # (k, m, n, n)
+    probability: np.ndarray  # (k, m) of the modes
+    existence: np.ndarray  # probability that there is a target; 0: the slot is free
+    moments: np.ndarray  # (k, 4): p, c, v and q(0) of the module's first lines
+
+
+@inlined
+def stationary_density(modes):
+    """q*: the mean density of a target of unknown mode, m^2/s^3."""
+    first, second = modes.leave
+    return (second * modes.density[0] + first * modes.density[1]) / (first + second)
+
+
+@inlined
+def switched(modes, seconds, transition):
+    """Fill transition[0] (m, m): probabilities of the modes after ``seconds``, from row to column."""
+    rate = modes.leave[0] + modes.leave[1]
+    gone = -np.expm1(-rate * seconds)
+    for i in range(2):
+        transition[0, i, 1 - i] = modes.leave[i] / rate * gone
+        transition[0, i, i] = 1.0 - transition[0, i, 1 - i]
+
+
+@kernel
+def decayed_growth(rate, s):
+    """I(s) of the module's first lines."""
+    u = rate * s
+    if u < SMALL:
+        return s * s * s * (1.0 / 3.0 - u / 12.0 + u * u / 60.0)
+    return (u * u - 2.0 * u - 2.0 * np.expm1(-u)) / (rate * rate * rate)
+
+
+@kernel
+def trace_at(p, c, v, q, modes, s):
+    """Trace of the position's covariance ``s`` seconds after it was p, with covariance c to the velocity's trace v."""
+    mean, rate = stationary_density(modes), modes.leave[0] + modes.leave[1]
+    growth = mean * s * s * s / 3.0 + (q - mean) * decayed_growth(rate, s)
+    return p + 2.0 * c * s + v * s * s + 2.0 * growth
+
+
+@inlined
+def advance_one(i, x, P, seconds, q):
+    """x[i] (n,) and P[i] (n, n) after ``seconds`` of white acceleration of density q on both axes."""
+    for a in (0, 2):
+        x[i, a] += seconds * x[i, a + 1]
+    for a in (0, 2):
+        for b in range(4):
+            P[i, a, b] += seconds * P[i, a + 1, b]
+    for b in (0, 2):
+        for a in range(4):
+            P[i, a, b] += seconds * P[i, a, b + 1]
+    for a in (0, 2):
+        P[i, a, a] += q * seconds * seconds * seconds / 3.0
+        P[i, a, a + 1] += q * seconds * seconds / 2.0
+        P[i, a + 1, a] = P[i, a, a + 1]
+        P[i, a + 1, a + 1] += q * seconds
+
+
+@kernel
+def predict_slot(k, time, slots, modes, x, P, mu, mean, covariance):
+    """Slot k at ``time``: predicted x (m, n), P (m, n, n) and mu (1, m), and the mean (1, n) and covariance of all modes.
+
+    The mode changes first, then the target flies: over a revisit interval that is short against the modes' stay.
+    """
+    transition, seconds = np.empty((1, 2, 2)), time - slots.time[k]
+    switched(modes, seconds, transition)
+    mix_one(0, slots.mean[k], slots.covariance[k], slots.probability[k : k + 1], 0, transition, mu, x, P, NN, MM)
+    for j in range(2):
+        advance_one(j, x, P, seconds, modes.density[j])
+    combine_one(0, x, P, mu, mean, covariance, NN, MM)
+
+
+@inlined
+def look_at(x, i, h, H):
+    """Range and azimuth h (2,) of x[i] from the radar, and their gradients H (2, n)."""
+    px, py = x[i, 0], x[i, 2]
+    r = np.sqrt(px * px + py * py)
+    h[0], h[1] = r, bearing(px, py)
+    H[:] = 0.0
+    H[0, 0], H[0, 2] = px / r, py / r
+    H[1, 0], H[1, 2] = py / (r * r), -px / (r * r)
+
+
+@kernel
+def distance_to(mean, covariance, r, azimuth, variance, h, H):
+    """Squared Mahalanobis distance of a measurement from the prediction (1, n), and the innovation's log det.
+
+    variance (2,): of range and azimuth.
+    """
+    look_at(mean, 0, h, H)
+    s00 = spread_one(0, covariance, H, 0, PLACE) + variance[0]
+    s11 = spread_one(0, covariance, H, 1, PLACE) + variance[1]
+    s01 = 0.0
+    for a in PLACE:
+        for b in PLACE:
+            s01 += H[0, a] * covariance[0, a, b] * H[1, b]
+    d0, d1 = r - h[0], wrapped(azimuth - h[1])
+    determinant = s00 * s11 - s01 * s01
+    return (s11 * d0 * d0 - 2.0 * s01 * d0 * d1 + s00 * d1 * d1) / determinant, np.log(determinant)
+
+
+@kernel
+def keep_slot(k, time, slots, modes, x, P, mu):
+    """Store x (m, n), P (m, n, n), mu (1, m) and their moments as slot k at ``time``."""
+    mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
+    combine_one(0, x, P, mu, mean, covariance, NN, MM)
+    slots.time[k], slots.mean[k], slots.covariance[k], slots.probability[k] = time, x, P, mu[0]
+    slots.moments[k, 0] = covariance[0, 0, 0] + covariance[0, 2, 2]
+    slots.moments[k, 1] = covariance[0, 0, 1] + covariance[0, 2, 3]
+    slots.moments[k, 2] = covariance[0, 1, 1] + covariance[0, 3, 3]
+    slots.moments[k, 3] = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
+
+
+@kernel
+def update_slot(k, time, slots, modes, x, P, mu, r, azimuth, variance):
+    """Update the prediction x, P, mu of slot k with a range and an azimuth of the given variances (2,), and keep it."""
+    h, H, v, d, c = np.empty(2), np.empty((2, 4)), np.empty(4), np.empty(4), mu.copy()
+    log_likelihood = np.zeros((1, 2))
+    for j in range(2):
+        look_at(x, j, h, H)
+        y0, y1 = r - h[0], wrapped(azimuth - h[1])
+        d[:] = 0.0
+        for a in range(2):
+            s = gain_one(j, P, H, a, v, NN, PLACE) + variance[a]
+            y = y0 if a == 0 else y1
+            rest = y
+            for b in PLACE:
+                rest -= H[a, b] * d[b]
+            log_likelihood[0, j] -= 0.5 * (rest * rest / s + np.log(s))
+            correct_one(d, H, a, v, s, y, NN)
+            shrink_one(j, P, v, s, NN)
+        for b in range(4):
+            x[j, b] += d[b]
+    reweigh_one(0, c, log_likelihood, mu, MM)
+    keep_slot(k, time, slots, modes, x, P, mu)
+
+
+@kernel
+def begin_slot(k, time, slots, modes, r, azimuth, variance, speed):
+    """Begin a track at a measured place; the velocity is unknown, of variance speed^2 on each axis."""
+    s, c = np.sin(azimuth), np.cos(azimuth)
+    along, across = variance[0], r * r * variance[1]
+    x, P, mu = np.zeros((2, 4)), np.zeros((2, 4, 4)), np.empty((1, 2))
+    for j in range(2):
+        mu[0, j] = modes.leave[1 - j] / (modes.leave[0] + modes.leave[1])
+        x[j, 0], x[j, 2] = r * s, r * c
+        P[j, 0, 0], P[j, 2, 2] = along * s * s + across * c * c, along * c * c + across * s * s
+        P[j, 0, 2] = P[j, 2, 0] = (along - across) * s * c
+        P[j, 1, 1] = P[j, 3, 3] = speed * speed
+    keep_slot(k, time, slots, modes, x, P, mu)
