@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from scipy.stats import norm, truncnorm
+from scipy.stats import gamma, norm, truncnorm
 
 C = 299792458.0
 
@@ -85,3 +87,26 @@ def covariance_distance(P, expected):
     """Largest difference, in units of the expected standard deviations."""
     sigma = np.sqrt(np.diagonal(expected, axis1=-2, axis2=-1))
     return np.abs((P - expected) / (sigma[..., :, None] * sigma[..., None, :])).max()
+
+
+def echo_threshold(false_alarm, pulses):
+    """Threshold of the power of ``pulses`` outputs with noise of unit power."""
+    return gamma.isf(false_alarm, pulses)
+
+
+def simulated_echoes(name, pulses, snr, false_alarm, count, rng, searched=0):
+    """Amplitudes pulse by pulse, complex noise, a threshold: (detected, realised mean 2E/N0), both (count,)."""
+    alike = name in ("swerling0", "swerling1", "swerling3")
+    rows = (count, 1 if alike else pulses)
+    if name == "swerling0":
+        power = np.ones(rows)
+    elif name in ("swerling1", "swerling2"):
+        power = np.abs(rng.standard_normal(rows) + 1j * rng.standard_normal(rows)) ** 2 / 2
+    else:  # the strong scatterer and the small ones: the sum of two exponential powers
+        power = (rng.standard_normal((4, *rows)) ** 2).sum(axis=0) / 4
+    power = np.broadcast_to(0.5 * snr * power, (count, pulses))
+    phase = np.exp(2j * np.pi * rng.random((count, pulses)))
+    noise = (rng.standard_normal((count, pulses)) + 1j * rng.standard_normal((count, pulses))) / math.sqrt(2)
+    output = (np.abs(np.sqrt(power) * phase + noise) ** 2).sum(axis=1)
+    output += 0.5 * (rng.standard_normal((count, searched)) ** 2).sum(axis=1)
+    return output > echo_threshold(false_alarm, pulses), 2.0 * power.mean(axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import normal, stream, uniform
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import tabulated
+from wavegym.sensors.detection_kernels import snr_of_errors, tabulated
 from wavegym.sensors.geometry_kernels import multistatic_range_and_rate
 from wavegym.sensors.multistatic_kernels import direction_cosine, direction_variance, folded, noise, snr_at
 from wavegym.systems.urban.kernels import DRIVERS, measure_clutter
@@ -53,7 +53,9 @@ def measure(keys, scans, targets, route, lit, scene, law, wave, snr, z, count):
                     r, rate = multistatic_range_and_rate(x, y, u, v, tx, ty, sx, sy)
                     own = stream(key, t * most + w)
                     eta = snr_at(r, snr[e], scene.reflected[m, scans[e], route[e, t], w])
-                    if uniform(own, 0) < tabulated(eta, law.log_false_alarm, law.detection_table) and r < law.reach:
+                    draw, pd = uniform(own, 0), tabulated(eta, law.log_false_alarm, law.detection_table)
+                    if draw < pd and r < law.reach:
+                        eta = snr_of_errors(eta, draw / pd, law.snr_table)
                         R00, R01, R11 = noise(wave[e], eta, law.rate_floor)
                         a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
                         b = R01 / a
@@ -112,7 +114,7 @@ def foresee(x, P, mu, existence, status, age, constants, wave, snr, draws, nn, m
                     tracks.existence[t] = 1.0 if found else r * (1.0 - pd) / (1.0 - r * pd)
                     pd = 1.0 if found else 0.0
                 for row in range(t * len(mm), (t + 1) * len(mm) if pd > 0.0 else 0):
-                    covariance_at(predicted.eta[t], wave, constants.rate_floor, constants.elements, scratch.R, ll)
+                    covariance_at(predicted.eta[t], wave, constants.rate_floor, constants, scratch.R, ll)
                     factor_sum(predicted.S[row], scratch.R, scratch.L, ll)
                     whiten_gain(row, predicted.G, scratch.L, scratch.W, nn, ll)
                     shrink(row, tracks.P, scratch.W, pd, nn, ll)

@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+import oracles
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,14 +20,10 @@ from wavegym.sensors import (
     mean_inverse_detected_snr,
     realised_snr,
 )
-from wavegym.sensors.detection_kernels import tabulated
-from wavegym.sensors.fluctuation import detection_table
+from wavegym.sensors.detection_kernels import effective_snr, snr_of_errors, tabulated
+from wavegym.sensors.fluctuation import detected_snr_table, detection_table, effective_snr_table
 
 CASES = [(name, pulses) for name in FLUCTUATIONS for pulses in (1, 2, 7)]
-
-
-def threshold_for(false_alarm, pulses):
-    return stats.gamma.isf(false_alarm, pulses)
 
 
 def energy_law(name, pulses, snr):
@@ -35,30 +32,12 @@ def energy_law(name, pulses, snr):
     return stats.gamma(shape, scale=0.5 * pulses * snr / shape)
 
 
-def simulated(name, pulses, snr, false_alarm, count, rng, searched=0):
-    """Amplitudes pulse by pulse, complex noise, a threshold: (detected, realised mean 2E/N0), both (count,)."""
-    alike = name in ("swerling0", "swerling1", "swerling3")
-    rows = (count, 1 if alike else pulses)
-    if name == "swerling0":
-        power = np.ones(rows)
-    elif name in ("swerling1", "swerling2"):
-        power = np.abs(rng.standard_normal(rows) + 1j * rng.standard_normal(rows)) ** 2 / 2
-    else:  # the strong scatterer and the small ones: the sum of two exponential powers
-        power = (rng.standard_normal((4, *rows)) ** 2).sum(axis=0) / 4
-    power = np.broadcast_to(0.5 * snr * power, (count, pulses))
-    phase = np.exp(2j * np.pi * rng.random((count, pulses)))
-    noise = (rng.standard_normal((count, pulses)) + 1j * rng.standard_normal((count, pulses))) / math.sqrt(2)
-    output = (np.abs(np.sqrt(power) * phase + noise) ** 2).sum(axis=1)
-    output += 0.5 * (rng.standard_normal((count, searched)) ** 2).sum(axis=1)
-    return output > threshold_for(false_alarm, pulses), 2.0 * power.mean(axis=1)
-
-
 @pytest.mark.parametrize(("name", "pulses"), CASES)
 def test_equals_a_simulated_receiver(name, pulses):
     rng, count = np.random.default_rng(1), 200_000
     for snr, false_alarm in ((2.0, 0.05), (20.0, 1e-3)):
         pd = detection_probability(snr, false_alarm, name, pulses)
-        detected, _ = simulated(name, pulses, snr, false_alarm, count, rng)
+        detected, _ = oracles.simulated_echoes(name, pulses, snr, false_alarm, count, rng)
         assert abs(detected.mean() - pd) < 5.0 * math.sqrt(pd * (1.0 - pd) / count) + 1e-9
 
 
@@ -67,7 +46,7 @@ def test_equals_a_simulated_receiver(name, pulses):
 def test_equals_the_quadrature_over_the_energy(name, pulses, searched):
     """Marcum's Q by scipy's noncentral chi-square, averaged over the law of the energy."""
     for snr, false_alarm in ((0.3, 0.1), (8.0, 1e-4), (300.0, 1e-6)):
-        twice, freedom = 2.0 * threshold_for(false_alarm, pulses), 2 * pulses + searched
+        twice, freedom = 2.0 * oracles.echo_threshold(false_alarm, pulses), 2 * pulses + searched
 
         def given_energy(energy, twice=twice, freedom=freedom):
             return stats.ncx2.sf(twice, freedom, 2.0 * energy) if energy > 0.0 else stats.chi2.sf(twice, freedom)
@@ -89,7 +68,7 @@ def test_closed_forms():
     snr, false_alarm = np.geomspace(1e-3, 1e6, 40), 1e-5
     one = detection_probability(snr, false_alarm)
     np.testing.assert_allclose(detection_probability(snr, false_alarm, "swerling2"), one, rtol=1e-11)
-    limit = threshold_for(false_alarm, 6)
+    limit = oracles.echo_threshold(false_alarm, 6)
     six = stats.gamma.sf(limit / (1.0 + snr / 2.0), 6)
     np.testing.assert_allclose(detection_probability(snr, false_alarm, "swerling2", 6), six, rtol=1e-10)
     x, limit = snr / 2.0, -math.log(false_alarm)
@@ -127,7 +106,7 @@ def test_less_fluctuation_detects_more_of_a_strong_echo(snr, false_alarm, pulses
 def test_snr_of_detected_echoes(name, pulses):
     """Quantiles against the echoes that a simulated receiver detects: Kolmogorov and Smirnov's distance."""
     rng, snr, false_alarm = np.random.default_rng(2), 6.0, 0.02
-    detected, own = simulated(name, pulses, snr, false_alarm, 60_000, rng)
+    detected, own = oracles.simulated_echoes(name, pulses, snr, false_alarm, 60_000, rng)
     draws = (np.arange(200) + 0.5) / 200
     if name == "swerling0":
         assert (detected_snr(draws, snr, false_alarm, name, pulses) == snr).all()
@@ -145,7 +124,7 @@ def test_snr_of_detected_echoes(name, pulses):
 def test_mean_inverse_of_detected_echoes(name, pulses, searched):
     """Against quadrature of pdf x Marcum's Q / max(eta, least), Pd by the same."""
     snr, false_alarm, least = 12.0, 1e-3, 1.0
-    law, twice = energy_law(name, pulses, snr), 2.0 * threshold_for(false_alarm, pulses)
+    law, twice = energy_law(name, pulses, snr), 2.0 * oracles.echo_threshold(false_alarm, pulses)
 
     def part(energy, inverse):
         weight = law.pdf(energy) * stats.ncx2.sf(twice, 2 * pulses + searched, 2.0 * energy)
@@ -219,6 +198,41 @@ def test_tables_for_compiled_loops(name, searched):
     if len(table):
         assert tabulated(1e-9, math.log(1e-3), table) == table[0]
         assert tabulated(1e12, math.log(1e-3), table) == pytest.approx(table[-1], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", FLUCTUATIONS)
+@pytest.mark.parametrize(("searched", "false_alarm"), [(0, 1e-3), (3, 1e-3), (0, 1e-8)])
+def test_tables_of_the_snr_of_detected_echoes(name, searched, false_alarm):
+    """Interpolation against the root and the sums behind ``detected_snr`` and ``mean_inverse_detected_snr``."""
+    rng, law = np.random.default_rng(4), (false_alarm, name, searched)
+    effective, realised = effective_snr_table(*law), detected_snr_table(*law)
+    snr = np.exp(rng.uniform(math.log(1e-3), math.log(1e6), 300))
+    odds = np.exp(rng.uniform(-14.0, 14.0, 300))
+    draws = odds / (1.0 + odds)
+    found = np.array(
+        [(effective_snr(e, effective), snr_of_errors(e, u, realised)) for e, u in zip(snr, draws, strict=True)]
+    ).T
+    if name == "swerling0":
+        assert (found == snr).all()
+        return
+    wanted = 1.0 / mean_inverse_detected_snr(snr, false_alarm, name, searched=searched, least=1.0)
+    np.testing.assert_allclose(found[0], wanted, rtol=1e-5)
+    wanted = np.maximum(detected_snr(draws, snr, false_alarm, name, searched=searched), 1.0)
+    np.testing.assert_allclose(found[1], wanted, rtol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["swerling1", "swerling3"])
+def test_beyond_the_tables_of_the_snr(name):
+    """A hardly detectable echo has the error of a cell; the ends of the draws have finite SNR; both grow with eta."""
+    effective, realised = effective_snr_table(1e-3, name), detected_snr_table(1e-3, name)
+    assert effective_snr(1e-9, effective) == pytest.approx(1.0, abs=1e-3)
+    assert snr_of_errors(1e-9, 0.5, realised) == 1.0
+    assert snr_of_errors(20.0, 0.0, realised) == snr_of_errors(20.0, 1e-300, realised) == 1.0
+    for snr in (20.0, 1e9):
+        assert 10.0 * snr < snr_of_errors(snr, np.nextafter(1.0, 0.0), realised) < 40.0 * snr
+    snr = np.geomspace(1e-2, 1e9, 400)
+    for grown in ([effective_snr(e, effective) for e in snr], [snr_of_errors(e, 0.3, realised) for e in snr]):
+        assert (np.diff(grown) >= -1e-9).all()  # rounding where the error is that of a cell
 
 
 def test_a_batch_broadcasts():

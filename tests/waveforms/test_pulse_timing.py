@@ -180,9 +180,7 @@ def test_a_pulse_longer_than_the_step_is_refused():
     train = PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=900)
     check_time_on_target({"a": single, "b": train}, 1.0)
     check_time_on_target({"a": single}, 0.2 + 1.0, farthest=0.5 * C)  # an echo after 1 s
-    with pytest.raises(
-        InputError, match=r"^a takes 0\.2 s, .* the step, 0\.1 s \(nearest: 0\.1 s of transmission\)$"
-    ):
+    with pytest.raises(InputError, match=r"^a takes 0\.2 s, .* the step, 0\.1 s \(nearest: 0\.1 s of transmission\)$"):
         check_time_on_target({"a": single}, 0.1)
     with pytest.raises(InputError, match=r"^b takes 0\.89901 s, .* \(nearest: 500 pulses\)$"):
         check_time_on_target({"b": train}, 0.5)

@@ -7,7 +7,9 @@ import numpy as np
 
 from wavegym.core.kernels import batched, inlined, kernel
 
-FIRST, LAST = np.log(1e-3), np.log(1e7)  # ln eta at both ends of a table of ``fluctuation.detection_table``
+FIRST, LAST = np.log(1e-3), np.log(1e7)  # ln eta at both ends of the tables of ``fluctuation.py``
+LOGIT = 23.0  # ln(f / (1 - f)) at the upper end of a table of ``fluctuation.detected_snr_table``
+CELL = 1.0  # eta below which errors grow no further: about that of a resolution cell
 
 
 @kernel
@@ -17,15 +19,45 @@ def detection(eta, log_false_alarm):
 
 
 @inlined
-def tabulated(eta, log_false_alarm, table):
-    """Pd at eta = 2E/N0 by ``fluctuation.detection_table``, interpolated in ln eta; an empty table: Swerling 1."""
-    last = len(table) - 1
-    if last < 0:
-        return detection(0.5 * eta, log_false_alarm)
-    place = (np.log(eta) - FIRST) / (LAST - FIRST) * last
+def place_in(value, first, end, last):
+    """Index and fraction of a value among 0 to ``last`` even steps from first to end; values beyond are clamped."""
+    place = (value - first) / (end - first) * last
     place = min(max(place, 0.0), last - 1e-9)
     i = int(place)
-    return table[i] + (place - i) * (table[i + 1] - table[i])
+    return i, place - i
+
+
+@inlined
+def tabulated(eta, log_false_alarm, table):
+    """Pd at eta = 2E/N0 by ``fluctuation.detection_table``, interpolated in ln eta; an empty table: Swerling 1."""
+    if len(table) == 0:
+        return detection(0.5 * eta, log_false_alarm)
+    i, share = place_in(np.log(eta), FIRST, LAST, len(table) - 1)
+    return table[i] + share * (table[i + 1] - table[i])
+
+
+@inlined
+def effective_snr(eta, table):
+    """SNR of the mean covariance of a detected echo by ``fluctuation.effective_snr_table``; an empty table: eta."""
+    if len(table) == 0:
+        return eta
+    i, share = place_in(np.log(eta), FIRST, LAST, len(table) - 1)
+    return max(eta * np.exp(table[i] + share * (table[i + 1] - table[i])), CELL)
+
+
+@inlined
+def snr_of_errors(eta, fraction, table):
+    """max(realised SNR, CELL) of a detected echo by ``fluctuation.detected_snr_table``; an empty table: eta.
+
+    fraction: uniform in [0, 1), such as the draw that decided on the detection over Pd.
+    """
+    if len(table) == 0:
+        return eta
+    i, share = place_in(np.log(eta), FIRST, LAST, table.shape[0] - 1)
+    j, rest = place_in(np.log(fraction) - np.log1p(-fraction), -LOGIT, LOGIT, table.shape[1] - 1)
+    low = table[i, j] + rest * (table[i, j + 1] - table[i, j])
+    high = table[i + 1, j] + rest * (table[i + 1, j + 1] - table[i + 1, j])
+    return max(eta * np.exp(low + share * (high - low)), CELL)
 
 
 @batched("(),()->()")

@@ -25,6 +25,7 @@ degree of freedom for each of them (Wilks, Ann. Math. Stat. 9, 1938), so n becom
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,13 +42,15 @@ from wavegym.core.errors import (
     check_probability,
     check_within,
 )
-from wavegym.sensors.detection_kernels import FIRST, LAST
+from wavegym.sensors.detection_kernels import CELL, FIRST, LAST, LOGIT
 
 FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
 """The names of the laws of fluctuation."""
 MOST_PULSES = 1000
 STEPS = 50  # halvings of the interval in which a quantile lies
-TABLE = 4001  # values of a table
+TABLE = 4001  # values of a table over ln eta
+ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
+RATIOS = 541  # values of eta over its mean from which a row is interpolated
 
 
 def realised_snr(uniform: ArrayLike, snr: ArrayLike, fluctuation: str = "swerling1", pulses: int = 1) -> Array:
@@ -172,6 +175,45 @@ def detection_table(false_alarm: float, fluctuation: str, searched: int = 0) -> 
         return np.zeros(0)
     snr = np.exp(np.linspace(FIRST, LAST, TABLE))
     return fluctuating_detection_probability(snr, np.full(snr.shape, false_alarm), fluctuation, 1, searched)
+
+
+def effective_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
+    """ln of the effective eta over the mean eta of one pulse, for compiled loops (``detection_kernels.effective_snr``).
+
+    The effective eta, 1 / ``mean_inverse_detected_snr(eta, least=1)``, has the mean covariance of a detected echo. Even
+    steps of ln eta; empty for swerling0, whose echo has the mean eta. Linear interpolation has relative errors of eta
+    below 1e-5.
+    """
+    check_probability("false_alarm", false_alarm)
+    if math.isinf(_shape(fluctuation, 1)):
+        return np.zeros(0)
+    snr = np.exp(np.linspace(FIRST, LAST, TABLE))
+    return np.asarray(-np.log(snr * mean_inverse_detected_snr(snr, false_alarm, fluctuation, 1, searched, CELL)))
+
+
+@lru_cache(maxsize=8)  # it takes a second, and every environment of one law needs it
+def detected_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
+    """ln of eta over its mean for one detected pulse, for compiled loops (``detection_kernels.snr_of_errors``).
+
+    ``detected_snr`` at even steps of ln mean eta, axis 0, and of ln(f / (1 - f)) of the uniform draw f, axis 1; both
+    tails are nearly straight there. Empty for swerling0. Linear interpolation has relative errors of eta below 2e-3.
+    Callers share the array and must not change it.
+    """
+    alarm, shape = check_probability("false_alarm", false_alarm), _shape(fluctuation, 1)
+    degrees = 1.0 + 0.5 * check_int("searched", searched, 0)
+    if math.isinf(shape):
+        return np.zeros((0, 0))
+    threshold = special.gammainccinv(1.0, np.array([alarm]))
+    # of all echoes at least Pd (1 - f) exceed the quantile f, and at least f do not, as weak echoes are detected less
+    ratios = np.linspace(-LOGIT - 1.0, math.log(LOGIT - math.log(alarm)), RATIOS)
+    logits, least = np.linspace(-LOGIT, LOGIT, COLUMNS), np.finfo(np.float64).tiny
+    table = np.empty((ROWS, COLUMNS))
+    for row, energy in zip(table, 0.5 * np.exp(np.linspace(FIRST, LAST, ROWS)), strict=True):
+        look = _Look(shape, np.array([energy]), threshold, degrees)
+        below = look.detected_below(energy * np.exp(ratios))
+        odds = np.maximum(below, least) / np.maximum(look.detected() - below, least)
+        row[:] = np.interp(logits, np.maximum.accumulate(np.log(odds)), ratios)  # rounding breaks the order of tails
+    return table
 
 
 class _Look:

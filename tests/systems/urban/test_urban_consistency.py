@@ -68,6 +68,30 @@ def test_the_tracker_is_consistent_over_all_scans():
     assert found.lost() <= 0.02
 
 
+@pytest.mark.parametrize("law", ["swerling1", "swerling3"])
+def test_the_tracker_is_consistent_where_it_knows_the_snr_of_errors(law, tmp_path):
+    """200 episodes of a target that stands on an open road, eta 131: NEES as where errors have the mean SNR.
+
+    A tracker that assumes the mean SNR believes errors that are too small. NEES lies below 4: the target stands still,
+    and the tracker allows for accelerations.
+    """
+    road = tmp_path / "plain.toml"
+    road.write_text("roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]")
+    common = {
+        "city": str(road), "arrivals": (0.0,), "start": (2060.0, 1505.0), "velocity": (0.0, 0.0),
+        "path": ((35.0, 0.0, 0.0),), "horizon": 60, "tracker": "ncv", "clutter_density": 1e-6, "sigma": 0.05,
+        "charged": 1, "reference_snr": 4.0, "fluctuation": law,
+    }  # fmt: skip
+    still = {"sigma": 0.0}
+    plain = Errors(Urban(**common, truth=still), 200).mean_nees()[0]
+    matched, error = Errors(Urban(**common, error_snr="realised", truth=still), 200).mean_nees()
+    deceived = Errors(Urban(**common, truth={**still, "error_snr": "realised"}), 200).mean_nees()[0]
+    assert abs(matched - plain) < 2.0 * error
+    assert 3.0 < matched < 4.0
+    assert deceived > 4.0 + 2.0 * error
+    assert deceived > 1.25 * matched
+
+
 def test_without_direction_of_arrival_the_tracker_deceives_itself():
     """The tracker of the paper: mirror images in the line of the antennas are confirmed with small covariances."""
     mean, error = Errors(Urban(direction_of_arrival=False), 200).mean_nees()

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import oracles
 import pytest
+from scipy import stats
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
@@ -14,6 +15,7 @@ from wavegym.core.system import State
 from wavegym.sensors import detection_probability
 from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
+from wavegym.testing import check_vector_env
 
 PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
 SCAN = 30
@@ -95,9 +97,118 @@ def test_the_world_may_fluctuate_as_the_tracker_does_not_assume():
     assert len(system.truth_model._sensor_law.detection_table)
 
 
+def drawn_echoes(name, snr, searched, count=2_000_000):
+    """SNR of the echoes that a simulated receiver detects, at least 1."""
+    rng = np.random.default_rng(11)
+    found, own = oracles.simulated_echoes(name, 1, snr, 1e-3, count, rng, searched)
+    return np.maximum(own[found], 1.0)
+
+
+def first_returns(system, count):
+    """Errors (detected, 3) of the first receiver about a target without clutter, their R, and where it is detected."""
+    worlds = oracles.worlds(system, count)
+    state = system.initial(worlds)
+    targets = np.repeat(system.scene.truth[SCAN - 1][None], count, axis=0)
+    step, action = np.full(count, SCAN - 1), np.zeros(count, int)
+    truth, belief = state.truth._replace(targets=targets), state.belief._replace(step=step)
+    found = system.measure(system.move(truth, step, worlds), belief, action, worlds)
+    direction = system.pairs[0].directions(system.scene.truth[SCAN, 0, :2])[0]
+    seen = found.number[:, 0] == 1
+    off = found.z[seen, 0, 0] - [*system.scene.z[0, SCAN, 0, 0], direction]
+    off[:, 2] -= 2.0 * np.rint(0.5 * off[:, 2])  # an array of half a wavelength folds the cosine
+    return off, found.R[seen, 0, 0], seen
+
+
+@pytest.mark.parametrize("searched", [0, 3])
+@pytest.mark.parametrize("snr", [5.0, 20.0, 200.0])
+@pytest.mark.parametrize("name", ["swerling1", "swerling3"])
+def test_errors_have_the_snr_that_a_simulated_receiver_detects(plain, name, snr, searched):
+    """40000 scans against a mixture of echoes that an independent receiver with amplitudes, noise and threshold keeps.
+
+    In worlds of the same key the errors at the mean differ by the root of the SNR alone, which shows it echo by echo.
+    """
+    settings = {"city": plain, "arrivals": (0.0,), "truth": {"sigma": 0.0}, "clutter_density": 1e-12}
+    settings |= {"fluctuation": name, "searched": searched, "rate_floor": 1e-9}
+    common, eta = at_snr(snr, **settings)
+    own = drawn_echoes(name, eta[0], searched)
+    at_mean, R, seen = first_returns(Urban(**common), 40_000)
+    off, wider, same = first_returns(Urban(**common, error_snr="realised"), 40_000)
+    np.testing.assert_array_equal(seen, same)
+    realised = eta[0] * (at_mean / off) ** 2  # of each quantity
+    np.testing.assert_allclose(realised[:, 1], realised[:, 0], rtol=1e-4)
+    unfolded = realised[:, 0] > 20.0
+    np.testing.assert_allclose(realised[unfolded, 2], realised[unfolded, 0], rtol=1e-4)
+    assert stats.ks_2samp(realised[:, 0], own[:100_000]).pvalue > 1e-3
+    mixed = np.random.default_rng(12).standard_normal(len(own)) * np.sqrt(eta[0] / own)
+    wanted = np.mean(mixed**2)
+    normalised = off[:, :2] / np.sqrt(np.diagonal(R.mean(axis=0))[:2])
+    assert stats.ks_2samp(normalised[:, 0], mixed[:100_000]).pvalue > 1e-3
+    # 1 %: R is at the measured range, which the error spreads
+    bound = 4.5 * np.std(mixed**2) * np.sqrt(1.0 / len(off) + 1.0 / len(mixed)) + 0.01 * wanted
+    np.testing.assert_allclose((normalised**2).mean(axis=0), wanted, atol=bound)
+    np.testing.assert_allclose(np.diagonal(wider.mean(axis=0)) / np.diagonal(R.mean(axis=0)), wanted, atol=bound)
+
+
+def played(system, scans, count=3):
+    """The state after ``scans`` scans of the first pulse."""
+    worlds = oracles.worlds(system, count)
+    state = system.initial(worlds)
+    for _ in range(scans):
+        state = system.transition(state, np.zeros(count, int), worlds)
+    return state
+
+
+def assert_alike(one, other):
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_steady_echo_has_the_mean_snr():
+    mean, realised = (Urban(fluctuation="swerling0", error_snr=name) for name in ("mean", "realised"))
+    for one, other in zip(played(mean, 60), played(realised, 60), strict=True):
+        assert_alike(one, other)
+    belief = played(mean, 60).belief
+    assert belief.status.any()
+    assert_alike(mean.predict(belief, np.arange(4)[None]), realised.predict(belief, np.arange(4)[None]))
+
+
+def test_the_world_may_have_errors_that_the_tracker_does_not_assume():
+    """``truth`` changes the world alone: what the tracker predicts from a belief stays."""
+    mean, both = Urban(), Urban(error_snr="realised")
+    world = Urban(truth={"error_snr": "realised"})
+    assert_alike(played(world, 60).truth, played(both, 60).truth)
+    assert (played(world, 60).truth.z != played(mean, 60).truth.z).any()
+    belief = played(mean, 60).belief
+    predicted = [system.predict(belief, np.arange(4)[None]) for system in (mean, world, both)]
+    assert_alike(*predicted[:2])
+    assert (predicted[0].P != predicted[2].P).any()
+
+
+def test_signals_have_errors_of_their_own():
+    """The choice leaves the measurements of signals, and changes what the tracker expects."""
+    mean, realised = (UrbanSignal(error_snr=name) for name in ("mean", "realised"))
+    world = UrbanSignal(truth={"error_snr": "realised"})
+    state = played(mean, 3, count=1)
+    assert state.truth.number.any()
+    for other in (realised, world):
+        assert_alike(state.truth, played(other, 3, count=1).truth)
+    assert_alike(state.belief, played(world, 3, count=1).belief)
+    belief = played(Urban(), 60).belief
+    predicted = [system.predict(belief, np.arange(4)[None]).P for system in (mean, world, realised)]
+    np.testing.assert_array_equal(predicted[0], predicted[1])
+    assert (predicted[0] != predicted[2]).any()
+
+
+@pytest.mark.parametrize("settings", [{"fluctuation": "swerling3", "searched": 3}, {"direction_of_arrival": False}])
+def test_errors_at_the_realised_snr_conform(settings):
+    check_vector_env("wavegym/Urban-v0", horizon=12, arrivals=(-10.0, 0.0), error_snr="realised", **settings)
+
+
 def test_mistakes():
     with pytest.raises(InputError, match="searched is 2, expected 3 with fidelity='signal'"):
         make_checked(UrbanSignal, {"searched": 2})
+    with pytest.raises(InputError, match="error_snr is 'realized', expected one of 'mean', 'realised'; did you mean"):
+        make_checked(Urban, {"error_snr": "realized"})
     with pytest.raises(InputError, match=r"fluctuation.*swerling5"):
         make_checked(Urban, {"fluctuation": "swerling5"})
     with pytest.raises(InputError, match="searched"):

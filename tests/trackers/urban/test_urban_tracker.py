@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, multivariate_normal
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
-from wavegym.sensors import Road, UrbanMap, multistatic_range_and_rate
+from wavegym.sensors import Road, UrbanMap, mean_inverse_detected_snr, multistatic_range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.trackers import imm_combine, predict, ukf_update
+from wavegym.trackers.urban import scan_kernels
+from wavegym.trackers.urban.ghost_kernels import claim_ghosts
 from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks, UrbanTracker
 
 CROSSING = UrbanMap.load("intersection")
@@ -150,15 +153,23 @@ def test_returns_over_walls_start_no_tracks_once_their_target_is_known():
     assert begun[False] > 0
 
 
-def test_the_expected_scan_is_the_update_times_the_detection_probability():
-    tracker, state = UrbanTracker(PLAIN, (TX,), RX, models="ncv"), np.array([2060.0, 1540.0, 3.0, 4.0])
+def snr_of_covariances(error_snr, eta):
+    """SNR at which a tracker has the covariance of a Rayleigh echo of the mean SNR eta."""
+    return eta if error_snr == "mean" else 1.0 / mean_inverse_detected_snr(eta, 1e-3, least=1.0)
+
+
+@pytest.mark.parametrize("error_snr", ["mean", "realised"])
+def test_the_expected_scan_is_the_update_times_the_detection_probability(error_snr):
+    tracker = UrbanTracker(PLAIN, (TX,), RX, models="ncv", error_snr=error_snr)
+    state = np.array([2060.0, 1540.0, 3.0, 4.0])
     tracks = held(tracker, state)
     x, P = predict(tracks.x[0, 0, 0], tracks.P[0, 0, 0], tracker.motion[0].F, tracker.motion[0].Q)
     for place in RX:
         z = multistatic_range_and_rate(x[:4], TX, place)
         # the SNR is evaluated at the predicted measurement, the unscented mean
         eta = SNR * (100.0 / z[0]) ** 4
-        _, updated, _ = ukf_update(x, P, z, R / eta + np.diag([0.0, 0.01]), TX, place)
+        covariance = R / snr_of_covariances(error_snr, eta) + np.diag([0.0, 0.01])
+        _, updated, _ = ukf_update(x, P, z, covariance, TX, place)
         P = P - 0.99 * 1e-3 ** (1.0 / (1.0 + eta / 2.0)) * (P - updated)
     expected = tracker.expect(tracks, R, SNR)
     np.testing.assert_allclose(expected.P[0, 0, 0], P, atol=1e-4 * np.diag(P).max())
@@ -172,6 +183,29 @@ def test_combined_is_the_mixture():
     tracks = held(TRACKER, (2069.0, 1530.0, 0.0, 5.0))
     for ours, theirs in zip(tracks.combined(), imm_combine(tracks.x, tracks.P, tracks.mu), strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("error_snr", ["mean", "realised"])
+def test_ghosts_have_the_covariance_of_the_snr_of_errors(error_snr):
+    """Returns of a track that is known exactly: each path adds N(z; h, R) / Pg, times c / (1 - c) with c = Pg Pd."""
+    tracker = UrbanTracker(CROSSING, (TX,), RX, models="ncv", error_snr=error_snr)
+    state, pair = np.array([2069.0, 1560.0, 1.0, 4.0]), Multistatic(Antenna(CROSSING, TX), Antenna(CROSSING, RX[0]))
+    over_walls = pair.visible(state[:2]) & (pair.walls >= 1)
+    returns, reflected = pair.measure(state)[over_walls], pair.reflected[over_walls]
+    assert len(returns) > 1
+    tracks = held(tracker, state, existence=1.0)
+    own = scan_kernels.slots_of(0, *tracks._replace(P=1e-12 * tracks.P)[:6])
+    scratch, zeros = scan_kernels.scratch_for(tracker.slots, 1, 6, 2), ((0,) * 6, (0,), (0,) * 2)
+    for z in returns:
+        wanted, ghosts, claims = 0.0, np.zeros(1), np.zeros(1)
+        for h, left in zip(returns, reflected, strict=True):
+            eta = SNR * left * (100.0 / h[0]) ** 4
+            law = multivariate_normal(h, R / snr_of_covariances(error_snr, eta) + np.diag([0.0, 0.01]))
+            pd = 0.99 * 1e-3 ** (1.0 / (1.0 + eta / 2.0))
+            inside = -2.0 * (law.logpdf(z) - law.logpdf(h)) <= chi2.ppf(0.99, 2)
+            wanted += inside * law.pdf(z) / 0.99 * pd / (1.0 - pd)
+        claim_ghosts(own, tracker.constants, 0, R, SNR, z[None].copy(), 1, ghosts, claims, scratch, *zeros)
+        assert ghosts[0] == pytest.approx(wanted, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -191,6 +225,7 @@ def test_combined_is_the_mixture():
         ({"axes": ((1.0, 0.0), (0.0, 2.0))}, "expected a unit vector"),
         ({"axes": ((1.0, 0.0), (0.0, 1.0)), "elements": 1}, "elements is 1, expected an integer >= 2"),
         ({"models": "vsim"}, "models is 'vsim'"),
+        ({"error_snr": "means"}, "error_snr is 'means', expected one of 'mean', 'realised'; did you mean 'mean'"),
         ({"reech": 3.0}, "UrbanTracker got an unexpected keyword argument 'reech'; did you mean 'reach'"),
     ],
 )
@@ -244,7 +279,6 @@ def test_impossible_waveforms_are_refused(R, snr, message):
 
 
 AXES = ((1.0, 0.0), (0.0, 1.0))
-TURNED = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, stay=0.97)
 IN_LINE = ((2088.0, 1470.5), (2078.0, 1470.5))  # antennas on a line along x
 
 
@@ -257,17 +291,19 @@ def pointed(state, receivers=RX, axes=AXES):
     return z, np.ones((1, 2), np.int64)
 
 
+@pytest.mark.parametrize("error_snr", ["mean", "realised"])
 @pytest.mark.parametrize("place", [(2000.0, 1540.0), (2085.0, 1520.0), (2150.0, 1505.0)])
-def test_with_directions_a_track_starts_at_its_target_alone(place):
+def test_with_directions_a_track_starts_at_its_target_alone(place, error_snr):
     """Two orthogonal arrays leave one position, and its covariance is that of all measured quantities together."""
     state = np.array([*place, 3.0, -2.0])
-    tracks = TURNED.scan(TURNED.empty(1), *pointed(state), R, SNR)
+    tracker = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, stay=0.97, vaguest=8.0, error_snr=error_snr)
+    tracks = tracker.scan(tracker.empty(1), *pointed(state), R, SNR)
     (slot,) = np.flatnonzero(tracks.status[0])
     x, P = (leaf[0, slot] for leaf in tracks.combined())
     np.testing.assert_allclose(x[:2], place, atol=0.05)
     information = np.diag([0.0, 0.0, 1e-2, 1e-2])
     for m in range(2):
-        eta = SNR * (100.0 / multistatic_range_and_rate(state, TX, RX[m])[0]) ** 4
+        eta = snr_of_covariances(error_snr, SNR * (100.0 / multistatic_range_and_rate(state, TX, RX[m])[0]) ** 4)
         variances = np.array([R[0, 0] / eta, R[1, 1] / eta + 0.01, 12.0 / (np.pi**2 * 8.0 * eta)])
         H = np.stack(
             [(pointed(x[:4] + s)[0] - pointed(x[:4] - s)[0])[0, m, 0] / 2e-4 for s in 1e-4 * np.eye(4)], axis=1

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import tabulated
+from wavegym.sensors.detection_kernels import snr_of_errors, tabulated
 from wavegym.sensors.geometry_kernels import multistatic_range_and_rate
 from wavegym.sensors.multistatic_kernels import direction_cosine, direction_variance, folded, noise, snr_at
 from wavegym.trackers.urban.kernels import CONFIRMED, EMPTY
@@ -24,6 +24,7 @@ class SensorLaw(NamedTuple):
     density: float  # expected false returns per (m x m/s)
     log_false_alarm: float
     detection_table: Any  # of fluctuation.detection_table
+    snr_table: Any  # of fluctuation.detected_snr_table; empty: errors at the mean SNR
     rate_floor: float  # standard deviation of range-rate in addition to its noise, m/s
     reach: float  # half path length beyond which nothing is received, m
     elements: int  # of each array
@@ -70,7 +71,9 @@ def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, co
                 continue
             own = stream(key, g * most + w)
             eta = snr_at(r, reference, scene.reflected[pair, scan, g, w])
-            if uniform(own, 0) < tabulated(eta, law.log_false_alarm, law.detection_table):
+            draw, pd = uniform(own, 0), tabulated(eta, law.log_false_alarm, law.detection_table)
+            if draw < pd:
+                eta = snr_of_errors(eta, draw / pd, law.snr_table)
                 R00, R01, R11 = noise(wave, eta, law.rate_floor)
                 a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
                 b = R01 / a

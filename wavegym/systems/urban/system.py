@@ -17,7 +17,7 @@ from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import Antenna, Multistatic, range_and_rate
-from wavegym.sensors.fluctuation import detection_table
+from wavegym.sensors.fluctuation import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import kernels
@@ -162,6 +162,13 @@ class Urban(System, DecisionMakers, TimedPulses):
         unit="",
         truth=True,
     )
+    error_snr: Literal["mean", "realised"] = parameter(
+        "mean",
+        "SNR that sets the errors of a detected echo: its mean, or that of the scan, given the detection, at least 1; "
+        "the tracker's covariances follow; with fidelity='signal' these alone, as signals have errors of their own",
+        unit="",
+        truth=True,
+    )
     searched: int | None = parameter(
         None,
         "quantities over which receivers take the greatest value of an image about an echo, which raises Pd; by "
@@ -296,8 +303,8 @@ class Urban(System, DecisionMakers, TimedPulses):
             self.map, self.transmitters, self.receivers, **self._tracker_settings,
             models=self.tracker, dt=self.dt, slots=self.slots,
             clutter_density=self.clutter_density, false_alarm=self._false_alarm,
-            fluctuation=self.fluctuation, searched=self._searched, rate_floor=self.rate_floor,
-            reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
+            fluctuation=self.fluctuation, error_snr=self.error_snr, searched=self._searched,
+            rate_floor=self.rate_floor, reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
 
     @property
@@ -355,10 +362,16 @@ class Urban(System, DecisionMakers, TimedPulses):
         return detection_table(self._false_alarm, self.fluctuation, self._searched)
 
     @cached_property
+    def _snr_table(self) -> Array:
+        if self.error_snr == "mean":
+            return np.zeros((0, 0))
+        return detected_snr_table(self._false_alarm, self.fluctuation, self._searched)
+
+    @cached_property
     def _sensor_law(self) -> kernels.SensorLaw:
         return kernels.SensorLaw(
-            self.clutter_density, math.log(self._false_alarm), self._detection_table, self.rate_floor, self.reach,
-            self.urban_tracker.elements, self.ambiguity,
+            self.clutter_density, math.log(self._false_alarm), self._detection_table, self._snr_table,
+            self.rate_floor, self.reach, self.urban_tracker.elements, self.ambiguity,
         )  # fmt: skip
 
     @cached_property

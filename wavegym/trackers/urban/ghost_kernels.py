@@ -56,7 +56,7 @@ def claim_path(
     if h[0] > constants.reach:
         return
     eta = snr_at(h[0], reference, reflected)
-    covariance_at(eta, wave, constants.rate_floor, constants.elements, R, ll)
+    covariance_at(eta, wave, constants.rate_floor, constants, R, ll)
     project(P[t], H, S, ll)
     log_determinant = factor_sum(S, R, L, ll)
     total = 0.0
@@ -116,7 +116,7 @@ def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
     for k in range(len(ll)):
         direct[k] = h[k]
     project(P[s], H, scratch.spread, ll)
-    covariance_at(snr_at(h[0], reference, 1.0), wave, constants.rate_floor, constants.elements, scratch.R, ll)
+    covariance_at(snr_at(h[0], reference, 1.0), wave, constants.rate_floor, constants, scratch.R, ll)
     for k in range(len(ll)):
         for m in range(len(ll)):
             scratch.R[k, m] += scratch.spread[k, m]

@@ -46,6 +46,7 @@ class TrackerConstants(NamedTuple):
     gate_probability: float
     log_false_alarm: float
     detection_table: Any  # of fluctuation.detection_table
+    effective_table: Any  # of fluctuation.effective_snr_table; empty: covariances at the mean SNR
     rate_floor: float
     reach: float
     survival: float
@@ -130,13 +131,13 @@ def scratch_for(slots, models, n, m):
 
 
 @kernel
-def direct_errors(z, count, wave, reference, elements, errors, ll):
+def direct_errors(z, count, wave, reference, constants, errors, ll):
     """errors (env, pair, measurement, m, m): covariances at the SNR of a direct path of each measured range."""
     for e in range(len(z)):
         for pair in range(z.shape[1]):
             for i in range(count[e, pair]):
                 eta = snr_at(z[e, pair, i, 0], reference[e, pair], 1.0)
-                covariance_at(eta, wave[e, pair], 0.0, elements, errors[e, pair, i], ll)
+                covariance_at(eta, wave[e, pair], 0.0, constants, errors[e, pair, i], ll)
 
 
 @kernel
@@ -216,8 +217,8 @@ def expect(x, P, mu, existence, status, age, constants, wave, reference, nn, mm,
             for row in range(mu.shape[1] * len(mm)):
                 t = row // len(mm)
                 if tracks.status[t] != EMPTY:
-                    floor, elements = constants.rate_floor, constants.elements
-                    covariance_at(predicted.eta[t], wave[e, pair], floor, elements, scratch.R, ll)
+                    eta, floor = predicted.eta[t], constants.rate_floor
+                    covariance_at(eta, wave[e, pair], floor, constants, scratch.R, ll)
                     factor_sum(predicted.S[row], scratch.R, scratch.L, ll)
                     whiten_gain(row, predicted.G, scratch.L, scratch.W, nn, ll)
                     shrink(row, tracks.P, scratch.W, predicted.pd[t], nn, ll)

@@ -31,7 +31,7 @@ from wavegym.core.errors import (
     check_within,
 )
 from wavegym.core.parameters import in_one_line
-from wavegym.sensors.fluctuation import detection_table
+from wavegym.sensors.fluctuation import detection_table, effective_snr_table
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.sensors.visibility import Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
@@ -91,6 +91,8 @@ class UrbanTracker:
         gate_probability: Pg, probability that a gate holds the measurement of a detected target.
         false_alarm: Pfa, which relates SNR and detection probability.
         fluctuation: of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.fluctuation``.
+        error_snr: SNR that sets measurement covariances. "mean": the mean eta. "realised": 1 / E[1 / max(eta, 1)] of an
+            echo that is detected, for errors at the SNR of the scan. Pd is that of the mean eta in both.
         searched: quantities over which receivers take the greatest value about an echo, see ``detection_probability``.
         rate_floor: standard deviation of range-rate in addition to its noise, m/s.
         reach: half path length beyond which nothing is received, m.
@@ -108,7 +110,7 @@ class UrbanTracker:
 
     Raises:
         InputError: an antenna in a building, fewer than two receivers, antennas in one line, an axis that is missing or
-            no unit vector, a number out of range.
+            no unit vector, an unknown name, a number out of range.
     """
 
     urban_map: UrbanMap
@@ -127,6 +129,7 @@ class UrbanTracker:
     gate_probability: float = 0.99
     false_alarm: float = 1e-3
     fluctuation: str = "swerling1"
+    error_snr: Literal["mean", "realised"] = "mean"
     searched: int = 0
     rate_floor: float = 0.1
     reach: float = 300.0
@@ -239,11 +242,12 @@ class UrbanTracker:
     def direct_errors(self, z: Array, count: Array, R: Array, snr: Array) -> Array:
         """Covariance of each measurement at the SNR of a direct path of its range, without the floor of range-rate.
 
+        The SNR is that of ``error_snr``.
         Arguments as in ``scan``, R and snr of the full shapes (env, pair, 2, 2) and (env, pair). Returns
         (env, pair, most, m, m), 0 beyond the measurements.
         """
         errors = np.zeros((*z.shape, self.quantities))
-        scan_kernels.direct_errors(z, count, R, snr, self.elements, errors, self._sizes[-1])
+        scan_kernels.direct_errors(z, count, R, snr, self.constants, errors, self._sizes[-1])
         return errors
 
     def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
@@ -286,6 +290,11 @@ class UrbanTracker:
     def _sizes(self) -> tuple[tuple[int, ...], ...]:
         return (0,) * 6, (0,) * len(self.motion), (0,) * self.quantities
 
+    def _effective_table(self) -> Array:
+        if self.error_snr == "mean":
+            return np.zeros(0)
+        return effective_snr_table(self.false_alarm, self.fluctuation, self.searched)
+
     @cached_property
     def constants(self) -> scan_kernels.TrackerConstants:
         """Everything that kernels need."""
@@ -310,6 +319,7 @@ class UrbanTracker:
             start_gate=float(chdtri(4, 1.0 - self.gate_probability)),
             gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
             detection_table=detection_table(self.false_alarm, self.fluctuation, self.searched),
+            effective_table=self._effective_table(),
             rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
             confirm=self.confirm, confirm_after=self.confirm_after,
             drop_tentative=self.drop[0], drop_confirmed=self.drop[1],

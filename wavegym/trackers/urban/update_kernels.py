@@ -10,19 +10,24 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.detection_kernels import effective_snr
 from wavegym.sensors.multistatic_kernels import direction_variance, folded, noise
 
 LOG_2PI = np.log(2.0 * np.pi)
 
 
 @inlined
-def covariance_at(eta, wave, rate_floor, elements, R, ll):
-    """Error covariance R (m, m) at the SNR ``eta``; wave (2, 2): covariance of range and range-rate at unit SNR."""
+def covariance_at(eta, wave, rate_floor, constants, R, ll):
+    """Error covariance R (m, m) of a detected echo with the mean SNR ``eta``.
+
+    wave (2, 2): covariance of range and range-rate at unit SNR.
+    """
+    eta = effective_snr(eta, constants.effective_table)
     R[0, 0], R[0, 1], R[1, 1] = noise(wave, eta, rate_floor)
     R[1, 0] = R[0, 1]
     if len(ll) == 3:
         R[0, 2] = R[2, 0] = R[1, 2] = R[2, 1] = 0.0
-        R[2, 2] = direction_variance(eta, elements)
+        R[2, 2] = direction_variance(eta, constants.elements)
 
 
 @inlined
