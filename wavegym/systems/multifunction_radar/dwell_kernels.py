@@ -1,8 +1,9 @@
 """Dwells of the multifunction radar in compiled form: what an update or a search does to tracks and to the undetected.
 
 Shapes: e environments, k slots, s sectors, b range bins, f findings; see ``track_kernels`` and ``beam_kernels``.
-``undetected`` (s, b): the expected number of targets without a track. It is a Poisson intensity: targets come at the outer
-edge, move between neighbouring cells at the rates of an isotropic flow, leave at the edges, and are fewer after a search.
+``undetected`` (s, b): the expected number of targets without a track. It is a Poisson intensity: targets come at the
+outer edge, move between neighbouring cells at the rates of an isotropic flow, leave at the edges, and are fewer after
+a search.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -120,8 +121,8 @@ def miss(k, time, slots, modes, prediction, pd, ratio):
 def look_for(k, time, slots, pointing, seconds, threshold, modes, beam, findings):
     """A dwell whose beam covers slot k: the nearest finding in its gate that no other slot has used, or none.
 
-    pointing: the beam's axis; NaN: it points where the track is predicted. findings: their number, the findings (f, 3), and
-    which are used (f,).
+    pointing: the beam's axis; NaN: it points where the track is predicted. findings: their number, the findings
+    (f, 3), and which are used (f,).
     """
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
     mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
@@ -234,10 +235,9 @@ def search(time, slots, sector, turn, undetected, truth, key, seconds, laws):
 @kernel
 def update(time, slots, k, truth, key, seconds, laws):
     """Point the beam at track k and look for it."""
-    threshold, modes, beam, area = laws
-    x, here, late = truth
+    (threshold, modes, beam, _), (x, here, late) = laws, truth
     found, used = np.empty((MOST_FOUND, 3)), np.zeros(MOST_FOUND, np.bool_)
-    axis, r = azimuth_of(k, time, slots)
+    axis = azimuth_of(k, time, slots)[0]
     count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
     count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
     look_for(k, time, slots, np.nan, seconds, threshold, modes, beam, (count, found, used))

@@ -99,7 +99,7 @@ def advance_one(i, x, P, seconds, q):
 
 @kernel
 def predict_slot(k, time, slots, modes, x, P, mu, mean, covariance):
-    """Slot k at ``time``: predicted x (m, n), P (m, n, n) and mu (1, m), and the mean (1, n) and covariance of all modes.
+    """Slot k at ``time``: predicted x (m, n), P (m, n, n), mu (1, m); and mean (1, n) and covariance of all modes.
 
     The mode changes first, then the target flies: over a revisit interval that is short against the modes' stay.
     """

@@ -1,0 +1,143 @@
+"""Tracks of the multifunction radar: closed forms against integrals, the IMM against whole matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import expm
+from scipy.stats import multivariate_normal
+
+from wavegym.systems.multifunction_radar import track_kernels as tracks
+
+MODES = tracks.Modes((10.0, 2000.0), (0.05, 0.2))
+GENERATOR = np.array([[-0.05, 0.05], [0.2, -0.2]])
+VARIANCE = np.array([40.0, 3e-6])
+
+
+def some_slots(rng, count=3):
+    """Slots with random tracks, last updated at t = 1 s."""
+    roots = rng.normal(0, 1, (count, 2, 4, 4)) * np.array([30.0, 8.0, 30.0, 8.0])[:, None]
+    place = np.array([9e3, 120.0, 15e3, -150.0])
+    mean = place + rng.normal(0, 1, (count, 2, 4)) * np.array([50.0, 10.0, 50.0, 10.0])
+    probability = rng.dirichlet([2.0, 2.0], count)
+    slots = tracks.Slots(
+        np.zeros(count), np.empty((count, 2, 4)), np.empty((count, 2, 4, 4)), np.empty((count, 2)),
+        np.full(count, 0.9), np.empty((count, 4))
+    )  # fmt: skip
+    for k in range(count):
+        tracks.keep_slot(
+            k, 1.0, slots, MODES, mean[k], roots[k] @ np.swapaxes(roots[k], -1, -2), probability[k : k + 1]
+        )
+    return slots
+
+
+def flown(x, P, seconds, q):
+    F, G = (
+        np.kron(np.eye(2), [[1.0, seconds], [0.0, 1.0]]),
+        np.array([[seconds**3 / 3, seconds**2 / 2], [seconds**2 / 2, seconds]]),
+    )
+    return F @ x, F @ P @ F.T + q * np.kron(np.eye(2), G)
+
+
+def mixture(weights, means, covariances):
+    mean = np.einsum("j,jn->n", weights, means)
+    off = means - mean
+    return mean, np.einsum("j,jnm->nm", weights, covariances + off[:, :, None] * off[:, None])
+
+
+def plain_prediction(slots, k, seconds):
+    """Mixed and flown modes, and their probabilities, by the textbook."""
+    Pi = expm(GENERATOR * seconds)
+    ahead = slots.probability[k] @ Pi
+    found = []
+    for j, q in enumerate(MODES.density):
+        weights = slots.probability[k] * Pi[:, j] / ahead[j]
+        found.append(flown(*mixture(weights, slots.mean[k], slots.covariance[k]), seconds, q))
+    return np.array([x for x, _ in found]), np.array([P for _, P in found]), ahead
+
+
+def predicted(slots, k, time):
+    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
+    mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
+    tracks.predict_slot(k, time, slots, MODES, x, P, mu, mean, covariance)
+    return x, P, mu, mean, covariance
+
+
+@pytest.mark.parametrize("seconds", [1e-3, 0.02, 0.5, 4.0, 30.0])
+def test_the_trace_between_updates_is_that_of_the_mode_switching_process(seconds):
+    """Against the integral of the expected density, whose mode probabilities come from a matrix exponential."""
+    p, c, v, first = 900.0, 40.0, 300.0, np.array([0.7, 0.3])
+
+    def density(u):
+        return float(first @ expm(GENERATOR * u) @ np.array(MODES.density))
+
+    grown = 2.0 * quad(lambda u: (seconds - u) ** 2 * density(u), 0.0, seconds, epsrel=1e-12)[0]
+    got = tracks.trace_at(p, c, v, density(0.0), MODES, seconds)
+    assert got == pytest.approx(p + 2 * c * seconds + v * seconds**2 + grown, rel=1e-10)
+
+
+def test_a_kept_slot_has_the_moments_of_its_mixture():
+    slots = some_slots(np.random.default_rng(0))
+    for k in range(3):
+        _, P = mixture(slots.probability[k], slots.mean[k], slots.covariance[k])
+        want = [P[0, 0] + P[2, 2], P[0, 1] + P[2, 3], P[1, 1] + P[3, 3], slots.probability[k] @ np.array(MODES.density)]
+        np.testing.assert_allclose(slots.moments[k], want, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seconds", [0.003, 1.0, 8.0])
+def test_prediction_is_the_textbooks(seconds):
+    slots = some_slots(np.random.default_rng(1))
+    for k in range(3):
+        x, P, mu, mean, covariance = predicted(slots, k, 1.0 + seconds)
+        want = plain_prediction(slots, k, seconds)
+        for got, expected in zip((x, P, mu[0]), want, strict=True):
+            np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9)
+        whole = mixture(want[2], want[0], want[1])
+        np.testing.assert_allclose(mean[0], whole[0], rtol=1e-12)
+        np.testing.assert_allclose(covariance[0], whole[1], rtol=1e-9, atol=1e-9)
+
+
+def test_update_is_the_textbooks():
+    """One linearisation at the prediction, with the joint innovation of range and azimuth."""
+    slots = some_slots(np.random.default_rng(2))
+    for k in range(3):
+        x, P, mu, mean, covariance = predicted(slots, k, 3.0)
+        z = np.array([np.hypot(mean[0, 0], mean[0, 2]) + 9.0, np.arctan2(mean[0, 0], mean[0, 2]) - 2e-3])
+        means, covariances, likelihood = [], [], []
+        for j in range(2):
+            px, py = x[j, 0], x[j, 2]
+            r2, r = px**2 + py**2, np.hypot(px, py)
+            H = np.array([[px / r, 0, py / r, 0], [py / r2, 0, -px / r2, 0]])
+            S, y = H @ P[j] @ H.T + np.diag(VARIANCE), z - [r, np.arctan2(px, py)]
+            K = P[j] @ H.T @ np.linalg.inv(S)
+            means.append(x[j] + K @ y)
+            covariances.append(P[j] - K @ S @ K.T)
+            likelihood.append(multivariate_normal(np.zeros(2), S).pdf(y))
+        weights = mu[0] * likelihood / (mu[0] @ likelihood)
+        squared, log_det = tracks.distance_to(mean, covariance, *z, VARIANCE, np.empty(2), np.empty((2, 4)))
+        assert squared > 0.0
+        assert np.isfinite(log_det)
+        tracks.update_slot(k, 3.0, slots, MODES, x, P, mu, *z, VARIANCE)
+        np.testing.assert_allclose(slots.mean[k], means, rtol=1e-9)
+        np.testing.assert_allclose(slots.covariance[k], covariances, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(slots.probability[k], weights, rtol=1e-9)
+        assert slots.time[k] == 3.0
+
+
+def test_a_new_track_has_the_place_of_its_measurement():
+    """Its covariance against measured places drawn around the truth."""
+    slots, rng = some_slots(np.random.default_rng(3)), np.random.default_rng(4)
+    tracks.begin_slot(1, 2.0, slots, MODES, 20e3, 0.7, VARIANCE, 200.0)
+    r, azimuth = (
+        20e3 + np.sqrt(VARIANCE[0]) * rng.standard_normal(100_000),
+        0.7 + np.sqrt(VARIANCE[1]) * rng.standard_normal(100_000),
+    )
+    sample = np.cov([r * np.sin(azimuth), r * np.cos(azimuth)])
+    for j in range(2):
+        np.testing.assert_allclose(slots.mean[1, j], [20e3 * np.sin(0.7), 0.0, 20e3 * np.cos(0.7), 0.0], rtol=1e-12)
+        P = slots.covariance[1, j]
+        scale = np.sqrt(np.outer(np.diag(sample), np.diag(sample)))
+        assert np.abs(P[::2, ::2] - sample).max() < 5 * np.sqrt(2 / 100_000) * scale.max()
+        np.testing.assert_array_equal(P[1::2, 1::2], 200.0**2 * np.eye(2))
+    np.testing.assert_allclose(slots.probability[1], [0.8, 0.2], rtol=1e-12)
