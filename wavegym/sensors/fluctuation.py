@@ -25,6 +25,7 @@ degree of freedom for each of them (Wilks, Ann. Math. Stat. 9, 1938), so n becom
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -190,11 +191,13 @@ def effective_snr_table(false_alarm: float, fluctuation: str, searched: int = 0)
     return np.asarray(-np.log(snr * mean_inverse_detected_snr(snr, false_alarm, fluctuation, 1, searched, CELL)))
 
 
+@lru_cache(maxsize=8)  # it takes a second, and every environment of one law needs it
 def detected_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
     """ln of eta over its mean for one detected pulse, for compiled loops (``detection_kernels.snr_of_errors``).
 
     ``detected_snr`` at even steps of ln mean eta, axis 0, and of ln(f / (1 - f)) of the uniform draw f, axis 1; both
     tails are nearly straight there. Empty for swerling0. Linear interpolation has relative errors of eta below 2e-3.
+    Callers share the array and must not change it.
     """
     alarm, shape = check_probability("false_alarm", false_alarm), _shape(fluctuation, 1)
     degrees = 1.0 + 0.5 * check_int("searched", searched, 0)

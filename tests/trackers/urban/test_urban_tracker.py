@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, multivariate_normal
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
@@ -186,21 +187,25 @@ def test_combined_is_the_mixture():
 
 @pytest.mark.parametrize("error_snr", ["mean", "realised"])
 def test_ghosts_have_the_covariance_of_the_snr_of_errors(error_snr):
-    """At the return itself, of a track that is known exactly: density N(0; R) Pd / (1 - Pg Pd) of each path."""
+    """Returns of a track that is known exactly: each path adds N(z; h, R) / Pg, times c / (1 - c) with c = Pg Pd."""
     tracker = UrbanTracker(CROSSING, (TX,), RX, models="ncv", error_snr=error_snr)
-    state, pair = np.array([2069.0, 1530.0, 1.0, 4.0]), Multistatic(Antenna(CROSSING, TX), Antenna(CROSSING, RX[0]))
-    returns, constants, rows = pair.measure(state)[1:], tracker.constants, tracker.slots
-    tracks = held(tracker, state, existence=1.0, spread=1e-6)
-    tracks.P[:] *= 1e-12
-    own = scan_kernels.slots_of(0, *tracks[:6])
-    scratch = scan_kernels.scratch_for(rows, 1, 6, 2)
-    print(returns)
+    state, pair = np.array([2069.0, 1560.0, 1.0, 4.0]), Multistatic(Antenna(CROSSING, TX), Antenna(CROSSING, RX[0]))
+    over_walls = pair.visible(state[:2]) & (pair.walls >= 1)
+    returns, reflected = pair.measure(state)[over_walls], pair.reflected[over_walls]
+    assert len(returns) > 1
+    tracks = held(tracker, state, existence=1.0)
+    own = scan_kernels.slots_of(0, *tracks._replace(P=1e-12 * tracks.P)[:6])
+    scratch, zeros = scan_kernels.scratch_for(tracker.slots, 1, 6, 2), ((0,) * 6, (0,), (0,) * 2)
     for z in returns:
-        ghosts, claims = np.zeros(1), np.zeros(1)
-        claim_ghosts(
-            own, constants, 0, R, SNR, z[None].copy(), 1, ghosts, claims, scratch, (0,) * 6, (0,), (0,) * 2
-        )  # fmt: skip
-        print(ghosts)
+        wanted, ghosts, claims = 0.0, np.zeros(1), np.zeros(1)
+        for h, left in zip(returns, reflected, strict=True):
+            eta = SNR * left * (100.0 / h[0]) ** 4
+            law = multivariate_normal(h, R / snr_of_covariances(error_snr, eta) + np.diag([0.0, 0.01]))
+            pd = 0.99 * 1e-3 ** (1.0 / (1.0 + eta / 2.0))
+            inside = -2.0 * (law.logpdf(z) - law.logpdf(h)) <= chi2.ppf(0.99, 2)
+            wanted += inside * law.pdf(z) / 0.99 * pd / (1.0 - pd)
+        claim_ghosts(own, tracker.constants, 0, R, SNR, z[None].copy(), 1, ghosts, claims, scratch, *zeros)
+        assert ghosts[0] == pytest.approx(wanted, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -274,7 +279,6 @@ def test_impossible_waveforms_are_refused(R, snr, message):
 
 
 AXES = ((1.0, 0.0), (0.0, 1.0))
-TURNED = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, stay=0.97)
 IN_LINE = ((2088.0, 1470.5), (2078.0, 1470.5))  # antennas on a line along x
 
 
@@ -292,7 +296,7 @@ def pointed(state, receivers=RX, axes=AXES):
 def test_with_directions_a_track_starts_at_its_target_alone(place, error_snr):
     """Two orthogonal arrays leave one position, and its covariance is that of all measured quantities together."""
     state = np.array([*place, 3.0, -2.0])
-    tracker = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, stay=0.97, error_snr=error_snr)
+    tracker = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, stay=0.97, vaguest=8.0, error_snr=error_snr)
     tracks = tracker.scan(tracker.empty(1), *pointed(state), R, SNR)
     (slot,) = np.flatnonzero(tracks.status[0])
     x, P = (leaf[0, slot] for leaf in tracks.combined())
