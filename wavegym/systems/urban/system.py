@@ -158,8 +158,8 @@ class Urban(System, DecisionMakers, TimedPulses):
     )
     error_snr: Literal["mean", "realised"] = parameter(
         "mean",
-        "eta that sets errors of detected echoes and the tracker's covariances: the mean, or that of the scan given the "
-        "detection, at least 1; with fidelity='signal' only covariances that the tracker makes, not those of peaks",
+        "eta that sets errors of detected echoes and the tracker's covariances: the mean, or that of the scan given "
+        "the detection, at least 1; with fidelity='signal' only covariances that the tracker makes, not those of peaks",
         unit="",
         truth=True,
     )
