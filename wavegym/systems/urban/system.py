@@ -67,7 +67,8 @@ class Urban(System, DecisionMakers, TimedPulses):
         a transmitter by a target, over up to two walls, with Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or
         ``searched`` name another law. The path is measured in
         range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for range-rate, and in direction of
-        arrival; eta falls with the fourth power of the half path length and by a factor of .4 at each wall. Each
+        arrival. eta is its mean, unless ``error_snr`` names that of the scan; the mean falls with the fourth power of
+        the half path length and by a factor of .4 at each wall. Each
         receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between its
         line and the direction, with variance 12 / (pi^2 (3^2 - 1) eta), and cannot tell a direction from its mirror
         image in the line: the lines of two receivers stand at right angles. There are false returns. Random
@@ -164,8 +165,8 @@ class Urban(System, DecisionMakers, TimedPulses):
     )
     error_snr: Literal["mean", "realised"] = parameter(
         "mean",
-        "SNR that sets the errors of a detected echo: its mean, or that of the scan, given the detection, at least 1; "
-        "the tracker's covariances follow; with fidelity='signal' these alone, as signals have errors of their own",
+        "eta that sets errors of detected echoes and the tracker's covariances: the mean, or that of the scan given "
+        "the detection, at least 1; with fidelity='signal' only covariances that the tracker makes, not those of peaks",
         unit="",
         truth=True,
     )
