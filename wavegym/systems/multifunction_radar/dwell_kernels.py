@@ -36,9 +36,9 @@ from wavegym.systems.multifunction_radar.track_kernels import (
     trace_at,
     update_slot,
 )
+from wavegym.trackers.imm_kernels import LOG_2PI
 from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
 
-LOG_2PI = np.log(2.0 * np.pi)
 MOST_FOUND = 32  # detections of a dwell
 
 
@@ -212,21 +212,28 @@ def rate_of_cost(time, slots, undetected, modes, most):
 
 
 @kernel
-def search(time, slots, sector, turn, undetected, truth, key, seconds, laws):
-    """Search one beam of a sector: tracks in the beam are updated or missed, other findings begin tracks.
+def sense(key, truth, axis, seconds, threshold, beam):
+    """A dwell's findings: their number, the echoes and false alarms (f, 3), and that no slot has used any (f,).
 
     truth: x (g, n), here (g,) and the seconds since their cell began.
     """
-    threshold, modes, beam, area = laws
-    (sectors, bins), (x, here, late) = undetected.shape, truth
-    axis = -area.half_sector + (sector + (turn + 0.5) / area.beams) * 2.0 * area.half_sector / sectors
-    found, used = np.empty((MOST_FOUND, 3)), np.zeros(MOST_FOUND, np.bool_)
+    found, (x, here, late) = np.empty((MOST_FOUND, 3)), truth
     count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
     count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
+    return count, found, np.zeros(MOST_FOUND, np.bool_)
+
+
+@kernel
+def search(time, slots, sector, turn, undetected, truth, key, seconds, laws):
+    """Search one beam of a sector: tracks in the beam are updated or missed, other findings begin tracks."""
+    threshold, modes, beam, area = laws
+    sectors, bins = undetected.shape
+    axis = -area.half_sector + (sector + (turn + 0.5) / area.beams) * 2.0 * area.half_sector / sectors
+    findings = sense(key, truth, axis, seconds, threshold, beam)
     for k in range(len(slots.existence)):
         if slots.existence[k] > 0.0 and abs(wrapped(azimuth_of(k, time, slots)[0] - axis)) <= REACH * beam.width:
-            look_for(k, time, slots, axis, seconds, threshold, modes, beam, (count, found, used))
-    begin_tracks(time, slots, (count, found, used), undetected, seconds, threshold, modes, beam, area)
+            look_for(k, time, slots, axis, seconds, threshold, modes, beam, findings)
+    begin_tracks(time, slots, findings, undetected, seconds, threshold, modes, beam, area)
     for b in range(bins):
         pd = detection(energy(middle_of(b, bins, area), 0.0, seconds, beam), threshold)
         undetected[sector, b] *= 1.0 - pd / area.beams
@@ -235,9 +242,7 @@ def search(time, slots, sector, turn, undetected, truth, key, seconds, laws):
 @kernel
 def update(time, slots, k, truth, key, seconds, laws):
     """Point the beam at track k and look for it."""
-    (threshold, modes, beam, _), (x, here, late) = laws, truth
-    found, used = np.empty((MOST_FOUND, 3)), np.zeros(MOST_FOUND, np.bool_)
+    threshold, modes, beam, _ = laws
     axis = azimuth_of(k, time, slots)[0]
-    count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
-    count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
-    look_for(k, time, slots, np.nan, seconds, threshold, modes, beam, (count, found, used))
+    findings = sense(key, truth, axis, seconds, threshold, beam)
+    look_for(k, time, slots, np.nan, seconds, threshold, modes, beam, findings)

@@ -19,7 +19,7 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.trackers.imm_kernels import combine_one, mix_one, reweigh_one
+from wavegym.trackers.imm_kernels import combine_one, mix_one, reweigh_one, squared_length
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
 
 NN, MM = (0, 0, 0, 0), (0, 0)  # the state's and the modes' sizes, known when compiling
@@ -136,8 +136,8 @@ def distance_to(mean, covariance, r, azimuth, variance, h, H):
         for b in PLACE:
             s01 += H[0, a] * covariance[0, a, b] * H[1, b]
     d0, d1 = r - h[0], wrapped(azimuth - h[1])
-    determinant = s00 * s11 - s01 * s01
-    return (s11 * d0 * d0 - 2.0 * s01 * d0 * d1 + s00 * d1 * d1) / determinant, np.log(determinant)
+    squared, determinant = squared_length(d0, d1, s00, s01, s11)
+    return squared, np.log(determinant)
 
 
 @kernel
