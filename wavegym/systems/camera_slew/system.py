@@ -202,7 +202,7 @@ class CameraSlew(
             horizon=self.horizon, dt=self.dt, q=1.0, turn_rate=self.turn_rate, carrier_hz=self.carrier_hz,
             fft_length=self.fft_length, pixels=self.pixels, platforms=self.platforms,
             starts=((0.0, 0.0, self.ranges[1], 0.0),) * self.targets, prior_variance=self.prior_variance,
-            prf=(self.prf, 2.0 * self.prf), bandwidth=(0.5 * self.bandwidth, self.bandwidth),
+            prf=(self.prf, 1.001 * self.prf), bandwidth=(0.5 * self.bandwidth, self.bandwidth),
             pixel_angle=(angle, 2.0 * angle), penalty="hard",
             iterations=self.iterations, weights=self.weights, nearest_range=self.nearest_range,
         )  # fmt: skip
