@@ -174,6 +174,10 @@ def test_delays_are_those_of_every_element_by_itself():
         (lambda: ArrayReceiver(LONG.train, CARRIER, -1.0, 300.0), "sample_rate is -1.0"),
         (lambda: ArrayReceiver(LONG.train, CARRIER, BAND, 300.0, elements=0), "elements is 0"),
         (
+            lambda: ArrayReceiver(LONG.train, CARRIER, BAND, 300.0, elements=10**7),
+            r"samples of a scan .* expected a number in \[0, 1e\+08\]",
+        ),
+        (
             lambda: ArrayReceiver(LONG.train, CARRIER, 1e6, 300.0),
             "sample_rate is 1000000.0 Hz, expected at least 6 tim",
         ),

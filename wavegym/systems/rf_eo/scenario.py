@@ -278,9 +278,10 @@ class PlatformScenario(System, PlaysRecordings):
     @property
     def timings(self) -> dict[str, PulseTiming]:
         """A train at each PRF of the library: of pulses of ``duty`` with folding, else of 1/B, the shortest."""
+        lasts = self.folding and self.duty > 0.0
         return {
             f"{prf:.4g} Hz": PulseTiming(
-                duration=self.duty / prf if self.folding else 1.0 / self.bandwidth[1],
+                duration=self.duty / prf if lasts else 1.0 / self.bandwidth[1],
                 carrier_hz=self.carrier_hz,
                 interval=1.0 / prf,
                 count=self.fft_length,
@@ -291,7 +292,7 @@ class PlatformScenario(System, PlaysRecordings):
     @property
     def duration_means(self) -> str:
         """See ``TimedPulses``."""
-        if self.folding:
+        if self.folding and self.duty > 0.0:
             return "A pulse lasts the share `duty` of the interval."
         return "A pulse lasts 1/B of the greatest bandwidth, the shortest that has it."
 
