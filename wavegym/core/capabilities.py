@@ -150,6 +150,44 @@ class Spending(Capability, members=("spending",)):
         """What each candidate takes from the account, (candidate,)."""
 
 
+class UnequalSteps(Capability, members=("duration", "gain_per_second"), shortcut_for=("predict", "cost")):
+    """Steps whose lengths the actions choose. The cost of a step is that of its whole duration.
+
+    Evaluation then means by time: the summed cost over the summed duration. The one-step scheduler takes the candidate
+    of the greatest gain per second, because the costs of steps of different lengths cannot be compared.
+    """
+
+    @abstractmethod
+    def duration(self, belief: Any) -> Array:
+        """Seconds of the last step, (env,) or (env, candidate)."""
+
+    @abstractmethod
+    def gain_per_second(self, belief: Any) -> Array:
+        """What each candidate's step takes off the cost of the time after it, over its duration, (env, candidate)."""
+
+
+class TrackSlots(Capability, members=("slots_now", "dwells"), shortcut_for=("predict",)):
+    """Tracks in numbered slots, and one beam that updates a track or searches a sector, a dwell at a time.
+
+    ``gain_per_second`` of a system with it takes ``ahead``, the seconds that count after an update, and ``worth``, that
+    of a target which a search finds, as a number of seconds in which it would be charged in full.
+    """
+
+    @abstractmethod
+    def slots_now(self, belief: Any) -> Array:
+        """What is known of each slot now, (env, slot, column); all 0 where it is free.
+
+        Columns: probability of existence, range (m), azimuth (rad), standard deviation of the azimuth in beam widths,
+        that of the position (m) and of the velocity (m/s), seconds since the last update, expected density of the
+        acceleration (m^2/s^3), and E/N0 of a second of transmission.
+        """
+
+    @property
+    @abstractmethod
+    def dwells(self) -> Any:
+        """What each candidate does, a ``wavegym.systems.multifunction_radar.actions.Dwells``."""
+
+
 class MostInformation(Capability, members=("most_information",), shortcut_for=("information",)):
     """Fisher information of every target, and the actions of the most of it.
 
@@ -317,6 +355,8 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     GainByTarget,
     Delay,
     Spending,
+    UnequalSteps,
+    TrackSlots,
     MostInformation,
     Margin,
     InnovationCovariance,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import BestAction, Capability, Margin, offers, why_not
+from wavegym.core.capabilities import BestAction, Capability, Margin, UnequalSteps, offers, why_not
 from wavegym.core.errors import InputError, check_choice, check_non_negative
 from wavegym.core.system import System
 
@@ -44,6 +44,12 @@ def mean_trace(system: Any, belief: Any, candidates: Array) -> Array:
     with its probability of existence. Where none can be lost, this is the cost.
     """
     return system.trace(system.predict(belief, candidates))
+
+
+def gain_per_second(system: Any, belief: Any, candidates: Array) -> Array:
+    """Minus the gain per second, which stands for the cost where steps differ in length."""
+    gain: Array = system.gain_per_second(belief)
+    return -gain[:, candidates[0]]
 
 
 OBJECTIVES: dict[str, Objective] = {
@@ -84,6 +90,8 @@ class Myopic:
         if self.margin is not None:
             require(f"myopic-margin:{self.margin:g}", system, Margin)
             self._system = replace(system, margin=self.margin)  # type: ignore[call-arg]
+        if self.objective is trace and offers(system, UnequalSteps):
+            self.objective = gain_per_second
         self._searches = self.fused and self.objective is trace and offers(self._system, BestAction)
         self._candidates: Array | None = None  # computed on demand: the system's own search may not need them
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.policy import Clairvoyant, Policy
 from wavegym.core.system import System
 
@@ -16,12 +17,13 @@ class Rollout(NamedTuple):
 
     cost: Array  # (env, H) cost after each step; 0 after an early end
     steps: Array  # (env,) steps to the episode's end
+    span: Array  # (env,) what the mean cost is over: steps, or seconds where they differ in length
     actions: Array  # (env, H, ...)
 
     @property
     def mean_cost(self) -> Array:
-        """Mean cost per step, (env,)."""
-        return self.cost.sum(axis=1) / self.steps
+        """Mean cost per step, or per second where steps differ in length, (env,)."""
+        return self.cost.sum(axis=1) / self.span
 
 
 def allowed(system: System, belief: Any) -> Array | None:
@@ -41,11 +43,23 @@ def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator
     if isinstance(policy, Clairvoyant):
         policy.reveal(world)
     costs, actions, steps = [], [], np.zeros(len(state.belief.step), np.int64)
+    span = np.zeros(len(steps))
     for _ in range(system.horizon):
         over = system.terminal(state.belief)
+        if over.all():
+            break
         steps += ~over
         action = policy.act(state.belief, None, allowed(system, state.belief))
         state = system.transition(state, action, world)
         costs.append(np.where(over, 0.0, system.cost(state.belief)))
+        span += np.where(over, 0.0, step_lengths(system, state.belief))
         actions.append(action)
-    return Rollout(np.stack(costs, axis=1), steps, np.stack(actions, axis=1))
+    return Rollout(np.stack(costs, axis=1), steps, span, np.stack(actions, axis=1))
+
+
+def step_lengths(system: System, belief: Any) -> Array:
+    """How much the last step counts in a mean over an episode, (env,): 1, or its seconds where steps differ."""
+    if offers(system, UnequalSteps):
+        lengths: Array = system.duration(belief)  # type: ignore[attr-defined]
+        return lengths
+    return np.ones(len(belief.step))

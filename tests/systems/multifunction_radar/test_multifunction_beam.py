@@ -47,38 +47,47 @@ def test_detections_and_errors_are_those_of_echo_plus_noise(r, off):
 
 def test_no_echo_from_beside_the_beam_or_of_an_absent_target():
     x = np.array([[8e3 * np.sin(a), 0.0, 8e3 * np.cos(a), 0.0] for a in (0.0, 1.6 * WIDTH)])
-    found = np.empty((4, 3))
+    found = np.empty((4, 4))
     assert beams.echoes(np.uint64(1), x, np.array([True, True]), 0.0, 0.0, 10e-3, T, BEAM, found) == 1
     assert beams.echoes(np.uint64(1), x, np.array([False, True]), 0.0, 0.0, 10e-3, T, BEAM, found) == 0
 
 
-@pytest.mark.parametrize("share", [0.02, 0.1, 0.25, 0.4])
-def test_expected_detection_is_the_integral_over_the_pointing_error(share):
-    """Five nodes of Gauss and Hermite against adaptive quadrature, up to pointing errors of four tenths of a width."""
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.25, 0.4, 1.0, 3.0])
+@pytest.mark.parametrize("off", [0.0, 0.4 * WIDTH])
+def test_expected_detection_is_the_integral_over_the_pointing_error(share, off):
+    """Both quadratures against an adaptive one, from narrow distributions to those of three beam widths."""
     sigma, r = share * WIDTH, 15e3
 
     def over(f):
-        return quad(lambda u: norm.pdf(u) * f(u), -9.0, 9.0, epsabs=1e-12, limit=200)[0]
+        return quad(lambda u: norm.pdf(u) * f(u), -9.0, 9.0, epsabs=1e-12, limit=200, points=np.linspace(-8, 8, 17))[0]
 
     def chance(u):
-        return float(beams.detection(beams.energy(r, u * sigma, 10e-3, BEAM), T))
+        return float(beams.detection(beams.energy(r, off + u * sigma, 10e-3, BEAM), T))
 
-    pd, ratio = beams.expected_detection(r, sigma**2, 10e-3, T, BEAM)
+    pd, ratio = beams.expected_detection(r, off, sigma**2, 10e-3, T, BEAM)
     assert pd == pytest.approx(over(chance), abs=0.02)
     assert ratio == pytest.approx(over(lambda u: u * u * (1 - chance(u))) / over(lambda u: 1 - chance(u)), rel=0.1)
-    assert ratio >= 1.0
+
+
+def test_coverage_is_the_integral_over_the_azimuth():
+    def chance(u):
+        return float(beams.detection(beams.energy(15e3, u * WIDTH, 10e-3, BEAM), T))
+
+    assert beams.coverage(15e3, 10e-3, T, BEAM) == pytest.approx(quad(chance, -4.0, 4.0)[0], rel=0.01)
+    nothing = 2 * beams.REACH * np.exp(-T)  # false alarms
+    assert beams.coverage(1e7, 10e-3, T, BEAM) == pytest.approx(nothing * 13 / 12, rel=1e-6)
 
 
 def test_false_alarms_are_as_many_as_cells_pass_the_threshold():
-    found, counts, places = np.empty((32, 3)), [], []
+    found, counts, places = np.empty((32, 4)), [], []
     for i in range(4000):
         count = beams.false_alarms(np.uint64(i), 0.3, 5e3, 40e3, T, BEAM, found, 0)
         counts.append(count)
         places.append(found[:count].copy())
     expected = 1e-4 * 35e3 / 150.0
     assert abs(np.mean(counts) - expected) < 5 * np.sqrt(expected / 4000)
-    r, azimuth, z = np.concatenate(places).T
-    assert ((r >= 5e3) & (r <= 40e3) & (np.abs(azimuth - 0.3) <= 0.5 * WIDTH) & (z > T)).all()
+    r, azimuth, z, origin = np.concatenate(places).T
+    assert ((r >= 5e3) & (r <= 40e3) & (np.abs(azimuth - 0.3) <= 0.5 * WIDTH) & (z > T) & (origin == -1)).all()
     assert beams.false_density(T, BEAM) * 35e3 * WIDTH == pytest.approx(expected, rel=1e-12)
 
 

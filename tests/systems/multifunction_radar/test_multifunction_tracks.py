@@ -23,7 +23,7 @@ def some_slots(rng, count=3):
     probability = rng.dirichlet([2.0, 2.0], count)
     slots = tracks.Slots(
         np.zeros(count), np.empty((count, 2, 4)), np.empty((count, 2, 4, 4)), np.empty((count, 2)),
-        np.full(count, 0.9), np.empty((count, 4))
+        np.full(count, 0.9), np.empty((count, 10))
     )  # fmt: skip
     for k in range(count):
         tracks.keep_slot(
@@ -65,24 +65,34 @@ def predicted(slots, k, time):
 
 
 @pytest.mark.parametrize("seconds", [1e-3, 0.02, 0.5, 4.0, 30.0])
-def test_the_trace_between_updates_is_that_of_the_mode_switching_process(seconds):
-    """Against the integral of the expected density, whose mode probabilities come from a matrix exponential."""
-    p, c, v, first = 900.0, 40.0, 300.0, np.array([0.7, 0.3])
-
-    def density(u):
-        return float(first @ expm(GENERATOR * u) @ np.array(MODES.density))
-
-    grown = 2.0 * quad(lambda u: (seconds - u) ** 2 * density(u), 0.0, seconds, epsrel=1e-12)[0]
-    got = tracks.trace_at(p, c, v, density(0.0), MODES, seconds)
-    assert got == pytest.approx(p + 2 * c * seconds + v * seconds**2 + grown, rel=1e-10)
-
-
-def test_a_kept_slot_has_the_moments_of_its_mixture():
+def test_the_spread_between_updates_is_that_of_the_mode_switching_process(seconds):
+    """Of a kept mixture: its straight flight, and the integral of the density expected by a matrix exponential."""
     slots = some_slots(np.random.default_rng(0))
+    F = np.kron(np.eye(2), [[1.0, seconds], [0.0, 1.0]])
     for k in range(3):
-        _, P = mixture(slots.probability[k], slots.mean[k], slots.covariance[k])
-        want = [P[0, 0] + P[2, 2], P[0, 1] + P[2, 3], P[1, 1] + P[3, 3], slots.probability[k] @ np.array(MODES.density)]
-        np.testing.assert_allclose(slots.moments[k], want, rtol=1e-12)
+        first = slots.probability[k]
+
+        def density(u, first=first):
+            return float(first @ expm(GENERATOR * u) @ np.array(MODES.density))
+
+        grown = quad(lambda u: (seconds - u) ** 2 * density(u), 0.0, seconds, epsrel=1e-12)[0]
+        P = F @ mixture(first, slots.mean[k], slots.covariance[k])[1] @ F.T
+        want = [P[0, 0] + grown, P[0, 2], P[2, 2] + grown]
+        np.testing.assert_allclose(tracks.spread_at(slots.moments[k], MODES, seconds), want, rtol=1e-9)
+
+
+def test_first_tracks_are_around_the_truth_of_the_known():
+    slots = some_slots(np.random.default_rng(0))
+    slots.existence[:] = 0.0
+    rng = np.random.default_rng(1)
+    x, error, origin = rng.normal(0, 1e3, (4, 4)), rng.normal(0, 1, (4, 4)), np.full(3, -1)
+    here, known, sd = np.array([1, 1, 0, 1], bool), np.array([0, 1, 1, 1], bool), np.array([100.0, 30.0, 100.0, 30.0])
+    tracks.first_slots(x, here, known, error, MODES, np.array([1e4, 900.0]), slots, origin)
+    np.testing.assert_array_equal(origin, [1, 3, -1])
+    np.testing.assert_array_equal(slots.existence, [1, 1, 0])
+    for k, g in ((0, 1), (1, 3)):
+        np.testing.assert_allclose(slots.mean[k], np.tile(x[g] + sd * error[g], (2, 1)), rtol=1e-12)
+        np.testing.assert_array_equal(slots.covariance[k], np.tile(np.diag(sd**2), (2, 1, 1)))
 
 
 @pytest.mark.parametrize("seconds", [0.003, 1.0, 8.0])

@@ -1,6 +1,7 @@
 """The beam of the multifunction radar in compiled form: energy, detections, errors, and what a miss says.
 
-Shapes: g targets, f findings of a dwell: range (m), azimuth (rad) and z. S: mean E/N0 of the echo, of which the
+Shapes: g targets, f findings of a dwell: range (m), azimuth (rad), z, and the number of the target, -1 for a false
+alarm, which only the truth reads. S: mean E/N0 of the echo, of which the
 receiver sees z, the power of echo and noise together. Both are complex normal (Swerling 1), so z is exponential with
 mean 1 + S, the probability of z > T is exp(-T / (1 + S)), and beyond T the rest of z is exponential again. Errors of
 range and azimuth are those of a monopulse and a matched filter at the power that was seen: variances proportional to
@@ -22,6 +23,8 @@ TWO_WAY = 8.0 * np.log(2.0)  # loss of a pointing error d: exp(-TWO_WAY d^2 / B^
 REACH = 1.5  # beam widths off the axis beyond which no echo is seen: the loss is 54 dB there
 NODES = np.array([-2.8569700138728056, -1.3556261799742659, 0.0, 1.3556261799742659, 2.8569700138728056])
 WEIGHTS = np.array([0.011257411327720691, 0.22207592200561266, 8.0 / 15.0, 0.22207592200561266, 0.011257411327720691])
+NARROW = 0.25  # standard deviation in beam widths below which that quadrature is used
+STEPS = 6  # of the trapezoidal rule from the axis to ``REACH``
 FALSE = 10_000  # number of the stream of false alarms within a dwell's key
 
 
@@ -54,24 +57,41 @@ def detection(S, threshold):
 
 
 @kernel
-def expected_detection(r, variance, seconds, threshold, beam):
-    """Probability of detection where the azimuth has this variance about the beam's axis, and what a miss says.
+def expected_detection(r, off, variance, seconds, threshold, beam):
+    """Probability of detection where the azimuth has a mean ``off`` the beam's axis and a variance; what a miss says.
 
-    The second value is the variance of the azimuth given a miss, over that before. Gauss-Hermite quadrature of five
-    nodes.
+    The second value is the mean square distance from that mean given a miss, over the variance. A narrow distribution
+    is integrated by Gauss-Hermite quadrature, a wide one by the trapezoidal rule over the beam.
     """
-    sigma, missed, square, pd = np.sqrt(variance), 0.0, 0.0, 0.0
-    for i in range(len(NODES)):
-        chance = detection(energy(r, NODES[i] * sigma, seconds, beam), threshold)
-        pd += WEIGHTS[i] * chance
-        missed += WEIGHTS[i] * (1.0 - chance)
-        square += WEIGHTS[i] * NODES[i] * NODES[i] * (1.0 - chance)
-    return pd, square / missed if missed > 0.0 else 1.0
+    sigma, square, pd = np.sqrt(variance), 1.0, 0.0
+    if sigma < NARROW * beam.width:
+        for i in range(len(NODES)):
+            chance = detection(energy(r, off + NODES[i] * sigma, seconds, beam), threshold)
+            pd += WEIGHTS[i] * chance
+            square -= WEIGHTS[i] * NODES[i] * NODES[i] * chance
+    else:
+        apart = REACH * beam.width / STEPS
+        for i in range(-STEPS, STEPS + 1):
+            u = (i * apart - off) / sigma
+            weight = apart / sigma * np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi)
+            chance = detection(energy(r, i * apart, seconds, beam), threshold)
+            pd += weight * chance
+            square -= weight * u * u * chance
+    return pd, square / (1.0 - pd) if pd < 1.0 else 1.0
+
+
+@kernel
+def coverage(r, seconds, threshold, beam):
+    """Integral of the probability of detection over the azimuth, in beam widths."""
+    apart, total = REACH / STEPS, 0.0
+    for i in range(-STEPS, STEPS + 1):
+        total += apart * detection(energy(r, i * apart * beam.width, seconds, beam), threshold)
+    return total
 
 
 @kernel
 def echoes(key, x, here, late, axis, seconds, threshold, beam, found):
-    """Detections of true targets x (g, n), flown on for ``late`` s; fills found (f, 3), returns their number."""
+    """Detections of true targets x (g, n), flown on for ``late`` s; fills found (f, 4), returns their number."""
     count = 0
     for g in range(len(here)):
         if not here[g] or count == len(found):
@@ -88,7 +108,7 @@ def echoes(key, x, here, late, axis, seconds, threshold, beam, found):
             spread = np.sqrt(0.5 / z)
             found[count, 0] = r + beam.range_error * spread * normal(own, 2)
             found[count, 1] = azimuth + beam.angle_error * spread * normal(own, 3)
-            found[count, 2] = z
+            found[count, 2], found[count, 3] = z, g
             count += 1
     return count
 
@@ -103,7 +123,7 @@ def false_alarms(key, axis, low, high, threshold, beam, found, count):
             break
         found[count, 0] = low + (high - low) * uniform(own, 4 * i + 1)
         found[count, 1] = axis + beam.width * (uniform(own, 4 * i + 2) - 0.5)
-        found[count, 2] = threshold + exponential(own, 4 * i + 3)
+        found[count, 2], found[count, 3] = threshold + exponential(own, 4 * i + 3), -1.0
         count, i = count + 1, i + 1
     return count
 

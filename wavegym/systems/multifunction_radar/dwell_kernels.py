@@ -1,9 +1,12 @@
 """Dwells of the multifunction radar in compiled form: what an update or a search does to tracks and to the undetected.
 
 Shapes: e environments, k slots, s sectors, b range bins, f findings; see ``track_kernels`` and ``beam_kernels``.
-``undetected`` (s, b): the expected number of targets without a track. It is a Poisson intensity: targets come at the
-outer edge, move between neighbouring cells at the rates of an isotropic flow, leave at the edges, and are fewer after
-a search.
+``undetected`` (s, b): the expected number of targets without a track. It is a Poisson intensity: targets move between
+neighbouring cells at the rates of an isotropic flow, and are fewer after a search. Outside the region the intensity is
+that of the traffic as a whole, so as many targets come over the edges as belong to it.
+
+truth, as dwells read it: the beam as it is; x (g, n), here (g,), the seconds since their cell began; and origin (k,),
+the target whose echo a slot has used last, -1 for a false alarm, which dwells write.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -17,9 +20,7 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.multifunction_radar.beam_kernels import (
     REACH,
-    detection,
     echoes,
-    energy,
     errors,
     expected_detection,
     false_alarms,
@@ -33,13 +34,14 @@ from wavegym.systems.multifunction_radar.track_kernels import (
     keep_slot,
     look_at,
     predict_slot,
-    trace_at,
+    spread_at,
     update_slot,
 )
 from wavegym.trackers.imm_kernels import LOG_2PI
 from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
 
 MOST_FOUND = 32  # detections of a dwell
+WIDEST = 4.0  # trace of the position's covariance over c0 from which a track is dropped; from 1 on it is not reported
 
 
 class Area(NamedTuple):
@@ -49,7 +51,7 @@ class Area(NamedTuple):
     nearest: float  # m
     farthest: float  # m
     beams: int  # of a sector
-    births: float  # targets that come to a sector, 1/s
+    traffic: float  # targets for each square metre where nobody looks
     radial: float  # flow to the next bin on either side, 1/s
     lateral: float  # flow to the next sector on either side times the range, m/s
     dropped: float  # existence below which a track is dropped
@@ -70,24 +72,28 @@ def middle_of(b, bins, area):
     return area.nearest + (b + 0.5) * (area.farthest - area.nearest) / bins
 
 
+@inlined
+def usual_number(b, shape, area):
+    """Targets in a cell of bin b where nobody looks."""
+    sectors, bins = shape
+    deep = (area.farthest - area.nearest) / bins
+    return area.traffic * deep * middle_of(b, bins, area) * 2.0 * area.half_sector / sectors
+
+
 @kernel
 def drift(undetected, seconds, area, before):
     """Move the intensity (s, b) on by ``seconds``, a short time against one over the rates; before: scratch space."""
     sectors, bins = undetected.shape
     before[:] = undetected
     for b in range(bins):
-        lateral = area.lateral / middle_of(b, bins, area)
+        lateral, usual = area.lateral / middle_of(b, bins, area), usual_number(b, undetected.shape, area)
         for s in range(sectors):
-            flow = area.births if b == bins - 1 else 0.0
+            inner = before[s, b - 1] if b > 0 else usual_number(-1, undetected.shape, area)
+            outer = before[s, b + 1] if b < bins - 1 else usual_number(bins, undetected.shape, area)
+            left = before[s - 1, b] if s > 0 else usual
+            right = before[s + 1, b] if s < sectors - 1 else usual
+            flow = area.radial * (inner + outer) + lateral * (left + right)
             flow -= 2.0 * (area.radial + lateral) * before[s, b]
-            if b > 0:
-                flow += area.radial * before[s, b - 1]
-            if b < bins - 1:
-                flow += area.radial * before[s, b + 1]
-            if s > 0:
-                flow += lateral * before[s - 1, b]
-            if s < sectors - 1:
-                flow += lateral * before[s + 1, b]
             undetected[s, b] = before[s, b] + seconds * flow
 
 
@@ -119,10 +125,9 @@ def miss(k, time, slots, modes, prediction, pd, ratio):
 
 @kernel
 def look_for(k, time, slots, pointing, seconds, threshold, modes, beam, findings):
-    """A dwell whose beam covers slot k: the nearest finding in its gate that no other slot has used, or none.
+    """A dwell whose beam covers slot k: the nearest finding in its gate that no other slot has used; -1 for none.
 
-    pointing: the beam's axis; NaN: it points where the track is predicted. findings: their number, the findings
-    (f, 3), and which are used (f,).
+    pointing: the beam's axis. findings: their number, the findings (f, 4), and which are used (f,).
     """
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
     mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
@@ -130,10 +135,8 @@ def look_for(k, time, slots, pointing, seconds, threshold, modes, beam, findings
     count, found, used = findings
     predict_slot(k, time, slots, modes, x, P, mu, mean, covariance)
     look_at(mean, 0, h, H)
-    if np.isnan(pointing):
-        pd, ratio = expected_detection(h[0], gain_one(0, covariance, H, 1, v, NN, PLACE), seconds, threshold, beam)
-    else:
-        pd, ratio = detection(energy(h[0], wrapped(h[1] - pointing), seconds, beam), threshold), 1.0
+    across = gain_one(0, covariance, H, 1, v, NN, PLACE)
+    pd, ratio = expected_detection(h[0], wrapped(h[1] - pointing), across, seconds, threshold, beam)
     best, least, log_det = -1, beam.gate, 0.0
     for f in range(count):
         if not used[f]:
@@ -143,10 +146,11 @@ def look_for(k, time, slots, pointing, seconds, threshold, modes, beam, findings
                 best, least, log_det = f, squared, log_determinant
     if best < 0:
         miss(k, time, slots, modes, (x, P, mu), pd, ratio)
-        return
+        return best
     used[best] = True
     errors(found[best, 2], beam, variance)
     hit(k, time, slots, modes, (x, P, mu), found[best], (least, log_det, pd, variance), threshold, beam)
+    return best
 
 
 @kernel
@@ -160,12 +164,13 @@ def azimuth_of(k, time, slots):
 
 
 @kernel
-def begin_tracks(time, slots, findings, undetected, seconds, threshold, modes, beam, area):
+def begin_tracks(time, slots, findings, undetected, origin, covers, laws):
     """A track in a free slot for every finding that no slot has used; no track where all slots are taken.
 
-    Its existence weighs the undetected targets expected there against false alarms.
+    Its existence weighs the undetected targets expected there against false alarms. covers: see ``search``.
     """
     (count, found, used), variance, k = findings, np.empty(2), 0
+    threshold, modes, beam, area = laws
     width = (area.farthest - area.nearest) / undetected.shape[1]
     for f in range(count):
         while k < len(slots.existence) and slots.existence[k] > 0.0:
@@ -173,22 +178,26 @@ def begin_tracks(time, slots, findings, undetected, seconds, threshold, modes, b
         if used[f] or k == len(slots.existence):
             continue
         s, b = cell_of(found[f, 0], found[f, 1], undetected.shape, area)
-        pd = detection(energy(found[f, 0], 0.0, seconds, beam), threshold)
-        expected = undetected[s, b] / area.beams * pd / (width * beam.width)
+        expected = undetected[s, b] / area.beams * covers[b] / (width * beam.width)
         errors(found[f, 2], beam, variance)
         begin_slot(k, time, slots, modes, found[f, 0], found[f, 1], variance, area.speed)
         slots.existence[k] = expected / (expected + false_density(threshold, beam))
+        origin[k] = found[f, 3]
 
 
 @kernel
-def drop_tracks(time, slots, undetected, area):
-    """Free the slots of little existence or out of the region; what existence they had is undetected again."""
+def drop_tracks(time, slots, undetected, modes, most, area):
+    """Free the slots of little existence, of too great a spread or out of the region.
+
+    The existence of a track that is dropped inside is undetected again.
+    """
     for k in range(len(slots.existence)):
         if slots.existence[k] == 0.0:
             continue
         azimuth, r = azimuth_of(k, time, slots)
         inside = area.nearest <= r <= area.farthest and abs(azimuth) <= area.half_sector
-        if slots.existence[k] < area.dropped or not inside:
+        xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
+        if slots.existence[k] < area.dropped or xx + yy > WIDEST * most or not inside:
             if inside:
                 s, b = cell_of(r, azimuth, undetected.shape, area)
                 undetected[s, b] += slots.existence[k]
@@ -197,7 +206,11 @@ def drop_tracks(time, slots, undetected, area):
 
 @kernel
 def rate_of_cost(time, slots, undetected, modes, most):
-    """The cost per second at ``time``: of every track e min(tr P, c0) + (1 - e) c0, of every undetected target c0."""
+    """The cost per second at ``time``: c0 for every undetected target, and for every slot as its track is reported.
+
+    A track that is reported costs e tr P + (1 - e) c0, one that is not e c0, and the lesser counts: the expected
+    squared GOSPA distance at the best choice of what to report.
+    """
     total = 0.0
     for s in range(undetected.shape[0]):
         for b in range(undetected.shape[1]):
@@ -205,44 +218,51 @@ def rate_of_cost(time, slots, undetected, modes, most):
     for k in range(len(slots.existence)):
         e = slots.existence[k]
         if e > 0.0:
-            p, c, v, q = slots.moments[k]
-            trace = trace_at(p, c, v, q, modes, time - slots.time[k])
-            total += e * min(trace, most) + (1.0 - e) * most
+            xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
+            total += min(e * (xx + yy) + (1.0 - e) * most, e * most)
     return total
 
 
 @kernel
-def sense(key, truth, axis, seconds, threshold, beam):
-    """A dwell's findings: their number, the echoes and false alarms (f, 3), and that no slot has used any (f,).
-
-    truth: x (g, n), here (g,) and the seconds since their cell began.
-    """
-    found, (x, here, late) = np.empty((MOST_FOUND, 3)), truth
+def sense(key, truth, axis, seconds, threshold):
+    """A dwell's findings: their number, the echoes and false alarms (f, 4), and that no slot has used any (f,)."""
+    found, (beam, x, here, late, _) = np.empty((MOST_FOUND, 4)), truth
     count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
     count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
     return count, found, np.zeros(MOST_FOUND, np.bool_)
 
 
+@inlined
+def axis_of(sector, turn, sectors, area):
+    """Azimuth of a sector's beam number ``turn``."""
+    return -area.half_sector + (sector + (turn + 0.5) / area.beams) * 2.0 * area.half_sector / sectors
+
+
 @kernel
-def search(time, slots, sector, turn, undetected, truth, key, seconds, laws):
-    """Search one beam of a sector: tracks in the beam are updated or missed, other findings begin tracks."""
+def search(time, slots, sector, turn, undetected, truth, key, seconds, covers, laws):
+    """Search one beam of a sector: tracks in the beam are updated or missed, other findings begin tracks.
+
+    covers (b,): ``coverage`` of the beam in each bin.
+    """
     threshold, modes, beam, area = laws
-    sectors, bins = undetected.shape
-    axis = -area.half_sector + (sector + (turn + 0.5) / area.beams) * 2.0 * area.half_sector / sectors
-    findings = sense(key, truth, axis, seconds, threshold, beam)
+    axis, origin = axis_of(sector, turn, len(undetected), area), truth[4]
+    findings = sense(key, truth, axis, seconds, threshold)
     for k in range(len(slots.existence)):
         if slots.existence[k] > 0.0 and abs(wrapped(azimuth_of(k, time, slots)[0] - axis)) <= REACH * beam.width:
-            look_for(k, time, slots, axis, seconds, threshold, modes, beam, findings)
-    begin_tracks(time, slots, findings, undetected, seconds, threshold, modes, beam, area)
-    for b in range(bins):
-        pd = detection(energy(middle_of(b, bins, area), 0.0, seconds, beam), threshold)
-        undetected[sector, b] *= 1.0 - pd / area.beams
+            used = look_for(k, time, slots, axis, seconds, threshold, modes, beam, findings)
+            if used >= 0:
+                origin[k] = findings[1][used, 3]
+    begin_tracks(time, slots, findings, undetected, origin, covers, laws)
+    for b in range(undetected.shape[1]):
+        undetected[sector, b] *= max(1.0 - covers[b] / area.beams, 0.0)
 
 
 @kernel
 def update(time, slots, k, truth, key, seconds, laws):
     """Point the beam at track k and look for it."""
     threshold, modes, beam, _ = laws
-    axis = azimuth_of(k, time, slots)[0]
-    findings = sense(key, truth, axis, seconds, threshold, beam)
-    look_for(k, time, slots, np.nan, seconds, threshold, modes, beam, findings)
+    axis, origin = azimuth_of(k, time, slots)[0], truth[4]
+    findings = sense(key, truth, axis, seconds, threshold)
+    used = look_for(k, time, slots, axis, seconds, threshold, modes, beam, findings)
+    if used >= 0:
+        origin[k] = findings[1][used, 3]

@@ -5,9 +5,11 @@ Shapes: k slots, m = 2 modes, n = 4 elements of [x xdot y ydot]. A slot keeps wh
 
 Where a target's acceleration is white with the density of its mode, the covariance of all modes together grows by
 the expected density: q(s) = q* + (q(0) - q*) exp(-rate s), with the stationary density q* and the rate of the Markov
-chain. So the trace of the position's covariance after s seconds is
+chain. So the covariance of the position after s seconds is
 
-    p + 2 c s + v s^2 + 2 (q* s^3 / 3 + (q(0) - q*) I(s)),    I(s) = integral of (s - u)^2 exp(-rate u) du over 0..s.
+    p + 2 c s + v s^2 + (q* s^3 / 3 + (q(0) - q*) I(s)) 1,    I(s) = integral of (s - u)^2 exp(-rate u) du over 0..s,
+
+with p, v the covariances of position and velocity at the last update and c the symmetric part of that between them.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -42,7 +44,7 @@ class Slots(NamedTuple):
     covariance: np.ndarray  # (k, m, n, n)
     probability: np.ndarray  # (k, m) of the modes
     existence: np.ndarray  # probability that there is a target; 0: the slot is free
-    moments: np.ndarray  # (k, 4): p, c, v and q(0) of the module's first lines
+    moments: np.ndarray  # (k, 10): xx, xy and yy of p, of c and of v of the module's first lines, then q(0)
 
 
 @inlined
@@ -71,12 +73,15 @@ def decayed_growth(rate, s):
     return (u * u - 2.0 * u - 2.0 * np.expm1(-u)) / (rate * rate * rate)
 
 
-@kernel
-def trace_at(p, c, v, q, modes, s):
-    """Trace of the position's covariance ``s`` seconds after it was p, with covariance c to the velocity's trace v."""
+@inlined
+def spread_at(moments, modes, s):
+    """xx, xy and yy of the position's covariance ``s`` seconds after the moments (10,)."""
     mean, rate = stationary_density(modes), modes.leave[0] + modes.leave[1]
-    growth = mean * s * s * s / 3.0 + (q - mean) * decayed_growth(rate, s)
-    return p + 2.0 * c * s + v * s * s + 2.0 * growth
+    growth = mean * s * s * s / 3.0 + (moments[9] - mean) * decayed_growth(rate, s)
+    xx = moments[0] + s * (2.0 * moments[3] + s * moments[6]) + growth
+    xy = moments[1] + s * (2.0 * moments[4] + s * moments[7])
+    yy = moments[2] + s * (2.0 * moments[5] + s * moments[8]) + growth
+    return xx, xy, yy
 
 
 @inlined
@@ -146,10 +151,11 @@ def keep_slot(k, time, slots, modes, x, P, mu):
     mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
     combine_one(0, x, P, mu, mean, covariance, NN, MM)
     slots.time[k], slots.mean[k], slots.covariance[k], slots.probability[k] = time, x, P, mu[0]
-    slots.moments[k, 0] = covariance[0, 0, 0] + covariance[0, 2, 2]
-    slots.moments[k, 1] = covariance[0, 0, 1] + covariance[0, 2, 3]
-    slots.moments[k, 2] = covariance[0, 1, 1] + covariance[0, 3, 3]
-    slots.moments[k, 3] = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
+    C, moments = covariance[0], slots.moments[k]
+    moments[0], moments[1], moments[2] = C[0, 0], C[0, 2], C[2, 2]
+    moments[3], moments[4], moments[5] = C[0, 1], 0.5 * (C[0, 3] + C[1, 2]), C[2, 3]
+    moments[6], moments[7], moments[8] = C[1, 1], C[1, 3], C[3, 3]
+    moments[9] = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
 
 
 @kernel
@@ -189,3 +195,23 @@ def begin_slot(k, time, slots, modes, r, azimuth, variance, speed):
         P[j, 0, 2] = P[j, 2, 0] = (along - across) * s * c
         P[j, 1, 1] = P[j, 3, 3] = speed * speed
     keep_slot(k, time, slots, modes, x, P, mu)
+
+
+@kernel
+def first_slots(x, here, known, error, modes, variance, slots, origin):
+    """Begin a track of every known target (g,) that is here, with estimates around x (g, n), and note whose it is.
+
+    error (g, n) is standard normal. variance (2,): of position and velocity on each axis.
+    """
+    k, P, mu, mean = 0, np.zeros((2, 4, 4)), np.empty((1, 2)), np.empty((2, 4))
+    for j in range(2):
+        mu[0, j] = modes.leave[1 - j] / (modes.leave[0] + modes.leave[1])
+        for a in range(4):
+            P[j, a, a] = variance[a % 2]
+    for g in range(len(here)):
+        if here[g] and known[g] and k < len(slots.existence):
+            for a in range(4):
+                mean[:, a] = x[g, a] + np.sqrt(variance[a % 2]) * error[g, a]
+            keep_slot(k, 0.0, slots, modes, mean, P, mu)
+            slots.existence[k], origin[k] = 1.0, g
+            k += 1

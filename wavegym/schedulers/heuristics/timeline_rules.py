@@ -1,0 +1,186 @@
+"""Rules for one beam on a time line: which track to update next, or which sector to search.
+
+They are for systems that offer ``UnequalSteps`` and ``TrackSlots``. All choose among tracks by what is known of each
+slot; a track of existence below ``CONFIRMED`` is tentative.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.capabilities import TrackSlots, UnequalSteps
+from wavegym.core.system import System
+from wavegym.schedulers.heuristics.base import Heuristic, greatest
+
+CONFIRMED = 0.9
+EXISTENCE, POINTING, POSITION, AGE, SNR = 0, 3, 4, 6, 8  # columns of ``slots_now``
+
+
+class TimelineRule(Heuristic):
+    """Base class: what all rules read."""
+
+    needs = (UnequalSteps, TrackSlots)
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        super().begin(system, num_envs, rng)
+        self.dwells = self.system.dwells
+        self.durations = self.dwells.menu[3]
+
+    def most_urgent(self, urgency: Array, dwell: Array | int, otherwise: Array) -> Array:
+        """Updates of the slots of the greatest urgency (env, slot) where it is 0 or more; else ``otherwise`` (env,).
+
+        dwell: of each slot's update, (env, slot), or one for all.
+        """
+        slot, rows = urgency.argmax(axis=1), np.arange(len(urgency))
+        dwells = np.broadcast_to(dwell, urgency.shape)
+        update: Array = self.dwells.update(slot, dwells[rows, slot])
+        return np.where(urgency[rows, slot] >= 0.0, update, otherwise)
+
+    def most_promising_search(self, belief: Any, dwell: int) -> Array:
+        """Searches, with one dwell, of the sectors where most is found per second, (env,)."""
+        searches = self.dwells.search(np.arange(self.dwells.sectors), dwell)
+        gain = self.system.gain_per_second(belief)[:, searches]
+        return searches[gain.argmax(axis=1)]
+
+
+class RoundRobinSearch(TimelineRule):
+    """The oldest track and the next sector in turn, a fixed share of the dwells for the search.
+
+    Args:
+        share: of the dwells for the search, in (0, 1].
+        update: number of the dwell of an update.
+        search: number of the dwell of a search.
+    """
+
+    name = "round-robin-search"
+
+    def __init__(self, share: float, update: int, search: int) -> None:
+        self.share, self.update, self.search = share, update, search
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        rows = self.system.slots_now(belief)
+        before = np.floor(belief.step * self.share)
+        is_search = np.floor((belief.step + 1) * self.share) > before
+        sector = before.astype(np.int64) % self.dwells.sectors
+        age = np.where((rows[..., EXISTENCE] > 0.0) & ~is_search[:, None], rows[..., AGE], -1.0)
+        return self.most_urgent(age, self.update, self.dwells.search(sector, self.search))
+
+
+class EarliestDeadline(TimelineRule):
+    """Each track has a deadline after its last update; the most overdue comes first, and a search where none is due.
+
+    Args:
+        revisit: seconds until a confirmed track is due.
+        confirm: seconds until a tentative track is due.
+        update: number of the dwell of an update.
+        search: number of the dwell of a search.
+    """
+
+    name = "earliest-deadline"
+
+    def __init__(self, revisit: float, confirm: float, update: int, search: int) -> None:
+        self.revisit, self.confirm, self.update, self.search = revisit, confirm, update, search
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        rows = self.system.slots_now(belief)
+        interval = np.where(rows[..., EXISTENCE] < CONFIRMED, self.confirm, self.revisit)
+        late = np.where(rows[..., EXISTENCE] > 0.0, rows[..., AGE] - interval, -np.inf)
+        return self.most_urgent(late, self.update, self.most_promising_search(belief, self.search))
+
+
+class VanKeukBlackman(TimelineRule):
+    """A track is due when the standard deviation of its azimuth reaches a share of the beam width.
+
+    The dwell is the shortest of an expected SNR, so near targets get short ones. van Keuk and Blackman (1993) find a
+    share of .3 and an SNR of some 16 dB the cheapest. Here both are tuned, and so is the time until a tentative track
+    is seen again.
+
+    Args:
+        pointing: standard deviation of the azimuth in beam widths at which a track is due.
+        snr: least expected E/N0 of an update.
+        confirm: seconds until a tentative track is due.
+        search: number of the dwell of a search.
+    """
+
+    name = "van-keuk-blackman"
+
+    def __init__(self, pointing: float, snr: float, confirm: float, search: int) -> None:
+        self.pointing, self.snr, self.confirm, self.search = pointing, snr, confirm, search
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        rows = self.system.slots_now(belief)
+        existence = rows[..., EXISTENCE]
+        due = np.where(existence < CONFIRMED, rows[..., AGE] - self.confirm, rows[..., POINTING] - self.pointing)
+        due = np.where(existence > 0.0, due, -np.inf)
+        seconds = np.array(self.dwells.seconds)
+        too_weak = rows[..., SNR, None] * seconds[:-1] < self.snr
+        return self.most_urgent(due, too_weak.sum(axis=-1), self.most_promising_search(belief, self.search))
+
+
+class GainPerSecond(TimelineRule):
+    """The dwell that takes most off the cost of the time after it, over its duration.
+
+    Args:
+        ahead: seconds that count after an update.
+        worth: of a target that a search finds, as a number of seconds in which it would be charged in full.
+    """
+
+    name = "gain-per-second"
+
+    def __init__(self, ahead: float, worth: float) -> None:
+        self.ahead, self.worth = ahead, worth
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        return greatest(self.system.gain_per_second(belief, self.ahead, self.worth), mask, self.durations)
+
+
+class PriceOfTime(TimelineRule):
+    """The dwell of the greatest gain less the price of its time; a wait where no dwell is worth its price.
+
+    The price is the Lagrange multiplier of the time line, found by simulation.
+
+    Args:
+        ahead, worth: see ``GainPerSecond``.
+        price: of a second, in the cost of one target that nobody sees.
+    """
+
+    name = "price-of-time"
+
+    def __init__(self, ahead: float, worth: float, price: float) -> None:
+        self.ahead, self.worth, self.price = ahead, worth, price
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        gain = self.system.gain_per_second(belief, self.ahead, self.worth)
+        net = (gain - self.price * self.system.c0) * self.durations
+        net[:, -1] = 0.0
+        return greatest(net, mask, self.durations)
+
+
+class DelayIndex(TimelineRule):
+    """The dwell that loses most by a delay: gain per second now, less a share of that after the delay.
+
+    Args:
+        ahead, worth: see ``GainPerSecond``.
+        later: the delay, s.
+        kappa: that share.
+    """
+
+    name = "delay-index"
+
+    def __init__(self, ahead: float, worth: float, later: float, kappa: float) -> None:
+        self.ahead, self.worth, self.later, self.kappa = ahead, worth, later, kappa
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        now = self.system.gain_per_second(belief, self.ahead, self.worth)
+        then = self.system.gain_per_second(belief._replace(time=belief.time + self.later), self.ahead, self.worth)
+        return greatest(now - self.kappa * then, mask, self.durations)

@@ -1,0 +1,104 @@
+"""What a dwell of the multifunction radar is worth, in compiled form.
+
+Shapes as in ``step_kernels``. The worth of a dwell is what it takes off the expected cost of the ``ahead`` seconds
+after it, if nothing else is done in them.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection
+from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, slots_of
+from wavegym.systems.multifunction_radar.track_kernels import (
+    NN,
+    PLACE,
+    decayed_growth,
+    look_at,
+    predict_slot,
+    stationary_density,
+)
+from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
+
+
+@inlined
+def reported_cost(e, trace, most):
+    """Cost per second of a track of existence e: reported or not, whichever is less."""
+    return min(e * trace + (1.0 - e) * most, e * most)
+
+
+@kernel
+def cost_of_window(e, P, q, ahead, modes, most):
+    """Cost of the next ``ahead`` seconds of a track of covariance P (1, n, n) and density q, by Simpson's rule."""
+    p, c, v = P[0, 0, 0] + P[0, 2, 2], P[0, 0, 1] + P[0, 2, 3], P[0, 1, 1] + P[0, 3, 3]
+    mean, rate, total = stationary_density(modes), modes.leave[0] + modes.leave[1], 0.0
+    for i in range(3):
+        s = 0.5 * ahead * i
+        growth = mean * s * s * s / 3.0 + (q - mean) * decayed_growth(rate, s)
+        trace = p + 2.0 * c * s + v * s * s + 2.0 * growth
+        total += (4.0 if i == 1 else 1.0) * reported_cost(e, trace, most)
+    return ahead * total / 6.0
+
+
+@kernel
+def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
+    """Fill out (action,) with the worth of the updates ``actions`` = (first, last) of slot k."""
+    modes, beam, _, most = laws
+    _, _, seconds, duration, _ = menu
+    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
+    mean, covariance, after = np.empty((1, 4)), np.empty((1, 4, 4)), np.empty((1, 4, 4))
+    h, H, v, variance = np.empty(2), np.empty((2, 4)), np.empty(4), np.empty(2)
+    e = slots.existence[k]
+    for a in range(actions[0], actions[1]):
+        predict_slot(k, time + duration[a], slots, modes, x, P, mu, mean, covariance)
+        look_at(mean, 0, h, H)
+        q = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
+        across = gain_one(0, covariance, H, 1, v, NN, PLACE)
+        pd, _ = expected_detection(h[0], 0.0, across, seconds[a], threshold, beam)
+        errors(threshold + 1.0 + energy(h[0], 0.0, seconds[a], beam), beam, variance)
+        after[:] = covariance
+        for j in range(2):
+            s = gain_one(0, after, H, j, v, NN, PLACE) + variance[j]
+            shrink_one(0, after, v, s, NN)
+        chance = e * pd
+        missed = (e - chance) / (1.0 - chance)
+        now = cost_of_window(e, covariance, q, ahead, modes, most)
+        hit = cost_of_window(1.0, after, q, ahead, modes, most)
+        miss = cost_of_window(missed, covariance, q, ahead, modes, most)
+        out[a] = now - chance * hit - (1.0 - chance) * miss
+
+
+@inlined
+def expected_to_find(undetected, covers, area):
+    """Undetected targets (b,) that a search of their sector's next beam finds."""
+    total = 0.0
+    for b in range(len(undetected)):
+        total += undetected[b] * min(covers[b] / area.beams, 1.0)
+    return total
+
+
+@kernel
+def gains(batch, menu, thresholds, laws, ahead, worth, out):
+    """Fill out (e, action) with the worth of every dwell over its duration; 0 for updates of free slots and waits.
+
+    ahead: seconds that count after an update. worth: of a target that a search finds, in c0 seconds.
+    """
+    kind, index, _, duration, covers = menu
+    area, most = laws[2], laws[3]
+    each = 0
+    while kind[each] == UPDATE and index[each] == 0:
+        each += 1
+    for e in range(len(batch.time)):
+        slots, a = slots_of(e, batch), 0
+        out[e] = 0.0
+        while kind[a] == UPDATE:
+            if slots.existence[index[a]] > 0.0:
+                gains_of_slot(index[a], batch.time[e], slots, menu, (a, a + each), ahead, thresholds[0], laws, out[e])
+            a += each
+        while kind[a] == SEARCH:
+            out[e, a] = worth * most * expected_to_find(batch.undetected[e, index[a]], covers[a], area)
+            a += 1
+        for a in range(len(kind)):
+            out[e, a] /= duration[a]

@@ -1,0 +1,245 @@
+"""A step of the multifunction radar in compiled form: one dwell of every environment, as it happens or as foreseen.
+
+Shapes: e environments; others as in ``dwell_kernels``. ``batch`` is the ``Belief`` of all of them. All functions change
+the arrays of truth and belief in place.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavegym.core.counter_rng_kernels import stream
+from wavegym.core.kernels import inlined, kernel
+from wavegym.systems.multifunction_radar.beam_kernels import (
+    energy,
+    errors,
+    expected_detection,
+    false_density,
+)
+from wavegym.systems.multifunction_radar.dwell_kernels import (
+    axis_of,
+    azimuth_of,
+    drift,
+    drop_tracks,
+    hit,
+    middle_of,
+    miss,
+    rate_of_cost,
+    search,
+    update,
+)
+from wavegym.systems.multifunction_radar.target_kernels import fly
+from wavegym.systems.multifunction_radar.track_kernels import (
+    NN,
+    PLACE,
+    Slots,
+    begin_slot,
+    first_slots,
+    keep_slot,
+    look_at,
+    predict_slot,
+    spread_at,
+    stationary_density,
+    update_slot,
+)
+from wavegym.trackers.rank_one_kernels import gain_one
+
+WAIT, UPDATE, SEARCH = 0, 1, 2
+DWELLS = 1  # number of the stream of dwells within a world's key
+
+
+class Dwell(NamedTuple):
+    """One action."""
+
+    kind: int  # WAIT, UPDATE or SEARCH
+    which: int  # slot or sector
+    seconds: float  # of transmission
+    duration: float  # s, overhead included
+
+
+@inlined
+def slots_of(e, batch):
+    """The tracks of environment e, as views."""
+    return Slots(
+        batch.updated[e],
+        batch.mean[e],
+        batch.covariance[e],
+        batch.probability[e],
+        batch.existence[e],
+        batch.moments[e],
+    )
+
+
+@kernel
+def first_tracks(x, here, known, error, modes, variance, batch, origin):
+    """``first_slots`` of every environment."""
+    for e in range(len(x)):
+        first_slots(x[e], here[e], known[e], error[e], modes, variance, slots_of(e, batch), origin[e])
+
+
+@inlined
+def chosen(action, menu):
+    """The dwell of an action: a row of the menu's arrays, (action,) each; the last, covers (action, b), is extra."""
+    kind, index, seconds, duration, _ = menu
+    return Dwell(kind[action], index[action], seconds[action], duration[action])
+
+
+@kernel
+def pass_time(e, batch, dwell, modes, area, most, scratch):
+    """Let a dwell's time pass before its echo is used: the cost of it, by Simpson's rule, and the undetected."""
+    slots, undetected, start = slots_of(e, batch), batch.undetected[e], batch.time[e]
+    half = 0.5 * dwell.duration
+    first = rate_of_cost(start, slots, undetected, modes, most)
+    middle = rate_of_cost(start + half, slots, undetected, modes, most)
+    last = rate_of_cost(start + dwell.duration, slots, undetected, modes, most)
+    batch.spent[e] = dwell.duration * (first + 4.0 * middle + last) / 6.0
+    batch.duration[e] = dwell.duration
+    batch.time[e] = start + dwell.duration
+    batch.step[e] += 1
+    drift(undetected, dwell.duration, area, scratch)
+
+
+@kernel
+def advance(keys, arrival, truth, flight, true_beam, batch, actions, menu, thresholds, laws):
+    """One dwell of every environment as it happens.
+
+    truth: x (e, g, n), mode (e, g), here (e, g), cell (e,) and origin (e, k). thresholds: of update and of search.
+    laws: modes, beam, area and c0, as the tracker assumes them.
+    """
+    x, mode, here, cell, origin = truth
+    modes, beam, area, most = laws
+    scratch = np.empty_like(batch.undetected[0])
+    for e in range(len(actions)):
+        dwell, slots, undetected = chosen(actions[e], menu), slots_of(e, batch), batch.undetected[e]
+        key = stream(stream(keys[e], DWELLS), batch.step[e])
+        pass_time(e, batch, dwell, modes, area, most, scratch)
+        time = batch.time[e]
+        until = int(time / flight.cell)
+        fly(keys[e], arrival[e], cell[e], until, x[e], mode[e], here[e], flight)
+        cell[e] = until
+        scene = (true_beam, x[e], here[e], time - until * flight.cell, origin[e])
+        if dwell.kind == UPDATE:
+            law = (thresholds[0], modes, beam, area)
+            update(time, slots, dwell.which, scene, key, dwell.seconds, law)
+        elif dwell.kind == SEARCH:
+            law = (thresholds[1], modes, beam, area)
+            turn = batch.turn[e, dwell.which]
+            covers = menu[4][actions[e]]
+            search(time, slots, dwell.which, turn, undetected, scene, key, dwell.seconds, covers, law)
+            batch.turn[e, dwell.which] = (turn + 1) % area.beams
+        drop_tracks(time, slots, undetected, modes, most, area)
+
+
+@kernel
+def foresee_update(k, time, slots, seconds, draws, laws):
+    """What an update of slot k is expected to do, or does with uniform draws (2,): of its detection and its power."""
+    threshold, modes, beam, _ = laws
+    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
+    mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
+    h, H, v, variance = np.empty(2), np.empty((2, 4)), np.empty(4), np.empty(2)
+    predict_slot(k, time, slots, modes, x, P, mu, mean, covariance)
+    look_at(mean, 0, h, H)
+    across = gain_one(0, covariance, H, 1, v, NN, PLACE)
+    pd, ratio = expected_detection(h[0], 0.0, across, seconds, threshold, beam)
+    S = energy(h[0], 0.0, seconds, beam)
+    chance = slots.existence[k] * pd
+    if len(draws) == 0:
+        before = P.copy()
+        errors(threshold + 1.0 + S, beam, variance)
+        update_slot(k, time, slots, modes, x, P, mu, h[0], h[1], variance)
+        P[:] = before + chance * (P - before)
+        keep_slot(k, time, slots, modes, x, P, mu)
+    elif draws[0] < chance:
+        z = threshold - (1.0 + S) * np.log1p(-draws[1])
+        errors(z, beam, variance)
+        finding = np.array([h[0], h[1], z, 0.0])
+        determinant = (gain_one(0, covariance, H, 0, v, NN, PLACE) + variance[0]) * (across + variance[1])
+        hit(k, time, slots, modes, (x, P, mu), finding, (0.0, np.log(determinant), pd, variance), threshold, beam)
+    else:
+        miss(k, time, slots, modes, (x, P, mu), pd, ratio)
+
+
+@kernel
+def foresee_search(time, slots, sector, turn, undetected, seconds, covers, draws, laws):
+    """What a search of a sector is expected to do, or does with uniform draws (2,): of a new track and its range.
+
+    Expected, nothing changes: what is found is then in a track, and no cost follows before the track is confirmed.
+    With draws at most one track begins, of a target or of a false alarm, in the bin that the draw says.
+    """
+    if len(draws) == 0:
+        return
+    threshold, modes, beam, area = laws
+    bins, free = undetected.shape[1], -1
+    for k in range(len(slots.existence)):
+        if slots.existence[k] == 0.0:
+            free = k
+            break
+    deep, low, found, variance = (area.farthest - area.nearest) / bins, 0.0, -1, np.empty(2)
+    false = false_density(threshold, beam) * deep * beam.width
+    for b in range(bins):
+        r = middle_of(b, bins, area)
+        S = energy(r, 0.0, seconds, beam)
+        expected = min(undetected[sector, b] / area.beams * covers[b], undetected[sector, b])
+        undetected[sector, b] -= expected
+        if found < 0 and free >= 0 and draws[0] < low + expected + false:
+            found = b
+            errors(threshold - (1.0 + S) * np.log1p(-draws[1]), beam, variance)
+            begin_slot(free, time, slots, modes, r, axis_of(sector, turn, len(undetected), area), variance, area.speed)
+            slots.existence[free] = expected / (expected + false)
+        low += expected + false
+
+
+@kernel
+def foresee(batch, actions, draws, menu, thresholds, laws):
+    """One dwell of every environment as its belief foresees it; draws (e, 2), or (e, 0) for what is expected."""
+    modes, beam, area, most = laws
+    scratch = np.empty_like(batch.undetected[0])
+    for e in range(len(actions)):
+        dwell, slots, undetected = chosen(actions[e], menu), slots_of(e, batch), batch.undetected[e]
+        pass_time(e, batch, dwell, modes, area, most, scratch)
+        time = batch.time[e]
+        if dwell.kind == UPDATE and slots.existence[dwell.which] > 0.0:
+            foresee_update(dwell.which, time, slots, dwell.seconds, draws[e], (thresholds[0], modes, beam, area))
+        elif dwell.kind == SEARCH:
+            turn = batch.turn[e, dwell.which]
+            law = (thresholds[1], modes, beam, area)
+            covers = menu[4][actions[e]]
+            foresee_search(time, slots, dwell.which, turn, undetected, dwell.seconds, covers, draws[e], law)
+            batch.turn[e, dwell.which] = (turn + 1) % area.beams
+        drop_tracks(time, slots, undetected, modes, most, area)
+
+
+@kernel
+def describe_slots(batch, modes, beam, out):
+    """Fill out (e, k, 9) with the columns of ``TrackSlots.slots_now``; the velocity is that of the last update."""
+    for e in range(len(batch.time)):
+        time = batch.time[e]
+        for k in range(batch.existence.shape[1]):
+            out[e, k] = 0.0
+            if batch.existence[e, k] == 0.0:
+                continue
+            slots, m, age = slots_of(e, batch), batch.moments[e, k], time - batch.updated[e, k]
+            azimuth, r = azimuth_of(k, time, slots)
+            xx, xy, yy = spread_at(m, modes, age)
+            s, c = np.sin(azimuth), np.cos(azimuth)
+            across = np.sqrt(max(c * c * xx - 2.0 * s * c * xy + s * s * yy, 0.0)) / r
+            q = stationary_density(modes)
+            q += (m[9] - q) * np.exp(-(modes.leave[0] + modes.leave[1]) * age)
+            row = out[e, k]
+            row[0], row[1], row[2], row[3] = batch.existence[e, k], r, azimuth, across / beam.width
+            row[4], row[5], row[6], row[7] = np.sqrt(xx + yy), np.sqrt(m[6] + m[8]), age, q
+            row[8] = energy(r, 0.0, 1.0, beam)
+
+
+@kernel
+def estimate_slots(batch, modes, mean, covariance):
+    """Fill mean (e, k, n) and covariance (e, k, n, n) of all modes together, now; free slots stay as they are."""
+    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
+    for e in range(len(batch.time)):
+        for k in range(batch.existence.shape[1]):
+            if batch.existence[e, k] > 0.0:
+                slots = slots_of(e, batch)
+                predict_slot(k, batch.time[e], slots, modes, x, P, mu, mean[e, k : k + 1], covariance[e, k : k + 1])

@@ -1,0 +1,451 @@
+"""One agile beam that tracks dozens of targets while it searches for more."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from wavegym.core import trees
+from wavegym.core.action_sets import Library
+from wavegym.core.arrays import Array
+from wavegym.core.capabilities import TimedPulses, TrackSlots, UnequalSteps
+from wavegym.core.errors import InputError, check_within
+from wavegym.core.parameters import Count, NonNegative, Positive, parameter, system_parameters
+from wavegym.core.system import ObservationField, State, System
+from wavegym.systems.multifunction_radar import step_kernels as kernels
+from wavegym.systems.multifunction_radar.actions import Dwells
+from wavegym.systems.multifunction_radar.beam_kernels import Beam, coverage
+from wavegym.systems.multifunction_radar.dwell_kernels import Area, middle_of, usual_number
+from wavegym.systems.multifunction_radar.figures import take_figures
+from wavegym.systems.multifunction_radar.gain_kernels import gains
+from wavegym.systems.multifunction_radar.state import Belief, Truth, World
+from wavegym.systems.multifunction_radar.target_kernels import Flight, fly
+from wavegym.systems.multifunction_radar.track_kernels import Modes
+from wavegym.systems.multifunction_radar.traffic import Traffic
+from wavegym.waveforms import PulseTiming, check_range_folds
+
+MONOPULSE = 1.6  # slope of a monopulse: the standard deviation of an angle is the beam width / (1.6 sqrt(2 SNR))
+COLUMNS = 9  # of ``slots_now``
+LOGARITHMS = [3, 4, 5, 7, 8]  # columns of ``slots_now`` that agents observe as log2
+DRAWS = 2  # uniform draws that decide one dwell in ``predict``
+
+
+@system_parameters
+class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
+    """One agile-beam radar tracks dozens of targets while it searches for more, a dwell at a time.
+
+    Description
+        An action is the next dwell: update a track, search a sector, each with one of several numbers of pulses, or
+        wait. A dwell takes its own time, and targets move on meanwhile. An update points the beam at the predicted
+        azimuth; the gain falls with the pointing error, so a late update misses, and a track can be lost. A search
+        points at the next beam of its sector; a detection that no track explains begins a tentative track, which
+        later dwells confirm or refute. Detections and false alarms are those of echo and noise in complex normal form
+        (Swerling 1). The radar measures range and azimuth, not range-rate, and has no clutter. Targets cross the region
+        on all sides and manoeuvre: a Markov chain switches between two densities of white acceleration. Each track is
+        an IMM of these two models with a probability of existence; the intensity of targets without a track is a part
+        of the belief. With more than some 20 targets not everything that is worth doing can be done.
+
+    Rewards
+        -c, the cost of the dwell: the integral over its duration of the expected squared GOSPA distance, in m^2 s.
+        Every undetected target costs c0. A track of existence e and position covariance P costs
+        e tr P + (1 - e) c0 where it is reported, e c0 where it is not, and is reported where that is less.
+
+    Starting state
+        The traffic is in equilibrium. Each target that is there has a track with probability ``known``, with a first
+        estimate drawn around the truth.
+
+    Episode end
+        Truncated by the first dwell that ends ``seconds`` or later after the beginning, or after ``horizon`` dwells.
+
+    References
+        G. van Keuk and S. S. Blackman, "On phased-array radar tracking and parameter control", IEEE Transactions on
+        Aerospace and Electronic Systems 29 (1993) 186-194 (updates by the predicted angular error, loss by the pointing
+        error). The setting of loads, existence and search is this suite's own.
+    """
+
+    terminates: ClassVar[bool] = False
+
+    horizon: int = parameter(50_000, "most dwells of an episode", ge=1, le=1_000_000)
+    seconds: float = parameter(60.0, "length of an episode", unit="s", gt=0, le=3600)
+    targets: float = parameter(
+        16.0,
+        "expected number of targets in the region, in the world as in the search's prior",
+        truth=True,
+        ge=0,
+        le=500,
+    )
+    known: float = parameter(0.5, "share of the first targets that have a track at the beginning", ge=0, le=1)
+    first_errors: tuple[Positive, Positive] = parameter(
+        (100.0, 30.0),
+        "standard deviations of the first estimates, of position and velocity on each axis",
+        unit="m, m/s",
+    )
+    slots: Count = parameter(64, "most tracks at a time", le=1000)
+    sectors: Count = parameter(12, "sectors of the search", le=360)
+    bins: Count = parameter(7, "range bins of the intensity of undetected targets", le=100)
+    nearest: float = parameter(5e3, "least range of the region", unit="m", gt=0)
+    farthest: float = parameter(40e3, "greatest range of the region", unit="m", gt=0)
+    half_sector: float = parameter(60.0, "greatest azimuth of the region, on either side", unit="deg", gt=0, le=80)
+    speeds: tuple[Positive, Positive] = parameter((100.0, 300.0), "least and greatest speed", unit="m/s", truth=True)
+    density: tuple[NonNegative, NonNegative] = parameter(
+        (10.0, 2000.0), "density of the white acceleration of each mode on each axis", unit="m^2/s^3", truth=True
+    )
+    leave: tuple[Positive, Positive] = parameter(
+        (0.05, 0.2), "rate at which a target leaves each mode", unit="1/s", truth=True
+    )
+    cell: float = parameter(0.05, "time for which a target flies straight on", unit="s", gt=0, le=1)
+    carrier_hz: float = parameter(3e9, "carrier frequency", unit="Hz", gt=0)
+    pulse: float = parameter(30e-6, "duration of a pulse", unit="s", gt=0)
+    interval: float = parameter(320e-6, "time between two pulses", unit="s", gt=0)
+    pulses: tuple[Count, ...] = parameter((6, 20, 64, 200), "numbers of pulses of a dwell", min_length=1)
+    overhead: float = parameter(1e-3, "time before each dwell, to steer and set up", unit="s", ge=0, le=1)
+    dt: float = parameter(5e-3, "length of a wait; other steps take as long as their dwells", unit="s", gt=0, le=1)
+    beam_width: float = parameter(1.0, "half-power width of the beam, one way", unit="deg", truth=True, gt=0, le=10)
+    reference_range: float = parameter(
+        60e3, "range at which 10 ms of pulses have E/N0 = 1 in the middle of the beam", unit="m", truth=True, gt=0
+    )
+    range_cell: float = parameter(150.0, "range resolution", unit="m", gt=0)
+    false_alarm: tuple[Positive, Positive] = parameter(
+        (1e-6, 1e-4), "false alarm probability of a range cell in an update and in a search"
+    )
+    gate: float = parameter(25.0, "squared Mahalanobis distance of the gate", gt=0)
+    dropped: float = parameter(0.05, "existence below which a track is dropped", ge=0, lt=0.5)
+    c0: float = parameter(2.5e5, "cost of a target that is not reported, per second", unit="m^2", gt=0)
+    sample: float = parameter(0.5, "time between two figures by truth", unit="s", gt=0)
+
+    def __post_init__(self) -> None:
+        """Check what single fields cannot say."""
+        if not self.nearest < self.farthest:
+            raise InputError(f"farthest is {self.farthest!r} m, expected more than nearest, {self.nearest!r} m")
+        if self.speeds[0] > self.speeds[1]:
+            raise InputError(f"speeds is {self.speeds}, expected the least first (nearest: {self.speeds[::-1]})")
+        for name, value in zip(("false_alarm.0", "false_alarm.1"), self.false_alarm, strict=True):
+            check_within(name, value, 1e-12, 0.1)
+        sector = 2.0 * self.half_sector / self.sectors
+        if sector < self.beam_width:
+            most = int(2.0 * self.half_sector / self.beam_width)
+            raise InputError(f"sectors is {self.sectors}, expected each as wide as a beam or wider (nearest: {most})")
+        check_range_folds(self.timings, self.farthest)
+        near = max(timing.blind_range for timing in self.timings.values())
+        if near > self.nearest:
+            raise InputError(
+                f"nearest is {self.nearest!r} m, expected no less than the blind range (nearest: {near:.6g})"
+            )
+        slowest = self.sample / 2.0
+        longest = max(*self.dwell_seconds) + self.overhead
+        if longest > slowest:
+            raise InputError(
+                f"sample is {self.sample!r} s, expected twice the longest dwell (nearest: {2 * longest:.6g})"
+            )
+
+    # --- what the parameters make ---
+
+    @property
+    def timings(self) -> dict[str, PulseTiming]:
+        """A train of each number of pulses."""
+        return {
+            f"{count} pulses": PulseTiming(
+                duration=self.pulse, carrier_hz=self.carrier_hz, interval=self.interval, count=count
+            )
+            for count in self.pulses
+        }
+
+    @property
+    def duration_means(self) -> str:
+        """See ``TimedPulses``."""
+        return "A pulse lasts for `pulse`, and is of constant power."
+
+    def target_ranges(self, world: World) -> Array:
+        """Of every target each second that it is there, of all worlds in one row, (1, n, 2)."""
+        (x, mode, here, *_), arrival = self.initial(world).truth[:5], self.initial(world).truth.arrival
+        found, cells = [], round(1.0 / self.cell)
+        for second in range(math.ceil(self.seconds)):
+            r = np.hypot(x[..., 0], x[..., 2])
+            found.append(np.stack([r, (x[..., 0] * x[..., 1] + x[..., 2] * x[..., 3]) / r], axis=-1)[here])
+            for e in range(len(x)):
+                begin = second * cells
+                fly(world.key[e], arrival[e], begin, begin + cells, x[e], mode[e], here[e], self.truth_model.flight)
+        return np.concatenate(found)[None]
+
+    @cached_property
+    def dwell_seconds(self) -> tuple[float, ...]:
+        """Time of transmission of each dwell, s."""
+        return tuple(count * self.interval for count in self.pulses)
+
+    @cached_property
+    def dwells(self) -> Dwells:
+        """The dwells and what they are for."""
+        return Dwells(self.dwell_seconds, self.overhead, self.dt, self.slots, self.sectors)
+
+    @cached_property
+    def menu(self) -> tuple[Array, ...]:
+        """The arrays of ``Dwells.menu``, and how many beam widths a search covers in each bin, (action, bin)."""
+        kind, index, seconds, duration = self.dwells.menu
+        covers = np.zeros((len(kind), self.bins))
+        for b in range(self.bins):
+            middle = middle_of(b, self.bins, self.area)
+            each = [coverage(middle, seconds, self.thresholds[1], self.beam) for seconds in self.dwell_seconds]
+            covers[kind == kernels.SEARCH, b] = np.tile(each, self.sectors)
+        return kind, index, seconds, duration, covers
+
+    @property
+    def actions(self) -> Library:
+        """Updates slot by slot, then searches sector by sector, each with every dwell, then the wait."""
+        return self.dwells.library
+
+    @cached_property
+    def traffic(self) -> Traffic:
+        """How targets come."""
+        return Traffic(
+            self.nearest, self.farthest, math.radians(self.half_sector), self.targets, self.speeds[0], self.speeds[1]
+        )
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The motion model."""
+        return Modes(self.density, self.leave)
+
+    @cached_property
+    def beam(self) -> Beam:
+        """The radar's numbers."""
+        width = math.radians(self.beam_width)
+        return Beam(
+            width=width,
+            reference=self.reference_range,
+            unit=10e-3,
+            range_error=self.range_cell / MONOPULSE,
+            angle_error=width / MONOPULSE,
+            range_cell=self.range_cell,
+            nearest=self.nearest,
+            farthest=self.farthest,
+            gate=self.gate,
+        )
+
+    @cached_property
+    def area(self) -> Area:
+        """The region, and how undetected targets move in it."""
+        traffic = self.traffic
+        flow = traffic.mean_speed / math.pi
+        sector = 2.0 * traffic.half_sector / self.sectors
+        return Area(
+            half_sector=traffic.half_sector,
+            nearest=self.nearest,
+            farthest=self.farthest,
+            beams=math.ceil(sector / self.beam.width - 1e-9),
+            traffic=traffic.density,
+            radial=flow / ((self.farthest - self.nearest) / self.bins),
+            lateral=flow / sector,
+            dropped=self.dropped,
+            speed=math.sqrt(traffic.velocity_variance),
+        )
+
+    @cached_property
+    def flight(self) -> Flight:
+        """How targets fly."""
+        return Flight(self.cell, self.density, self.leave, self.nearest, self.farthest, math.radians(self.half_sector))
+
+    @cached_property
+    def thresholds(self) -> tuple[float, float]:
+        """Of the power of echo and noise, in an update and in a search."""
+        return -math.log(self.false_alarm[0]), -math.log(self.false_alarm[1])
+
+    @cached_property
+    def laws(self) -> tuple[Any, ...]:
+        """What the kernels of a step assume."""
+        return self.modes, self.beam, self.area, self.c0
+
+    # --- the loop ---
+
+    def draw_world(self, rng: np.random.Generator) -> World:
+        """All random numbers of one episode."""
+        most = self.truth_model.traffic.most_targets(self.seconds)
+        key = rng.integers(0, 2**63, dtype=np.uint64)
+        return World(np.asarray(key), rng.random((most, 7)), rng.standard_normal((most, 4)))
+
+    def initial(self, world: World) -> State:
+        """Traffic in equilibrium, and tracks of a share of it."""
+        x, arrival = self.truth_model.traffic.states(world.draw)
+        here = arrival < 0.0
+        first, second = self.truth_model.leave
+        mode = (world.draw[..., 5] < first / (first + second)).astype(np.int64)
+        count, slots = len(here), self.slots
+        none = np.zeros(count)
+        truth = Truth(
+            state=x, mode=mode, here=here, cell=np.zeros(count, np.int64),
+            origin=np.full((count, slots), -1), arrival=arrival, held=np.zeros_like(here),
+            confirmed=np.full(here.shape, np.nan), lost=none, false=none.copy(),
+            gospa=np.sqrt(here.sum(axis=1) * self.c0), squared_error=np.zeros((count, slots)),
+            variance=np.zeros((count, slots)), nees=np.zeros((count, slots)),
+            present=np.zeros((count, slots), np.bool_),
+        )  # fmt: skip
+        belief = self._nothing_seen(count)
+        belief.undetected[:] *= 1.0 - self.known
+        known, variance = world.draw[..., 6] < self.known, np.square(self.first_errors)
+        kernels.first_tracks(x, here, known, world.error, self.modes, variance, belief, truth.origin)
+        return State(truth, belief)
+
+    def _nothing_seen(self, count: int) -> Belief:
+        slots = self.slots
+        traffic = np.array([usual_number(b, (self.sectors, self.bins), self.area) for b in range(self.bins)])
+        return Belief(
+            step=np.zeros(count, np.int64), time=np.zeros(count), updated=np.zeros((count, slots)),
+            mean=np.zeros((count, slots, 2, 4)), covariance=np.zeros((count, slots, 2, 4, 4)),
+            probability=np.full((count, slots, 2), 0.5), existence=np.zeros((count, slots)),
+            moments=np.zeros((count, slots, 10)), undetected=np.tile(traffic, (count, self.sectors, 1)),
+            turn=np.zeros((count, self.sectors), np.int64), spent=np.zeros(count), duration=np.zeros(count),
+        )  # fmt: skip
+
+    def transition(self, state: State, action: Array, world: World) -> State:
+        """One dwell."""
+        truth, belief = trees.copied(state)
+        model = self.truth_model
+        moving = (truth.state, truth.mode, truth.here, truth.cell, truth.origin)
+        kernels.advance(
+            world.key, truth.arrival, moving, model.flight, model.beam, belief, action, self.menu,
+            self.thresholds, self.laws,
+        )  # fmt: skip
+        due = np.flatnonzero(belief.time // self.sample > state.belief.time // self.sample)
+        if len(due):
+            take_figures(truth, belief, due, self.modes, model.flight, self.c0)
+        return State(truth, belief)
+
+    @property
+    def outcome_shape(self) -> tuple[int, ...]:
+        """Uniform draws of a dwell: of its detection, and of the power of its echo."""
+        return (DRAWS,)
+
+    def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
+        """The belief after a dwell; see ``System.predict``.
+
+        Expected, the covariance of an updated track is the mean of that with a detection and that without, and a search
+        changes nothing but the time. With draws, a search begins one track at most, and meets no track that exists.
+        """
+        if actions.ndim == 1:
+            return self._predict_one(trees.copied(belief), actions, outcome)
+        shape = len(belief.step), actions.shape[1]
+        rows = np.broadcast_to(actions, shape).reshape(-1)
+        if outcome is not None:
+            outcome = np.broadcast_to(outcome, (*shape, DRAWS)).reshape(-1, DRAWS)
+        after = self._predict_one(trees.repeated(belief, shape[1]), rows, outcome)
+        made: Belief = trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after)
+        return made
+
+    def _predict_one(self, belief: Belief, actions: Array, outcome: Array | None) -> Belief:
+        """``predict`` of one action for each environment; changes the belief."""
+        draws = np.zeros((len(actions), 0)) if outcome is None else np.ascontiguousarray(outcome)
+        kernels.foresee(belief, np.ascontiguousarray(actions), draws, self.menu, self.thresholds, self.laws)
+        return belief
+
+    def cost(self, belief: Belief) -> Array:
+        """The cost of the last dwell, m^2 s."""
+        return belief.spent
+
+    def duration(self, belief: Belief) -> Array:
+        """Length of the last dwell, s."""
+        return belief.duration
+
+    def gain_per_second(self, belief: Belief, ahead: float = 1.0, worth: float = 1.0) -> Array:
+        """What each dwell takes off the expected cost of the time after it, over its duration, (env, action).
+
+        Args:
+            belief: the belief.
+            ahead: seconds that count after an update, in which nothing else is done.
+            worth: of a target that a search finds, as a number of seconds of c0.
+        """
+        out = np.empty((len(belief.step), len(self.actions)))
+        gains(belief, self.menu, self.thresholds, self.laws, ahead, worth, out)
+        return out
+
+    def slots_now(self, belief: Belief) -> Array:
+        """See ``TrackSlots``."""
+        out = np.empty((*belief.existence.shape, COLUMNS))
+        kernels.describe_slots(belief, self.modes, self.beam, out)
+        return out
+
+    def terminal(self, belief: Belief) -> Array:
+        """Whether the time, or the number of dwells, is over, (env,) bool."""
+        over: Array = (belief.time >= self.seconds) | (belief.step >= self.horizon)
+        return over
+
+    def mask(self, belief: Belief) -> Array:
+        """Updates of slots with a track, all searches, and the wait, (env, action) bool."""
+        return self.dwells.mask(belief.existence > 0.0)
+
+    def constants(self) -> Array:
+        """Searches of any sector and the wait: what is always allowed."""
+        return np.arange(self.slots * len(self.pulses), len(self.actions))
+
+    # --- what agents observe and what evaluation reads ---
+
+    @cached_property
+    def observation_fields(self) -> tuple[ObservationField, ...]:
+        """The rows of the slots, then the undetected of every sector and bin over their number where nobody looks."""
+        half = 0.5 * (self.nearest + self.farthest)
+        columns = (
+            ("existence", "1", 0.5, 0.5, "probability of existence; 0: the slot is free"),
+            ("range", "m", half, 0.5 * half, "range"),
+            ("azimuth", "rad", 0.0, 0.5 * self.traffic.half_sector, "azimuth, clockwise from the middle"),
+            ("pointing", "1", -3.0, 2.0, "log2 of the azimuth's standard deviation in beam widths"),
+            ("position", "1", 6.0, 2.0, "log2 of the position's standard deviation in m"),
+            ("velocity", "1", 5.0, 2.0, "log2 of the velocity's standard deviation at the last update in m/s"),
+            ("age", "s", 1.0, 1.0, "time since the last update"),
+            ("density", "1", 7.0, 3.0, "log2 of the expected density of the acceleration in m^2/s^3"),
+            ("snr", "1", 12.0, 3.0, "log2 of E/N0 of a second of transmission"),
+        )
+        slots = [
+            ObservationField(f"{name}_{k}", unit, centre, scale, f"slot {k}: {meaning}")
+            for k in range(self.slots)
+            for name, unit, centre, scale, meaning in columns
+        ]
+        about = "undetected targets over their number where nobody looks"
+        cells = [
+            ObservationField(f"undetected_{s}_{b}", "1", 0.5, 0.5, f"sector {s}, bin {b}: {about}")
+            for s in range(self.sectors)
+            for b in range(self.bins)
+        ]
+        return (*slots, *cells)
+
+    def observe(self, belief: Belief) -> Array:
+        """See ``observation_fields``; what a free slot does not have is at the field's centre."""
+        rows = self.slots_now(belief)
+        taken = rows[..., 0] > 0.0
+        with np.errstate(divide="ignore"):
+            rows[..., LOGARITHMS] = np.log2(rows[..., LOGARITHMS])
+        centre = np.array([field.centre for field in self.observation_fields[1 : rows.shape[2]]])
+        rows[..., 1:] = np.where(taken[..., None], rows[..., 1:], centre)
+        usual = self._nothing_seen(1).undetected
+        share = belief.undetected / np.maximum(usual, np.finfo(float).tiny)
+        return np.concatenate([rows.reshape(len(rows), -1), share.reshape(len(rows), -1)], axis=1)
+
+    @property
+    def nees_dimension(self) -> int:
+        """Elements of a state."""
+        return 4
+
+    def state_info(self, state: State) -> dict[str, Array]:
+        """Figures by truth, taken every ``sample`` seconds and held between.
+
+        For slots: ``present`` (a confirmed track of a target that is there), and of these ``position_error`` (m),
+        ``position_variance`` (m^2) and ``nees``. ``gospa`` (m) of all reported tracks; ``lost``, the targets whose
+        confirmed track was lost so far; ``false_tracks``, confirmed tracks of no target; ``targets`` that are there;
+        ``confirm_delay`` (s), from arrival to the first confirmed track, on average so far. And ``duration`` (s) of the
+        dwell.
+        """
+        truth, belief = state
+        known = ~np.isnan(truth.confirmed)
+        delay = np.where(known, truth.confirmed - np.maximum(truth.arrival, 0.0), 0.0).sum(axis=1)
+        return {
+            "duration": belief.duration.copy(),
+            "position_error": np.sqrt(truth.squared_error),
+            "position_variance": truth.variance.copy(),
+            "nees": truth.nees.copy(),
+            "present": truth.present.copy(),
+            "gospa": truth.gospa.copy(),
+            "lost": truth.lost.copy(),
+            "false_tracks": truth.false.copy(),
+            "targets": truth.here.sum(axis=1),
+            "confirm_delay": delay / np.maximum(known.sum(axis=1), 1),
+        }
