@@ -11,8 +11,11 @@ import numpy as np
 from wavegym.core.action_sets import Library
 from wavegym.core.system import ObservationField, State, System
 
-BRIEF = {"wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)}}
-"""Settings for whole episodes of ids whose steps take milliseconds: fewer pulses, and a target that is present."""
+BRIEF = {
+    "wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)},
+    "wavegym/MultifunctionRadar-v0": {"horizon": 300},
+}
+"""Settings for whole episodes of ids whose steps take milliseconds, or whose episodes have thousands of them."""
 
 
 class Fuel(NamedTuple):

@@ -25,6 +25,7 @@ SYSTEMS = {
     "wavegym/BeamAllocation-v0": "wavegym.systems.beam_allocation.system:BeamAllocation",
     "wavegym/EnergyBudget-v0": "wavegym.systems.energy_budget.system:EnergyBudget",
     "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
+    "wavegym/MultifunctionRadar-v0": "wavegym.systems.multifunction_radar.system:MultifunctionRadar",
 }
 
 # Of an environment, not its system.

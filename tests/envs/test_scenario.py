@@ -63,7 +63,8 @@ def test_every_environment_written_out_reads_back_the_same(id, write):
 def test_every_parameter_of_the_file_arrives(id, write):
     """Another horizon, and one parameter that is given to the world."""
     usual = system_of(id)
-    free = [info.name for info in parameter_infos(type(usual)) if info.truth and info.name in ("q", "sigma")]
+    names = ("q", "sigma", "targets")
+    free = [info.name for info in parameter_infos(type(usual)) if info.truth and info.name in names]
     changed = {"horizon": usual.horizon - 1, "truth": {name: getattr(usual, name) for name in free}}
     file = write(scenario_toml(id, **changed))
     assert system_of(id, scenario=file) == dataclasses.replace(usual, **changed)

@@ -47,6 +47,7 @@ def played(costs, errors=None):
         Played(
             cost=costs,
             steps=steps,
+            span=steps * 1.0,
             rmse=np.sqrt(costs.mean(axis=1)) if errors is None else errors,
             target_rmse=nothing[:, None],
             believed_rmse=nothing,

@@ -14,10 +14,11 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.rewards import make_reward
 from wavegym.schedulers import Continuous, Cycle, Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
-from wavegym.schedulers.heuristics.registry import HEURISTICS
+from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
 from wavegym.schedulers.myopic import OBJECTIVES
 from wavegym.schedulers.registry import FORMS, RENAMED, SCHEDULERS, is_scheduler, make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition, World
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 SYSTEM = KershawEvans(horizon=3)
 WORLDS = World(*(np.stack([a, a]) for a in SYSTEM.draw_world(np.random.default_rng(0))))
@@ -169,7 +170,10 @@ def test_the_schedulers_of_rf_eo_platforms(name):
 def test_every_scheduler_gets_through_gymnasiums_loop(name):
     """In the default autoreset mode a policy is also asked at the step that only resets, when its episode is over."""
     action, eclipsing = "box" if name in BOX else "library", name != "myopic:closed-form"
-    envs = WaveformVectorEnv(KershawEvansPosition, 2, horizon=4, action=action, eclipsing=eclipsing)
+    if name in TIMELINE:
+        envs = WaveformVectorEnv(MultifunctionRadar, 2, horizon=4, slots=8)
+    else:
+        envs = WaveformVectorEnv(KershawEvansPosition, 2, horizon=4, action=action, eclipsing=eclipsing)
     policy = make_policy(name, envs.system, draw_worlds(envs.system, world_seeds(0, "tune", 3)))
     observation, _ = envs.reset(seed=0)
     policy.begin(envs.system, 2, np.random.default_rng(0))
@@ -177,8 +181,8 @@ def test_every_scheduler_gets_through_gymnasiums_loop(name):
         policy.reveal(envs.world)
     ends = 0
     for _ in range(12):
-        observation, _, terminated, _, _ = envs.step(policy.act(envs.belief, observation, None))
-        ends += int(terminated.sum())
+        observation, _, terminated, truncated, _ = envs.step(policy.act(envs.belief, observation, None))
+        ends += int((terminated | truncated).sum())
     assert ends == 4
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import TimedPulses, offers
+from wavegym.core.capabilities import TimedPulses, UnequalSteps, offers
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import ObservationField, System
@@ -42,8 +42,10 @@ INFO_BOX = {
     "parameters": "box actions: their physical values",
     "action_clipped": "box actions: whether the action lay outside [-1, 1] and was clipped",
 }
-INFO_AT_TIMES = {
+INFO_RELATIVE = {
     "reference_cost": 'with `reward="relative"`: cost of the reference policy at the same step of the same world',
+}
+INFO_AT_TIMES = {
     "final_obs": 'with `autoreset_mode="SameStep"`: last observation of an episode that ended in this step',
     "final_info": 'with `autoreset_mode="SameStep"`: last info of that episode',
 }
@@ -212,7 +214,9 @@ def _info(env: Any, system: System) -> str:
     info = env.step(env.action_space.sample())[-1]
     forms = [form.actions for form in _forms(system).values()]
     boxed, several = (any(isinstance(actions, kind) for actions in forms) for kind in (ParameterBox, PerSensorLibrary))
-    known = {**INFO, **(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {}), **INFO_AT_TIMES}
+    relative = {} if offers(system, UnequalSteps) else INFO_RELATIVE
+    shapes = {**(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {})}
+    known = {**INFO, **shapes, **relative, **INFO_AT_TIMES}
     figures = " ".join((type(system).state_info.__doc__ or "").split())
     rows = [(f"`{key}`", _kind(value), known.pop(key, "key figure, see below")) for key, value in info.items()]
     rows += [(f"`{key}`", "", meaning) for key, meaning in known.items()]

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
@@ -146,18 +147,24 @@ class Relative:
         self.form = check_choice("form", form, ["share", "log", "difference", "scaled"])
 
     def begin(self, system: System, world: Any) -> ReferenceCosts:
-        """Play the reference on these worlds. Raises an InputError for a heuristic without recorded constants.
+        """Play the reference on these worlds.
 
         Nothing is tuned here: agents trained on differently tuned rewards could not be compared.
+
+        Raises:
+            InputError: a heuristic without recorded constants; or steps that differ in length, after which agent and
+                reference are no longer at the same time.
         """
         reference = self.reference
+        if offers(system, UnequalSteps):
+            raise InputError("reward is relative, expected 'cost' (nearest): the steps differ in length")
         if isinstance(reference, str):
             if reference not in recorded(system):
                 wanted = "a system at its defaults with such a record (nearest: reward='relative')"
                 raise InputError(f"reward is relative to {reference!r}, expected {wanted}")
             reference = tuned_heuristic(reference, system, None)
         played = rollout(system, reference, world)
-        step = np.minimum(np.arange(played.cost.shape[1]), played.steps[:, None] - 1)
+        step = np.minimum(np.arange(system.horizon), played.steps[:, None] - 1)
         return ReferenceCosts(np.take_along_axis(played.cost, step, axis=1), played.mean_cost)
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:

@@ -27,6 +27,8 @@ from wavegym.systems.energy_budget.scene import AccountScene
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.systems.kershaw_evans.scene import LineOfSightScene
 from wavegym.systems.kershaw_evans.system import KershawEvans
+from wavegym.systems.multifunction_radar.scene import RegionScene
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.systems.rf_eo.scene import PlatformScene
 from wavegym.systems.rf_eo.system import RfEo
 from wavegym.systems.sector_setup.city import SectorSetupCity
@@ -78,6 +80,7 @@ make_scene.register(EnergyBudget, AccountScene)
 make_scene.register(CameraSlew, CameraScene)
 make_scene.register(KershawEvans, LineOfSightScene)
 make_scene.register(AgileClutter, TargetScene)
+make_scene.register(MultifunctionRadar, RegionScene)
 make_scene.register(RfEo, PlatformScene)
 make_scene.register(SectorSetup, SectorScene)
 make_scene.register(SectorSetupCity, CityScene)

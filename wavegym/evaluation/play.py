@@ -17,7 +17,7 @@ from wavegym.core.system import System
 from wavegym.core.worlds import word
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.task import Task
-from wavegym.schedulers.rollout import allowed
+from wavegym.schedulers.rollout import allowed, step_lengths
 
 
 class Played(NamedTuple):
@@ -25,6 +25,7 @@ class Played(NamedTuple):
 
     cost: Array  # (world, H) after each step; NaN past an episode's end
     steps: Array  # (world,) int, length of the episode
+    span: Array  # (world,) what means are over: steps, or seconds where steps differ in length
     rmse: Array  # (world,) root mean square position error over steps and the targets present, m
     target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
     believed_rmse: Array  # (world,) what the tracker believes rmse to be, from ``position_variance``, m
@@ -37,9 +38,9 @@ class Played(NamedTuple):
     seconds: Array  # (world,) spent on decisions
 
     def episode_cost(self) -> Array:
-        """Mean cost per step, (world,)."""
+        """Mean cost per step, or per second where steps differ in length, (world,)."""
         ran = np.arange(self.cost.shape[1]) < self.steps[:, None]
-        return np.where(ran, self.cost, 0.0).sum(axis=1) / self.steps
+        return np.where(ran, self.cost, 0.0).sum(axis=1) / self.span
 
     @property
     def nees(self) -> Array:
@@ -107,7 +108,7 @@ def play(
             raise InputError(f"policy {name or type(policy).__name__!r}: {error}") from error
         if watch:
             watch(env, info, account.running)
-        account.add(info, terminated | truncated)
+        account.add(info, step_lengths(task.system, env.episodes.state.belief), terminated | truncated)
         start = perf_counter()
     return account.close()
 
@@ -120,6 +121,7 @@ class _Account:
         self.running = np.ones(count, np.bool_)
         self.costs: list[Array] = []
         self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
+        self.span = np.zeros(count)
         self.square, self.variance, self.square_gospa = _Sum(), _Sum(), _Sum()
         self.nees_sums: list[Array] = []
         self.nees_counts: list[Array] = []
@@ -128,14 +130,16 @@ class _Account:
         self.options = np.full(count, options)
         self.choices: list[Array] = []
 
-    def add(self, info: dict[str, Array], ended: Array) -> None:
-        """One step of every environment; only those still in their first episode count."""
+    def add(self, info: dict[str, Array], lengths: Array, ended: Array) -> None:
+        """One step of every environment; only those still in their first episode count, each by its length (env,)."""
         on = self.running
+        weight = np.where(on, lengths, 0.0)
+        self.span += weight
         self.costs.append(np.where(on, info["cost"], np.nan))
         self.steps[on] += 1
-        self.square.add(np.square(_metric(info, "position_error")), _counted(info, "position_error", on))
-        self.variance.add(_metric(info, "position_variance"), _counted(info, "position_variance", on))
-        self.square_gospa.add(np.square(_metric(info, "gospa")), (on & ("gospa" in info))[:, None])
+        self.square.add(np.square(_metric(info, "position_error")), _counted(info, "position_error", on), weight)
+        self.variance.add(_metric(info, "position_variance"), _counted(info, "position_variance", on), weight)
+        self.square_gospa.add(np.square(_metric(info, "gospa")), (on & ("gospa" in info))[:, None], weight)
         counted = _counted(info, "nees", on)
         self.nees_sums.append(np.where(counted, _metric(info, "nees"), 0.0).sum(axis=1))
         self.nees_counts.append(counted.sum(axis=1))
@@ -150,6 +154,7 @@ class _Account:
         return Played(
             cost=costs,
             steps=self.steps,
+            span=self.span,
             rmse=np.sqrt(self.square.mean()),
             target_rmse=np.sqrt(self.square.of_each()),
             believed_rmse=np.sqrt(self.variance.mean()),
@@ -168,11 +173,12 @@ class _Sum:
 
     def __init__(self) -> None:
         self.total: Any = 0.0
-        self.count: Any = 0
+        self.count: Any = 0.0
 
-    def add(self, values: Array, counted: Array) -> None:
-        """One step's values, and which of them count, (world, target) both."""
-        self.total, self.count = self.total + np.where(counted, values, 0.0), self.count + counted
+    def add(self, values: Array, counted: Array, weight: Array) -> None:
+        """One step's values, which of them count, (world, target) both, and the weight of the step, (world,)."""
+        weights = counted * weight[:, None]
+        self.total, self.count = self.total + np.where(counted, values, 0.0) * weights, self.count + weights
 
     def mean(self) -> Array:
         """Over steps and targets, (world,); NaN without a value."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
+from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.rendering.moment import Moment
@@ -22,6 +23,7 @@ COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
 MOST_LABELS = 7
 WIDEST = 26  # characters in a line of a label
 MOST_NAMED = 6  # parameters of a box with a name in the legend
+LONGEST = 1000  # of a longer episode the last so many steps are shown
 APART = 0.2  # rows between the marks of two sensors with the same waveform
 
 
@@ -57,6 +59,10 @@ class Timelines:
         """Fill the panels with ``moment``."""
         for axes in (self._cost, self._predicted, self._choices):
             wipe(axes)
+        if moment.system.horizon > LONGEST:
+            end = max(len(moment.actions), LONGEST)
+            for axes in (self._cost, self._choices):
+                axes.set_xlim(end - LONGEST, end)
         self._cost.plot(moment.costs, color=COST, linewidth=1.2)
         self._cost.plot([len(moment.costs) - 1], moment.costs[-1:], "o", color=COST, markersize=4)
         fit_y(self._cost, moment.costs)
@@ -69,6 +75,9 @@ class Timelines:
 
 def draw_predicted(axes: Axes, moment: Moment) -> None:
     """The predicted cost of each candidate one step ahead; the least and the chosen candidate are marked."""
+    if offers(moment.system, UnequalSteps):  # costs of steps of different lengths cannot be compared
+        axes.set_visible(False)
+        return
     belief = (moment.states[-2] if moment.actions else moment.states[-1]).belief
     try:
         candidates = moment.system.candidates()

@@ -69,6 +69,12 @@ def test_expected_detection_is_the_integral_over_the_pointing_error(share, off):
     assert ratio == pytest.approx(over(lambda u: u * u * (1 - chance(u))) / over(lambda u: 1 - chance(u)), rel=0.1)
 
 
+@pytest.mark.parametrize("S", [0.5, 5.0, 50.0, 500.0])
+def test_the_mean_inverse_power_is_that_of_detections(S):
+    want = quad(lambda u: np.exp(-u) / (T + (1 + S) * u), 0.0, 60.0)[0]
+    assert beams.mean_inverse_power(S, T) == pytest.approx(want, rel=0.05)
+
+
 def test_coverage_is_the_integral_over_the_azimuth():
     def chance(u):
         return float(beams.detection(beams.energy(15e3, u * WIDTH, 10e-3, BEAM), T))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core import trees
+from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -21,6 +22,14 @@ from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDela
 from wavegym.schedulers.heuristics.l_step import Gain
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
 from wavegym.schedulers.heuristics.searched_rule import SearchedRule, search_rule
+from wavegym.schedulers.heuristics.timeline_rules import (
+    DelayIndex,
+    EarliestDeadline,
+    GainPerSecond,
+    PriceOfTime,
+    RoundRobinSearch,
+    VanKeukBlackman,
+)
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.rollout import allowed
@@ -30,6 +39,7 @@ AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
 FAR = (1, 2, 4, 6, 8, 11, 14, 20, 25, 32, 40, 60)  # for accounts that must last
 MOST = 50_000  # beliefs predicted in an episode, so that tuning "gain" takes a reasonable time
 CLEAR_SLOT = {"price": 100.0, "power": 1.0, "cushion": 1.0, "ahead": 4.0, "reach": 1.0, "scale": 0.0}
+TIMELINE_WORLDS = 16  # an episode has thousands of dwells
 FEW_WORLDS = 16  # for a heuristic that predicts to the episode's end
 
 
@@ -94,6 +104,48 @@ def _myopic() -> Heuristic:
 
 
 QUICK = Search()
+DWELLS = tuple(range(4))
+AHEAD_S = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+WORTH_S = (0.25, 0.5, 1.0, 1.4, 2.0, 3.0, 4.0, 6.0, 9.0)
+TIMELINE_RULES: tuple[tuple[Any, Grid, Constants], ...] = (
+    (
+        RoundRobinSearch,
+        {"share": (0.2, 0.35, 0.5, 0.65, 0.8), "update": DWELLS, "search": DWELLS},
+        {"share": 0.5, "update": 2, "search": 2},
+    ),
+    (
+        EarliestDeadline,
+        {
+            "revisit": (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0),
+            "confirm": (0.0, 0.1, 0.2, 0.5),
+            "update": DWELLS,
+            "search": DWELLS,
+        },
+        {"revisit": 1.0, "confirm": 0.1, "update": 2, "search": 2},
+    ),
+    (
+        VanKeukBlackman,
+        {
+            "pointing": (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4),
+            "snr": (5.0, 10.0, 20.0, 40.0, 80.0),
+            "confirm": (0.0, 0.1, 0.2, 0.5),
+            "search": DWELLS,
+        },
+        {"pointing": 0.2, "snr": 20.0, "confirm": 0.1, "search": 2},
+    ),
+    (GainPerSecond, {"ahead": AHEAD_S, "worth": WORTH_S}, {"ahead": 0.5, "worth": 1.0}),
+    (
+        PriceOfTime,
+        {"ahead": AHEAD_S, "worth": WORTH_S, "price": (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)},
+        {"ahead": 0.5, "worth": 2.0, "price": 0.5},
+    ),
+    (
+        DelayIndex,
+        {"ahead": AHEAD_S, "worth": WORTH_S, "later": (0.1, 0.3, 1.0), "kappa": (0.0, 0.25, 0.5, 0.75)},
+        {"ahead": 0.5, "worth": 2.0, "later": 0.3, "kappa": 0.25},
+    ),
+)
+TIMELINE = tuple(rule.name for rule, *_ in TIMELINE_RULES)  # for one beam on a time line
 HEURISTICS: dict[str, TunableHeuristic] = {
     "myopic": TunableHeuristic(_myopic, {}, {}),
     "cycle": TunableHeuristic(_cycle, {}, {}),
@@ -152,6 +204,10 @@ HEURISTICS: dict[str, TunableHeuristic] = {
             "scale": Interval(0.0, 1.5),
         },
     ),
+    **{
+        rule.name: TunableHeuristic(rule, grid, start, worlds=TIMELINE_WORLDS, budget=60)
+        for rule, grid, start in TIMELINE_RULES
+    },
     SearchedRule.name: TunableHeuristic(SearchedRule, {}, {}),
 }
 
@@ -179,6 +235,8 @@ def _tuned(
 ) -> tuple[Constants, dict[str, Any]]:
     """The constants, and what CMA-ES spent on them, if it did."""
     heuristic = HEURISTICS[name]
+    if name in ("cycle", SearchedRule.name) and offers(system, UnequalSteps):
+        raise InputError(f"heuristic {name!r} counts steps, expected steps of one length (nearest: 'gain-per-second')")
     if name == "cycle":
         return {"actions": best_dwell(system, worlds).tolist()}, {}
     if name == SearchedRule.name:

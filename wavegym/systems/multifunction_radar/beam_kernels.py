@@ -56,6 +56,17 @@ def detection(S, threshold):
     return np.exp(-threshold / (1.0 + S))
 
 
+@inlined
+def mean_inverse_power(S, threshold):
+    """Mean of 1 / z given a detection, to a twentieth: exp(x) E1(x) / (1 + S) with x = T / (1 + S).
+
+    exp(x) E1(x) is near ln(1 + c / x), where c rises from exp(-gamma) at 0, with Euler's gamma, to 1 - 1 / (2 x).
+    """
+    x = threshold / (1.0 + S)
+    c = (0.5615 + 0.877 * x) / (1.0 + 0.877 * x)
+    return np.log1p(c / x) / (1.0 + S)
+
+
 @kernel
 def expected_detection(r, off, variance, seconds, threshold, beam):
     """Probability of detection where the azimuth has a mean ``off`` the beam's axis and a variance; what a miss says.

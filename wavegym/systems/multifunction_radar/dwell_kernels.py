@@ -205,16 +205,13 @@ def drop_tracks(time, slots, undetected, modes, most, area):
 
 
 @kernel
-def rate_of_cost(time, slots, undetected, modes, most):
-    """The cost per second at ``time``: c0 for every undetected target, and for every slot as its track is reported.
+def rate_of_cost(time, slots, modes, most):
+    """The cost per second of the tracks at ``time``.
 
     A track that is reported costs e tr P + (1 - e) c0, one that is not e c0, and the lesser counts: the expected
     squared GOSPA distance at the best choice of what to report.
     """
     total = 0.0
-    for s in range(undetected.shape[0]):
-        for b in range(undetected.shape[1]):
-            total += most * undetected[s, b]
     for k in range(len(slots.existence)):
         e = slots.existence[k]
         if e > 0.0:

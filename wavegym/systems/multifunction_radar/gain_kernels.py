@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection
+from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection, mean_inverse_power
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, slots_of
 from wavegym.systems.multifunction_radar.track_kernels import (
     NN,
@@ -57,7 +57,8 @@ def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
         q = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
         across = gain_one(0, covariance, H, 1, v, NN, PLACE)
         pd, _ = expected_detection(h[0], 0.0, across, seconds[a], threshold, beam)
-        errors(threshold + 1.0 + energy(h[0], 0.0, seconds[a], beam), beam, variance)
+        S = energy(h[0], 0.0, seconds[a], beam)
+        errors(1.0 / mean_inverse_power(S, threshold), beam, variance)
         after[:] = covariance
         for j in range(2):
             s = gain_one(0, after, H, j, v, NN, PLACE) + variance[j]

@@ -32,6 +32,7 @@ class Truth(NamedTuple):
     squared_error: Array  # (env, k) m^2
     variance: Array  # (env, k) m^2
     nees: Array  # (env, k)
+    replaced: Array  # (env,) bool, whether the last action was the update of a free slot, which is a wait
     present: Array  # (env, k) bool, whether a slot's track is confirmed and of a target that is there
 
 

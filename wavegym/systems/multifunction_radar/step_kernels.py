@@ -18,6 +18,7 @@ from wavegym.systems.multifunction_radar.beam_kernels import (
     errors,
     expected_detection,
     false_density,
+    mean_inverse_power,
 )
 from wavegym.systems.multifunction_radar.dwell_kernels import (
     axis_of,
@@ -81,25 +82,35 @@ def first_tracks(x, here, known, error, modes, variance, batch, origin):
 
 
 @inlined
-def chosen(action, menu):
-    """The dwell of an action: a row of the menu's arrays, (action,) each; the last, covers (action, b), is extra."""
-    kind, index, seconds, duration, _ = menu
-    return Dwell(kind[action], index[action], seconds[action], duration[action])
+def chosen(action, existence, menu):
+    """The dwell of an action, a row of the menu's arrays, (action,) each; an update of a free slot is the last, a wait.
+
+    existence (k,). The menu's fifth array, covers (action, b), is for searches alone.
+    """
+    kind, which, seconds, duration, _ = menu
+    if kind[action] == UPDATE and existence[which[action]] == 0.0:
+        action = len(kind) - 1
+    return Dwell(kind[action], which[action], seconds[action], duration[action])
 
 
 @kernel
 def pass_time(e, batch, dwell, modes, area, most, scratch):
-    """Let a dwell's time pass before its echo is used: the cost of it, by Simpson's rule, and the undetected."""
+    """Let a dwell's time pass before its echo is used: the cost of it, by Simpson's rule, and the undetected.
+
+    Every undetected target costs c0 a second.
+    """
     slots, undetected, start = slots_of(e, batch), batch.undetected[e], batch.time[e]
     half = 0.5 * dwell.duration
-    first = rate_of_cost(start, slots, undetected, modes, most)
-    middle = rate_of_cost(start + half, slots, undetected, modes, most)
-    last = rate_of_cost(start + dwell.duration, slots, undetected, modes, most)
-    batch.spent[e] = dwell.duration * (first + 4.0 * middle + last) / 6.0
+    first = rate_of_cost(start, slots, modes, most)
+    middle = rate_of_cost(start + half, slots, modes, most)
+    last = rate_of_cost(start + dwell.duration, slots, modes, most)
+    before = undetected.sum()
+    drift(undetected, dwell.duration, area, scratch)
+    unseen = 0.5 * most * (before + undetected.sum())
+    batch.spent[e] = dwell.duration * ((first + 4.0 * middle + last) / 6.0 + unseen)
     batch.duration[e] = dwell.duration
     batch.time[e] = start + dwell.duration
     batch.step[e] += 1
-    drift(undetected, dwell.duration, area, scratch)
 
 
 @kernel
@@ -113,7 +124,8 @@ def advance(keys, arrival, truth, flight, true_beam, batch, actions, menu, thres
     modes, beam, area, most = laws
     scratch = np.empty_like(batch.undetected[0])
     for e in range(len(actions)):
-        dwell, slots, undetected = chosen(actions[e], menu), slots_of(e, batch), batch.undetected[e]
+        dwell, slots = chosen(actions[e], batch.existence[e], menu), slots_of(e, batch)
+        undetected = batch.undetected[e]
         key = stream(stream(keys[e], DWELLS), batch.step[e])
         pass_time(e, batch, dwell, modes, area, most, scratch)
         time = batch.time[e]
@@ -135,7 +147,11 @@ def advance(keys, arrival, truth, flight, true_beam, batch, actions, menu, thres
 
 @kernel
 def foresee_update(k, time, slots, seconds, draws, laws):
-    """What an update of slot k is expected to do, or does with uniform draws (2,): of its detection and its power."""
+    """What an update of slot k is expected to do, or does with uniform draws (2,): of its detection and its power.
+
+    An echo comes from where the track is predicted, which is what the quiet mode expects most. The modes keep their
+    probabilities all the same, or no future would hold a manoeuvre.
+    """
     threshold, modes, beam, _ = laws
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
     mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
@@ -147,17 +163,19 @@ def foresee_update(k, time, slots, seconds, draws, laws):
     S = energy(h[0], 0.0, seconds, beam)
     chance = slots.existence[k] * pd
     if len(draws) == 0:
-        before = P.copy()
-        errors(threshold + 1.0 + S, beam, variance)
+        before, modes_before = P.copy(), mu.copy()
+        errors(1.0 / mean_inverse_power(S, threshold), beam, variance)
         update_slot(k, time, slots, modes, x, P, mu, h[0], h[1], variance)
         P[:] = before + chance * (P - before)
-        keep_slot(k, time, slots, modes, x, P, mu)
+        keep_slot(k, time, slots, modes, x, P, modes_before)
     elif draws[0] < chance:
         z = threshold - (1.0 + S) * np.log1p(-draws[1])
         errors(z, beam, variance)
         finding = np.array([h[0], h[1], z, 0.0])
         determinant = (gain_one(0, covariance, H, 0, v, NN, PLACE) + variance[0]) * (across + variance[1])
+        modes_before = mu.copy()
         hit(k, time, slots, modes, (x, P, mu), finding, (0.0, np.log(determinant), pd, variance), threshold, beam)
+        keep_slot(k, time, slots, modes, x, P, modes_before)
     else:
         miss(k, time, slots, modes, (x, P, mu), pd, ratio)
 
@@ -198,10 +216,11 @@ def foresee(batch, actions, draws, menu, thresholds, laws):
     modes, beam, area, most = laws
     scratch = np.empty_like(batch.undetected[0])
     for e in range(len(actions)):
-        dwell, slots, undetected = chosen(actions[e], menu), slots_of(e, batch), batch.undetected[e]
+        dwell, slots = chosen(actions[e], batch.existence[e], menu), slots_of(e, batch)
+        undetected = batch.undetected[e]
         pass_time(e, batch, dwell, modes, area, most, scratch)
         time = batch.time[e]
-        if dwell.kind == UPDATE and slots.existence[dwell.which] > 0.0:
+        if dwell.kind == UPDATE:
             foresee_update(dwell.which, time, slots, dwell.seconds, draws[e], (thresholds[0], modes, beam, area))
         elif dwell.kind == SEARCH:
             turn = batch.turn[e, dwell.which]

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import TimedPulses, TrackSlots, UnequalSteps
 from wavegym.core.errors import InputError, check_within
-from wavegym.core.parameters import Count, NonNegative, Positive, parameter, system_parameters
+from wavegym.core.parameters import Count, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.actions import Dwells
@@ -30,7 +31,14 @@ from wavegym.waveforms import PulseTiming, check_range_folds
 MONOPULSE = 1.6  # slope of a monopulse: the standard deviation of an angle is the beam width / (1.6 sqrt(2 SNR))
 COLUMNS = 9  # of ``slots_now``
 LOGARITHMS = [3, 4, 5, 7, 8]  # columns of ``slots_now`` that agents observe as log2
+TINY = 1e-12
+FEW = 1.0 / 64.0  # undetected targets over their number where nobody looks: fewer look like this
 DRAWS = 2  # uniform draws that decide one dwell in ``predict``
+
+Speed = Annotated[float, Field(gt=0, le=1e4)]
+Density = Annotated[float, Field(ge=0, le=1e6)]
+Rate = Annotated[float, Field(ge=1e-6, le=100)]
+Spread = Annotated[float, Field(ge=1e-3, le=1e4)]
 
 
 @system_parameters
@@ -39,7 +47,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 
     Description
         An action is the next dwell: update a track, search a sector, each with one of several numbers of pulses, or
-        wait. A dwell takes its own time, and targets move on meanwhile. An update points the beam at the predicted
+        wait. The mask excludes updates of slots without a track; such an action, taken all the same, is a wait (metric
+        ``replaced``). A dwell takes its own time, and targets move on meanwhile. An update points at the predicted
         azimuth; the gain falls with the pointing error, so a late update misses, and a track can be lost. A search
         points at the next beam of its sector; a detection that no track explains begins a tentative track, which
         later dwells confirm or refute. Detections and false alarms are those of echo and noise in complex normal form
@@ -67,9 +76,10 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     """
 
     terminates: ClassVar[bool] = False
+    strict: ClassVar[bool] = False
 
     horizon: int = parameter(50_000, "most dwells of an episode", ge=1, le=1_000_000)
-    seconds: float = parameter(60.0, "length of an episode", unit="s", gt=0, le=3600)
+    seconds: float = parameter(60.0, "length of an episode", unit="s", ge=1e-3, le=3600)
     targets: float = parameter(
         16.0,
         "expected number of targets in the region, in the world as in the search's prior",
@@ -78,7 +88,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         le=500,
     )
     known: float = parameter(0.5, "share of the first targets that have a track at the beginning", ge=0, le=1)
-    first_errors: tuple[Positive, Positive] = parameter(
+    first_errors: tuple[Spread, Spread] = parameter(
         (100.0, 30.0),
         "standard deviations of the first estimates, of position and velocity on each axis",
         unit="m, m/s",
@@ -86,35 +96,33 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     slots: Count = parameter(64, "most tracks at a time", le=1000)
     sectors: Count = parameter(12, "sectors of the search", le=360)
     bins: Count = parameter(7, "range bins of the intensity of undetected targets", le=100)
-    nearest: float = parameter(5e3, "least range of the region", unit="m", gt=0)
-    farthest: float = parameter(40e3, "greatest range of the region", unit="m", gt=0)
-    half_sector: float = parameter(60.0, "greatest azimuth of the region, on either side", unit="deg", gt=0, le=80)
-    speeds: tuple[Positive, Positive] = parameter((100.0, 300.0), "least and greatest speed", unit="m/s", truth=True)
-    density: tuple[NonNegative, NonNegative] = parameter(
+    nearest: float = parameter(5e3, "least range of the region", unit="m", ge=100, le=1e6)
+    farthest: float = parameter(40e3, "greatest range of the region", unit="m", ge=100, le=1e6)
+    half_sector: float = parameter(60.0, "greatest azimuth of the region, on either side", unit="deg", ge=1, le=80)
+    speeds: tuple[Speed, Speed] = parameter((100.0, 300.0), "least and greatest speed", unit="m/s", truth=True)
+    density: tuple[Density, Density] = parameter(
         (10.0, 2000.0), "density of the white acceleration of each mode on each axis", unit="m^2/s^3", truth=True
     )
-    leave: tuple[Positive, Positive] = parameter(
-        (0.05, 0.2), "rate at which a target leaves each mode", unit="1/s", truth=True
-    )
-    cell: float = parameter(0.05, "time for which a target flies straight on", unit="s", gt=0, le=1)
+    leave: tuple[Rate, Rate] = parameter((0.05, 0.2), "rate at which a target leaves each mode", unit="1/s", truth=True)
+    cell: float = parameter(0.05, "time for which a target flies straight on", unit="s", ge=1e-3, le=1)
     carrier_hz: float = parameter(3e9, "carrier frequency", unit="Hz", gt=0)
     pulse: float = parameter(30e-6, "duration of a pulse", unit="s", gt=0)
     interval: float = parameter(320e-6, "time between two pulses", unit="s", gt=0)
     pulses: tuple[Count, ...] = parameter((6, 20, 64, 200), "numbers of pulses of a dwell", min_length=1)
     overhead: float = parameter(1e-3, "time before each dwell, to steer and set up", unit="s", ge=0, le=1)
     dt: float = parameter(5e-3, "length of a wait; other steps take as long as their dwells", unit="s", gt=0, le=1)
-    beam_width: float = parameter(1.0, "half-power width of the beam, one way", unit="deg", truth=True, gt=0, le=10)
+    beam_width: float = parameter(1.0, "half-power width of the beam, one way", unit="deg", truth=True, ge=0.1, le=10)
     reference_range: float = parameter(
-        60e3, "range at which 10 ms of pulses have E/N0 = 1 in the middle of the beam", unit="m", truth=True, gt=0
+        60e3, "range at which a dwell of 10 ms has E/N0 = 1 on the beam's axis", unit="m", truth=True, ge=100, le=1e8
     )
-    range_cell: float = parameter(150.0, "range resolution", unit="m", gt=0)
+    range_cell: float = parameter(150.0, "range resolution", unit="m", ge=0.1, le=1e4)
     false_alarm: tuple[Positive, Positive] = parameter(
         (1e-6, 1e-4), "false alarm probability of a range cell in an update and in a search"
     )
-    gate: float = parameter(25.0, "squared Mahalanobis distance of the gate", gt=0)
+    gate: float = parameter(25.0, "squared Mahalanobis distance of the gate", ge=1, le=1e3)
     dropped: float = parameter(0.05, "existence below which a track is dropped", ge=0, lt=0.5)
-    c0: float = parameter(2.5e5, "cost of a target that is not reported, per second", unit="m^2", gt=0)
-    sample: float = parameter(0.5, "time between two figures by truth", unit="s", gt=0)
+    c0: float = parameter(2.5e5, "cost of a target that is not reported, per second", unit="m^2", ge=1, le=1e12)
+    sample: float = parameter(0.5, "time between two figures by truth", unit="s", gt=0, le=10)
 
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
@@ -129,16 +137,12 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             most = int(2.0 * self.half_sector / self.beam_width)
             raise InputError(f"sectors is {self.sectors}, expected each as wide as a beam or wider (nearest: {most})")
         check_range_folds(self.timings, self.farthest)
-        near = max(timing.blind_range for timing in self.timings.values())
-        if near > self.nearest:
+        blind = max(timing.blind_range for timing in self.timings.values())
+        check_within("nearest", self.nearest, blind, self.farthest, "m")
+        longest = max(self.dwell_seconds) + self.overhead
+        if longest > self.sample:
             raise InputError(
-                f"nearest is {self.nearest!r} m, expected no less than the blind range (nearest: {near:.6g})"
-            )
-        slowest = self.sample / 2.0
-        longest = max(*self.dwell_seconds) + self.overhead
-        if longest > slowest:
-            raise InputError(
-                f"sample is {self.sample!r} s, expected twice the longest dwell (nearest: {2 * longest:.6g})"
+                f"sample is {self.sample!r} s, expected the longest dwell or more (nearest: {longest:.6g})"
             )
 
     # --- what the parameters make ---
@@ -279,7 +283,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             confirmed=np.full(here.shape, np.nan), lost=none, false=none.copy(),
             gospa=np.sqrt(here.sum(axis=1) * self.c0), squared_error=np.zeros((count, slots)),
             variance=np.zeros((count, slots)), nees=np.zeros((count, slots)),
-            present=np.zeros((count, slots), np.bool_),
+            replaced=np.zeros(count, np.bool_), present=np.zeros((count, slots), np.bool_),
         )  # fmt: skip
         belief = self._nothing_seen(count)
         belief.undetected[:] *= 1.0 - self.known
@@ -287,14 +291,18 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         kernels.first_tracks(x, here, known, world.error, self.modes, variance, belief, truth.origin)
         return State(truth, belief)
 
+    @cached_property
+    def usual_numbers(self) -> Array:
+        """Targets in a cell of each bin where nobody looks, (bin,)."""
+        return np.array([usual_number(b, (self.sectors, self.bins), self.area) for b in range(self.bins)])
+
     def _nothing_seen(self, count: int) -> Belief:
         slots = self.slots
-        traffic = np.array([usual_number(b, (self.sectors, self.bins), self.area) for b in range(self.bins)])
         return Belief(
             step=np.zeros(count, np.int64), time=np.zeros(count), updated=np.zeros((count, slots)),
             mean=np.zeros((count, slots, 2, 4)), covariance=np.zeros((count, slots, 2, 4, 4)),
             probability=np.full((count, slots, 2), 0.5), existence=np.zeros((count, slots)),
-            moments=np.zeros((count, slots, 10)), undetected=np.tile(traffic, (count, self.sectors, 1)),
+            moments=np.zeros((count, slots, 10)), undetected=np.tile(self.usual_numbers, (count, self.sectors, 1)),
             turn=np.zeros((count, self.sectors), np.int64), spent=np.zeros(count), duration=np.zeros(count),
         )  # fmt: skip
 
@@ -307,6 +315,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             world.key, truth.arrival, moving, model.flight, model.beam, belief, action, self.menu,
             self.thresholds, self.laws,
         )  # fmt: skip
+        truth.replaced[:] = ~self.mask(state.belief)[np.arange(len(action)), action]
         due = np.flatnonzero(belief.time // self.sample > state.belief.time // self.sample)
         if len(due):
             take_figures(truth, belief, due, self.modes, model.flight, self.c0)
@@ -400,9 +409,9 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             for k in range(self.slots)
             for name, unit, centre, scale, meaning in columns
         ]
-        about = "undetected targets over their number where nobody looks"
+        about = "log2 of the undetected targets over their number where nobody looks, at least 1/64"
         cells = [
-            ObservationField(f"undetected_{s}_{b}", "1", 0.5, 0.5, f"sector {s}, bin {b}: {about}")
+            ObservationField(f"undetected_{s}_{b}", "1", -2.0, 2.0, f"sector {s}, bin {b}: {about}")
             for s in range(self.sectors)
             for b in range(self.bins)
         ]
@@ -412,12 +421,10 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """See ``observation_fields``; what a free slot does not have is at the field's centre."""
         rows = self.slots_now(belief)
         taken = rows[..., 0] > 0.0
-        with np.errstate(divide="ignore"):
-            rows[..., LOGARITHMS] = np.log2(rows[..., LOGARITHMS])
+        rows[..., LOGARITHMS] = np.log2(np.maximum(rows[..., LOGARITHMS], TINY))
         centre = np.array([field.centre for field in self.observation_fields[1 : rows.shape[2]]])
         rows[..., 1:] = np.where(taken[..., None], rows[..., 1:], centre)
-        usual = self._nothing_seen(1).undetected
-        share = belief.undetected / np.maximum(usual, np.finfo(float).tiny)
+        share = np.log2(np.clip(belief.undetected / np.maximum(self.usual_numbers, TINY), FEW, None))
         return np.concatenate([rows.reshape(len(rows), -1), share.reshape(len(rows), -1)], axis=1)
 
     @property
@@ -432,7 +439,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         ``position_variance`` (m^2) and ``nees``. ``gospa`` (m) of all reported tracks; ``lost``, the targets whose
         confirmed track was lost so far; ``false_tracks``, confirmed tracks of no target; ``targets`` that are there;
         ``confirm_delay`` (s), from arrival to the first confirmed track, on average so far. And ``duration`` (s) of the
-        dwell.
+        dwell, and whether it was ``replaced`` by a wait.
         """
         truth, belief = state
         known = ~np.isnan(truth.confirmed)
@@ -447,5 +454,6 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             "lost": truth.lost.copy(),
             "false_tracks": truth.false.copy(),
             "targets": truth.here.sum(axis=1),
+            "replaced": truth.replaced.copy(),
             "confirm_delay": delay / np.maximum(known.sum(axis=1), 1),
         }

@@ -1,0 +1,228 @@
+"""The multifunction radar as a system: time, cost, predictions that conserve targets, figures by truth, bad input."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
+from wavegym.core.worlds import draw_worlds, world_seeds
+from wavegym.schedulers import RandomChoice, rollout
+from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
+from wavegym.systems.multifunction_radar.figures import CONFIRMED, estimates
+from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
+from wavegym.testing import check_vector_env
+from wavegym.trackers import gospa
+
+
+def after(system, worlds, seconds, choose):
+    """The state after so many seconds of a policy (belief, mask) -> actions."""
+    state = system.initial(worlds)
+    while state.belief.time.min() < seconds:
+        state = system.transition(state, choose(state.belief, system.mask(state.belief)), worlds)
+    return state
+
+
+def by_gain(system, ahead=0.5, worth=1.0):
+    policy = GainPerSecond(ahead, worth)
+    policy.begin(system, 1, np.random.default_rng(0))
+    return lambda belief, mask: policy.choose(belief, mask, None)
+
+
+def worlds_of(system, count, root=0):
+    return draw_worlds(system, world_seeds(root, "tune", count))
+
+
+def places(state, system):
+    """True states (env, g, 4) at the time of the belief."""
+    x, late = state.truth.state.copy(), state.belief.time - state.truth.cell * system.cell
+    x[..., [0, 2]] += late[:, None, None] * x[..., [1, 3]]
+    return x
+
+
+@pytest.mark.parametrize("settings", [{"horizon": 40}, {"seconds": 0.3, "targets": 40.0, "slots": 5}], ids=str)
+def test_single_environments_equal_batches(settings):
+    check_vector_env("wavegym/MultifunctionRadar-v0", max_steps=60, **settings)
+
+
+def test_a_dwell_takes_the_time_of_its_pulses_and_the_overhead():
+    system = MultifunctionRadar(pulses=(6, 200))
+    kind, which, seconds, duration = system.dwells.menu
+    labels = system.actions.labels
+    assert labels[:2] == ("update 0 1.92 ms", "update 0 64 ms")
+    assert labels[-3:] == ("search 11 1.92 ms", "search 11 64 ms", "wait")
+    np.testing.assert_allclose(seconds[:2], [6 * 320e-6, 200 * 320e-6], rtol=1e-12)
+    np.testing.assert_allclose(duration[[0, 1, -1]], [2.92e-3, 65e-3, 5e-3], rtol=1e-12)
+    assert (kind == np.repeat([UPDATE, SEARCH, WAIT], [128, 24, 1])).all()
+    np.testing.assert_array_equal(which[[0, 1, 2, 127, 128, 151]], [0, 0, 1, 63, 0, 11])
+
+
+def test_an_episode_ends_with_the_first_dwell_past_its_time_and_means_are_over_seconds():
+    system = MultifunctionRadar(seconds=0.4)
+    played = rollout(system, RandomChoice(), worlds_of(system, 6))
+    assert ((played.span >= 0.4) & (played.span < 0.4 + 0.065)).all()
+    assert len(set(played.steps.tolist())) > 1
+    np.testing.assert_allclose(played.mean_cost, played.cost.sum(axis=1) / played.span, rtol=1e-12)
+
+
+def test_the_cost_is_the_integral_over_the_time_of_the_dwell():
+    """One wait of .4 s against 400 waits of 1 ms: Simpson's rule on a quadrature of another order."""
+    spent = []
+    for dt, count in ((0.4, 1), (1e-3, 400)):
+        system = MultifunctionRadar(dt=dt)
+        state = system.initial(worlds_of(system, 4))
+        wait, total = np.full(4, len(system.actions) - 1), 0.0
+        for _ in range(count):
+            state = system.transition(state, wait, worlds_of(system, 4))
+            total = total + state.belief.spent
+        np.testing.assert_allclose(state.belief.time, 0.4, rtol=1e-12)
+        spent.append(total)
+    np.testing.assert_allclose(spent[0], spent[1], rtol=1e-4)
+
+
+def test_an_update_of_a_free_slot_is_a_wait():
+    system = MultifunctionRadar(known=0.0)
+    worlds = worlds_of(system, 2)
+    state = system.initial(worlds)
+    assert not system.mask(state.belief)[:, : system.slots * 4].any()
+    updated = system.transition(state, np.full(2, 7), worlds)
+    waited = system.transition(state, np.full(2, len(system.actions) - 1), worlds)
+    assert system.state_info(updated)["replaced"].all()
+    assert not system.state_info(waited)["replaced"].any()
+    for a, b in zip(updated.belief, waited.belief, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("kind", ["update", "search"])
+def test_futures_conserve_the_expected_number_of_targets(kind):
+    """Existence by Bayes's rule is a martingale: over the draws, tracks and undetected sum to what was expected.
+
+    Nothing is dropped. Draws (i + .5) / 400 are a quadrature of the uniform distribution.
+    """
+    system = MultifunctionRadar(known=1.0, dropped=0.0)
+    worlds = worlds_of(system, 1)
+    state = after(system, worlds, 1.0, by_gain(system))
+    belief = state.belief
+    belief.existence[0, belief.existence[0] > 0] = 0.6
+    action = system.dwells.update(0, 1) if kind == "update" else system.dwells.search(3, 2)
+    assert system.mask(belief)[0, action]
+    draws = np.stack([(np.arange(400) + 0.5) / 400, np.full(400, 0.5)], axis=1)
+    futures = system.predict(belief, np.full((1, 400), action), draws[None])
+    waited = system.predict(belief, np.array([action]))
+    number = futures.existence.sum(axis=2) + futures.undetected.sum(axis=(2, 3))
+    want = waited.existence.sum() + waited.undetected.sum()
+    assert number.mean() == pytest.approx(want, abs=2.0 / 400)
+    assert len(np.unique((futures.existence > 0.0).sum(axis=2) if kind == "search" else number.round(3))) > 1
+
+
+def test_the_gain_of_an_update_is_what_its_futures_save():
+    """Against 400 futures, each followed by a wait of ``ahead``; the gain holds detections at their mean power."""
+    ahead = 0.5
+    system = MultifunctionRadar(known=1.0, dropped=0.0, dt=ahead)
+    state = after(system, worlds_of(system, 1), 0.7, by_gain(system))
+    belief = state.belief._replace(undetected=np.zeros_like(state.belief.undetected))
+    system = dataclasses.replace(system, targets=0.0)  # nobody comes while the dwell takes its time
+    wait, draws = len(system.actions) - 1, np.random.default_rng(0).random((1, 400, 2))
+    gains, ratios = system.gain_per_second(belief, ahead, 1.0)[0], []
+    for slot in np.flatnonzero(belief.existence[0] > 0.0)[:6].tolist():
+        for dwell in (1, 3):
+            action = int(system.dwells.update(slot, dwell))
+            duration = system.dwells.menu[3][action]
+            looked = system.predict(belief, np.full((1, 400), action), draws)
+            later = system.predict(type(belief)(*(leaf[0] for leaf in looked)), np.full(400, wait))
+            idle = belief._replace(time=belief.time + duration)
+            saved = system.predict(idle, np.array([wait])).spent[0] - later.spent.mean()
+            error = 4.0 * later.spent.std() / np.sqrt(400)
+            assert abs(gains[action] * duration - saved) < 0.25 * saved + error, (slot, dwell)
+            ratios.append((gains[action] * duration, saved))
+    assert np.divide(*np.sum(ratios, axis=0)) == pytest.approx(1.0, abs=0.05)
+
+
+def test_gospa_is_that_of_the_reported_tracks():
+    """At each of 60 dwells, in the worlds whose figures are due there."""
+    system = MultifunctionRadar(targets=5.0, sample=0.07)
+    worlds, choose, compared = worlds_of(system, 6), by_gain(system), 0
+    state = after(system, worlds, 3.0, choose)
+    for _ in range(60):
+        before, state = state, system.transition(state, choose(state.belief, system.mask(state.belief)), worlds)
+        due = state.belief.time // system.sample > before.belief.time // system.sample
+        made, e = estimates(state.belief, system.modes), state.belief.existence
+        trace = made.covariance[..., 0, 0] + made.covariance[..., 2, 2]
+        reported = e * trace + (1 - e) * system.c0 < e * system.c0
+        seen = places(state, system)[..., [0, 2]][:, :12], made.mean[..., [0, 2]]
+        want = gospa(*seen, state.truth.here[:, :12], reported, cutoff=np.sqrt(2 * system.c0))
+        assert not state.truth.here[:, 12:].any()
+        np.testing.assert_allclose(state.truth.gospa[due], want.distance[due], rtol=1e-9)
+        compared += due.sum()
+    assert compared > 20
+
+
+def test_traffic_is_in_equilibrium():
+    """Over 400 worlds of straight flight: the number, and its distribution over range bins, before and after 40 s."""
+    system = MultifunctionRadar(density=(0.0, 0.0), seconds=50.0)
+    worlds, counts = worlds_of(system, 400), []
+    state, wait = system.initial(worlds), np.full(400, len(system.actions) - 1)
+    system = MultifunctionRadar(density=(0.0, 0.0), seconds=50.0, dt=1.0)
+    for _ in range(41):
+        x = places(state, system)
+        bins = ((np.hypot(x[..., 0], x[..., 2]) - 5e3) / 5e3).astype(int)
+        counts.append(np.bincount(bins[state.truth.here].clip(0, 6), minlength=7) / 400)
+        state = system.transition(state, wait, worlds)
+    want = system.usual_numbers * system.sectors
+    for count in (counts[0], counts[-1]):
+        assert (np.abs(count - want) < 4.0 * np.sqrt(want / 400)).all(), (count, want)
+
+
+@pytest.mark.slow
+def test_beliefs_are_honest():
+    """Over 96 worlds under the one-step rule: existence, the undetected, the cost and the NEES against the truth.
+
+    Expected numbers of targets are within three standard errors; a tenth is left for the approximations of the filter
+    (one Gaussian a mode, a sector's beams alike).
+    """
+    system = MultifunctionRadar(targets=8.0, seconds=15.0)
+    worlds, choose = worlds_of(system, 96), by_gain(MultifunctionRadar(targets=8.0))
+    state, believed, actual, rates, distances, nees = system.initial(worlds), [], [], [], [], []
+    sampled = 5.0
+    while state.belief.time.min() < 14.9:
+        state = system.transition(state, choose(state.belief, system.mask(state.belief)), worlds)
+        if state.belief.time.min() > sampled:
+            sampled += 1.0
+            belief, truth = state.belief, state.truth
+            rows = np.arange(96)[:, None]
+            made = estimates(belief, system.modes)
+            apart = np.linalg.norm((made.mean - places(state, system)[rows, truth.origin])[..., [0, 2]], axis=-1)
+            wide = np.sqrt(made.covariance[..., 0, 0] + made.covariance[..., 2, 2])
+            held = (belief.existence > 0) & (truth.origin >= 0) & truth.here[rows, truth.origin] & (apart < 4 * wide)
+            believed.append(belief.existence.sum(axis=1))
+            actual.append(held.sum(axis=1))
+            rates.append(belief.spent / belief.duration)
+            distances.append(truth.gospa**2)
+            nees.append(truth.nees[truth.present])
+    for got, want, room in ((believed, actual, 0.1), (rates, distances, 0.1)):
+        gap = np.mean(got, axis=0) - np.mean(want, axis=0)
+        assert abs(gap.mean()) < room * np.mean(want) + 3.0 * gap.std() / np.sqrt(96)
+    assert 3.6 < np.concatenate(nees).mean() < 4.4
+    assert CONFIRMED == 0.9
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"speeds": (300.0, 100.0)}, r"speeds is .* expected the least first \(nearest: \(100.0, 300.0\)\)"),
+        ({"sectors": 200}, r"sectors is 200, expected each as wide as a beam or wider \(nearest: 120\)"),
+        ({"interval": 100e-6}, "range of 6 pulses folds at 14989.6 m"),
+        ({"nearest": 1e3}, r"nearest is 1000.0 m, expected a number in \[4496.89"),
+        ({"pulses": (0,)}, "pulses.0 is 0, expected an integer >= 1"),
+        ({"pulses": (2000,)}, r"sample is 0.5 s, expected the longest dwell or more \(nearest: 0.641\)"),
+        ({"truth": {"slots": 3}}, "truth has 'slots', expected one of targets"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(settings, message):
+    with pytest.raises(InputError, match=message) as error:
+        assert make_checked(MultifunctionRadar, settings).truth_model
+    assert "\n" not in str(error.value)
