@@ -28,6 +28,7 @@ from wavegym.schedulers.heuristics.timeline_rules import (
     GainPerSecond,
     PriceOfTime,
     RoundRobinSearch,
+    SearchedDwell,
     VanKeukBlackman,
 )
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
@@ -145,7 +146,17 @@ TIMELINE_RULES: tuple[tuple[Any, Grid, Constants], ...] = (
         {"ahead": 0.5, "worth": 2.0, "later": 0.3, "kappa": 0.25},
     ),
 )
-TIMELINE = tuple(rule.name for rule, *_ in TIMELINE_RULES)  # for one beam on a time line
+SEARCHED_DWELL = {
+    "ahead": 0.5,
+    "later": 3.0,
+    "far": 0.0,
+    "tentative": 0.0,
+    "long": 0.0,
+    "worth": 1.0,
+    "long_search": 0.0,
+    "load": 0.0,
+}
+TIMELINE = (*(rule.name for rule, *_ in TIMELINE_RULES), SearchedDwell.name)  # for one beam on a time line
 HEURISTICS: dict[str, TunableHeuristic] = {
     "myopic": TunableHeuristic(_myopic, {}, {}),
     "cycle": TunableHeuristic(_cycle, {}, {}),
@@ -208,6 +219,23 @@ HEURISTICS: dict[str, TunableHeuristic] = {
         rule.name: TunableHeuristic(rule, grid, start, worlds=TIMELINE_WORLDS, budget=60)
         for rule, grid, start in TIMELINE_RULES
     },
+    SearchedDwell.name: TunableHeuristic(
+        SearchedDwell,
+        {},
+        SEARCHED_DWELL,
+        worlds=TIMELINE_WORLDS,
+        also=({**SEARCHED_DWELL, "ahead": 1.0, "worth": 2.0},),
+        intervals={
+            "ahead": Interval(0.1, 1.5, is_log=True),
+            "later": Interval(1.0, 6.0, is_log=True),
+            "far": Interval(0.0, 1.0),
+            "tentative": Interval(-2.0, 4.0),
+            "long": Interval(-0.7, 0.7),
+            "worth": Interval(0.1, 20.0, is_log=True),
+            "long_search": Interval(-0.7, 0.7),
+            "load": Interval(-1.0, 1.0),
+        },
+    ),
     SearchedRule.name: TunableHeuristic(SearchedRule, {}, {}),
 }
 

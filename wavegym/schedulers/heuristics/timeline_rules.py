@@ -16,6 +16,7 @@ from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
 CONFIRMED = 0.9
+TINY = 1e-12  # of a gain, so that its logarithm is finite
 EXISTENCE, POINTING, POSITION, AGE, SNR = 0, 3, 4, 6, 8  # columns of ``slots_now``
 
 
@@ -184,3 +185,44 @@ class DelayIndex(TimelineRule):
         now = self.system.gain_per_second(belief, self.ahead, self.worth)
         then = self.system.gain_per_second(belief._replace(time=belief.time + self.later), self.ahead, self.worth)
         return greatest(now - self.kappa * then, mask, self.durations)
+
+
+class SearchedDwell(TimelineRule):
+    """The dwell of the greatest score, a formula whose constants a search on tuning worlds finds (CMA-ES).
+
+    An update scores ln(G(ahead) + far G(later)) + tentative [if the track is] + long ln(duration), with the gain per
+    second G of a number of seconds ahead. A search scores ln(worth x what it finds per second in full cost) +
+    long_search ln(duration) + load ln(1 + number of tracks).
+
+    Args:
+        ahead, later, far, tentative, long: of an update's score.
+        worth, long_search, load: of a search's score.
+    """
+
+    name = "searched-dwell"
+
+    def __init__(
+        self,
+        ahead: float,
+        later: float,
+        far: float,
+        tentative: float,
+        long: float,
+        worth: float,
+        long_search: float,
+        load: float,
+    ) -> None:
+        self.ahead, self.later, self.far, self.tentative, self.long = ahead, later, far, tentative, long
+        self.worth, self.long_search, self.load = worth, long_search, load
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        updates = self.dwells.slots * self.dwells.each
+        gain = self.system.gain_per_second(belief, self.ahead, self.worth)
+        gain[:, :updates] += self.far * self.system.gain_per_second(belief, self.later, 0.0)[:, :updates]
+        score, existence = np.log(np.maximum(gain, TINY)), belief.existence
+        tentative = np.where(existence < CONFIRMED, self.tentative, 0.0).repeat(self.dwells.each, axis=1)
+        score[:, :updates] += tentative + self.long * np.log(self.durations[:updates])
+        tracks = np.log1p((existence > 0.0).sum(axis=1))
+        score[:, updates:] += self.long_search * np.log(self.durations[updates:]) + self.load * tracks[:, None]
+        return greatest(score, mask, self.durations)
