@@ -56,6 +56,17 @@ class Cost:
         return -transition.cost, {}
 
 
+class CostInTargets(Cost):
+    """Minus the cost over c0: seconds of one target that nobody sees. For systems with a parameter ``c0``."""
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``. Raises NotImplementedError for a system without c0."""
+        most = getattr(transition.system, "c0", None)
+        if most is None:
+            raise NotImplementedError
+        return -transition.cost / most, {}
+
+
 class LogCost(Cost):
     """Minus the logarithm of the cost: for costs that span decades."""
 
@@ -191,6 +202,7 @@ RELATIVE = {
 }
 OWN: dict[str, Callable[[], Reward]] = {
     "cost": Cost,
+    "cost-in-targets": CostInTargets,
     "log-cost": LogCost,
     "trace": Trace,
     "error": TrueError,

@@ -97,10 +97,12 @@ class PPOSettings(Settings):
 
     Attributes:
         masks: whether forbidden actions are masked (sb3-contrib's MaskablePPO).
+        discount: what gamma is a factor of: "step", or "second" of a step's duration (``training.time_discount``).
         modes: number of Gaussians over a box (``learning.policies.mixture``); 1: a plain Gaussian.
     """
 
     masks: bool
+    discount: Literal["step", "second"]
     modes: Count
     batch_size: Several
     n_steps: Count

@@ -1,7 +1,8 @@
 """Forecasts of each candidate one step ahead, as additional observation fields.
 
 A learner sees the quantities that heuristics use: the expected cost one step ahead, and a pulse's gain, delay and
-spending. One network with shared weights can then score every candidate.
+spending. One network with shared weights can then score every candidate. For tracks in slots (``TrackSlots``) they are
+the gains per second of a dwell and what is known of its track.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Gain, Spending, delays, offers
+from wavegym.core.capabilities import Gain, Spending, TrackSlots, delays, offers
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
@@ -33,6 +34,10 @@ SPANS = np.array([steps for _, steps in LOOKS], np.float64)
 FLOOR = 1e-4  # added to gains per cost, so that their logarithm is finite
 
 
+AHEAD = (0.25, 0.5, 1.0, 2.0)  # seconds of the gains per second
+LEAST = 1e-5  # added to gains per second over the largest cost, so that their logarithm is finite
+
+
 class Forecasts:
     """Forecasts (env, candidate * field) float32 of a belief, candidate after candidate, scaled as observations are.
 
@@ -44,7 +49,9 @@ class Forecasts:
     """
 
     def __init__(self, system: System) -> None:
-        if isinstance(system.actions, (ParameterBox, PerSensorLibrary)) or len(system.candidates()) > MOST:
+        self.in_slots = offers(system, TrackSlots)
+        too_many = not self.in_slots and len(system.candidates()) > MOST
+        if isinstance(system.actions, (ParameterBox, PerSensorLibrary)) or too_many:
             wanted = f"one index for at most {MOST} actions (nearest: forecasts=False)"
             raise InputError(f"forecasts were asked for in {type(system).__name__}, expected {wanted}")
         self.system: Any = system
@@ -60,6 +67,8 @@ class Forecasts:
 
     def __call__(self, belief: Any) -> Array:
         """The forecasts; ``belief`` as policies take it."""
+        if self.in_slots:
+            return self._scaler(self._of_slots(belief))[0]
         envs, count = len(belief.step), len(self.candidates)
         ahead = self.system.cost(self.system.predict(belief, np.broadcast_to(self.candidates, (envs, count))))
         mean = ahead.mean(axis=1, keepdims=True)
@@ -80,8 +89,51 @@ class Forecasts:
             values[..., -1] = self.system.spending
         return self._scaler(values.reshape(envs, -1))[0]
 
+    def _of_slots(self, belief: Any) -> Array:
+        """The forecasts of dwells, (env, candidate * field); of a free slot's update all are 0 but the gains."""
+        dwells, rows = self.system.dwells, self.system.slots_now(belief)
+        updates, each = dwells.slots * dwells.each, dwells.each
+        values = np.zeros((len(rows), len(self.candidates), len(self.candidate_fields)))
+        for n, ahead in enumerate(AHEAD):
+            values[..., n] = self.system.gain_per_second(belief, ahead, 1.0)
+        gains = values[..., : len(AHEAD)]
+        gains /= self.system.c0
+        np.log10(np.maximum(gains, 0.0) + LEAST, out=gains)
+        known, own = values[..., len(AHEAD) :], rows.repeat(each, axis=1)
+        is_taken = own[..., 0] > 0.0
+        known[:, :updates, 0] = is_taken
+        known[:, updates:-1, 1] = 1.0
+        known[..., 2] = np.log(dwells.menu[3])
+        known[:, :updates, 3] = own[..., 0]
+        for column, of_slot in ((4, 3), (5, 4)):
+            known[:, :updates, column] = np.where(is_taken, np.log2(np.maximum(own[..., of_slot], LEAST)), 0.0)
+        known[:, :updates, 6] = own[..., 6]
+        known[..., 7] = np.log1p((rows[..., 0] > 0.0).sum(axis=1))[:, None]
+        return values.reshape(len(rows), -1)
+
+    def _slot_fields(self) -> tuple[ObservationField, ...]:
+        """The forecasts of one dwell."""
+        about = "of what its dwell takes off the cost per second, over that of one target not seen"
+        gains = [
+            ObservationField(f"log10_gain_{ahead:g}", "log10(1/s)", -2.0, 1.0, f"gain {about}: {ahead:g} s count")
+            for ahead in AHEAD
+        ]
+        return (
+            *gains,
+            ObservationField("update", "1", 0.0, 1.0, "whether it updates a track"),
+            ObservationField("search", "1", 0.0, 1.0, "whether it searches"),
+            ObservationField("ln_duration", "ln(s)", -4.6, 1.0, "its duration"),
+            ObservationField("existence", "1", 0.0, 1.0, "probability of existence of its track"),
+            ObservationField("log2_pointing", "1", -3.0, 3.0, "standard deviation of its track's azimuth, beam widths"),
+            ObservationField("log2_position", "log2(m)", 5.0, 3.0, "standard deviation of its track's position"),
+            ObservationField("age", "s", 0.0, 1.0, "time since its track's last update"),
+            ObservationField("ln_tracks", "ln(1 + tracks)", 2.5, 1.0, "number of tracks"),
+        )
+
     def _candidate_fields(self) -> tuple[ObservationField, ...]:
         """The forecasts of one candidate."""
+        if self.in_slots:
+            return self._slot_fields()
         listed = [
             ObservationField("ln_cost_ahead", "1", 0.0, 0.3, "expected cost one step ahead over the candidates' mean")
         ]

@@ -23,9 +23,11 @@ class Network(NamedTuple):
         kind: "mlp", "mixture" (also an MLP) or "scorer".
         activation: "tanh" or "relu".
         heads: number of alternatives of each choice: one entry, or one for each sensor; empty for a point of a box;
-            for a mixture, one entry: its number of modes.
+            for a mixture, one entry: its number of modes. A scorer of candidates that are alike scores any number.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
             ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as in ``learning.policies.scorer``.
+            A scorer of candidates that are alike has ``own`` and ``own_bias`` in place of all before ``round0``, and
+            its observation is the forecasts alone.
     """
 
     kind: str
@@ -34,9 +36,16 @@ class Network(NamedTuple):
     arrays: dict[str, Array]
 
     @property
+    def is_alike(self) -> bool:
+        """Whether this is a scorer of candidates that differ in their forecasts only."""
+        return "own_bias" in self.arrays
+
+    @property
     def inputs(self) -> int:
-        """Number of elements of an observation, forecasts included."""
+        """Number of elements of an observation, forecasts included; of candidates that are alike, of one of them."""
         given = self.arrays
+        if self.is_alike:
+            return int(given["own"].shape[1])
         if self.kind != "scorer" or "own" not in given:
             return int(given["W0"].shape[1])
         candidates, pairs = given["pairs"].shape
@@ -59,6 +68,23 @@ class Network(NamedTuple):
         return np.asarray(hidden @ given[-2].T + given[-1])
 
     def _scores(self, observation: Array, activate: Any) -> Array:
+        given = self.arrays
+        hidden = self._alike(observation) if self.is_alike else self._in_context(observation, activate)
+        hidden = activate(hidden)
+        for n in range(self.number_of("round") // 3):
+            pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
+            others = (pooled @ given[f"round{n}_others"].T)[:, None]
+            exchanged = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
+            hidden = hidden + exchanged if exchanged.shape == hidden.shape else exchanged
+        return (hidden @ given["score"].T)[..., 0]
+
+    def _alike(self, observation: Array) -> Array:
+        """The first layer of candidates that are alike, (env, candidate, width)."""
+        figures = observation.reshape(len(observation), -1, self.inputs)
+        return np.asarray(figures @ self.arrays["own"].T + self.arrays["own_bias"])
+
+    def _in_context(self, observation: Array, activate: Any) -> Array:
+        """The first layer of candidates with a context, (env, candidate, width)."""
         given, layers = self.arrays, self.number_of("W")
         elements, (candidates, _) = given["W0"].shape[1], given["offset"].shape
         context = observation[:, :elements]
@@ -70,13 +96,7 @@ class Network(NamedTuple):
                 len(observation), candidates, (observation.shape[1] - elements) // candidates
             )
             hidden = hidden + np.concatenate([predicted, observation[:, given["pairs"]]], axis=2) @ given["own"].T
-        hidden = activate(hidden)
-        for n in range(self.number_of("round") // 3):
-            pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
-            others = (pooled @ given[f"round{n}_others"].T)[:, None]
-            exchanged = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
-            hidden = hidden + exchanged if exchanged.shape == hidden.shape else exchanged
-        return (hidden @ given["score"].T)[..., 0]
+        return np.asarray(hidden)
 
     def number_of(self, start: str) -> int:
         """Number of arrays whose names begin with ``start``."""
@@ -135,6 +155,8 @@ class LearnedPolicy:
             raise InputError("a learned policy was given no observation, expected the environment's")
         if self._forecasts and observation.shape[1] == self._elements:
             observation = np.concatenate([observation, self._forecasts(belief)], axis=1)
+        if self.network.is_alike:
+            observation = observation[:, self._elements :]
         outputs, heads = self.network.outputs(observation), self.network.heads
         if self.network.kind == "mixture":
             outputs, heads = _likeliest(outputs, *heads), ()

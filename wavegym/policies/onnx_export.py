@@ -125,6 +125,20 @@ class _Graph:
         return hidden
 
     def _scorer(self) -> str:
+        hidden, axis = self._alike() if self.network.is_alike else self._in_context()
+        hidden = self._add(self.activation, hidden)
+        for n in range(self.network.number_of("round") // 3):
+            hidden = self._round(hidden, n, axis)
+        return self._add("Squeeze", self._linear(hidden, "score"), self._constant([2], "score_axis"))
+
+    def _alike(self) -> tuple[str, str]:
+        """The first layer of candidates that are alike, from their forecasts alone, and the axis of the candidates."""
+        shape = self._constant(np.array([0, -1, self.network.inputs], np.int64))
+        figures = self._add("Reshape", "observation", shape)
+        return self._linear(figures, "own", "own_bias"), self._constant([1], "candidate_axis")
+
+    def _in_context(self) -> tuple[str, str]:
+        """The first layer of candidates with a context, and the axis of the candidates."""
         arrays, elements = self.network.arrays, self.network.arrays["W0"].shape[1]
         candidates = len(arrays["offset"])
         context = self._columns("observation", np.arange(elements))
@@ -142,10 +156,7 @@ class _Graph:
                 of_targets = self._columns("observation", arrays["pairs"])
                 own = self._add("Concat", own, of_targets, axis=2) if own else of_targets
             hidden = self._add("Add", hidden, self._linear(own, "own"))
-        hidden = self._add(self.activation, hidden)
-        for n in range(self.network.number_of("round") // 3):
-            hidden = self._round(hidden, n, axis)
-        return self._add("Squeeze", self._linear(hidden, "score"), self._constant([2], "score_axis"))
+        return hidden, axis
 
     def _round(self, hidden: str, n: int, axis: str) -> str:
         """A round in which the candidates exchange information."""

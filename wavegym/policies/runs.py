@@ -25,6 +25,7 @@ import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.capabilities import TrackSlots, offers
 from wavegym.core.errors import InputError, InputWarning, check_choice
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import make_checked
@@ -42,12 +43,19 @@ LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one lear
 ABSENT = object()  # stands for a parameter that a system does not have
 
 
-def signature(system: System) -> dict[str, Any]:
-    """The meaning of a network's inputs and outputs: names and scaling of the observation, a hash of the actions."""
+def signature(system: System, policy: str = "mlp") -> dict[str, Any]:
+    """The meaning of a network's inputs and outputs: names and scaling of the observation, a hash of the actions.
+
+    A scorer of tracks in slots sees the forecasts of each candidate and nothing else, so it plays with any slots and
+    dwells.
+    """
+    fields = system.observation_fields
     form, count, names = _meaning(system.actions)
+    if policy == "scorer" and offers(system, TrackSlots):
+        fields, (form, count, names) = Forecasts(system).candidate_fields, ("alike", 0, ())
     return {
-        "observation": [e.name for e in system.observation_fields],
-        "scaling": [[float(e.centre), float(e.scale)] for e in system.observation_fields],
+        "observation": [e.name for e in fields],
+        "scaling": [[float(e.centre), float(e.scale)] for e in fields],
         "actions": {"form": form, "count": count, "sha256": hashlib.sha256(repr(names).encode()).hexdigest()},
     }
 
@@ -109,6 +117,8 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
     check_choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
     network, forecasts = read_network(folder, run), bool(run["settings"].get("forecasts", False))
     shown = len(system.observation_fields) + (len(Forecasts(system).observation_fields) if forecasts else 0)
+    if network.is_alike:
+        shown = len(Forecasts(system).candidate_fields) if forecasts else 0
     if network.inputs != shown:
         raise InputError(f"policy {str(folder)!r} observes {network.inputs} elements, but this {env_id} shows {shown}")
     return LearnedPolicy(network, forecasts)
@@ -164,7 +174,7 @@ def _check_seeds(runs: dict[str, dict[str, Any]], folder: Path) -> None:
 
 def _check_signature(folder: Path, run: dict[str, Any], env_id: str, system: System) -> None:
     """Raise an InputError if the system's observation, its scaling or its actions differ from those of the run."""
-    here = signature(system)
+    here = signature(system, run["settings"].get("policy", "mlp"))
     if run["observation"] != here["observation"]:
         seen, shown = ", ".join(run["observation"]), ", ".join(here["observation"])
         raise InputError(f"policy {str(folder)!r} observes ({seen}), but this {env_id} shows ({shown})")

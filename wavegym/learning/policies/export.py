@@ -55,21 +55,24 @@ def _linear_arrays(modules: Any) -> dict[str, Array]:
 def _scorer_arrays(scorer: Scorer) -> dict[str, Array]:
     trunk = scorer.trunk
     own = {} if trunk.own is None else {"own": _array(trunk.own.weight)}
+    if trunk.layout.alike:
+        assert trunk.own is not None
+        first = {**own, "own_bias": _array(trunk.own.bias)}
+    else:
+        first = {
+            **_linear_arrays(trunk.context),
+            "shared": _array(trunk.shared.weight),
+            "shared_bias": _array(trunk.shared.bias),
+            **own,
+            "pairs": np.array(trunk.layout.pairs, np.int64),
+            "offset": _array(trunk.offset),
+        }
     rounds: dict[str, Array] = {}
     for n, layer in enumerate(scorer.rounds):
         assert isinstance(layer, Exchange)
         weights = {"": layer.own.weight, "_bias": layer.own.bias, "_others": layer.others.weight}
         rounds |= {f"round{n}{suffix}": _array(weight) for suffix, weight in weights.items()}
-    return {
-        **_linear_arrays(trunk.context),
-        "shared": _array(trunk.shared.weight),
-        "shared_bias": _array(trunk.shared.bias),
-        **own,
-        "pairs": np.array(trunk.layout.pairs, np.int64),
-        "offset": _array(trunk.offset),
-        **rounds,
-        "score": _array(scorer.score.weight),
-    }
+    return {**first, **rounds, "score": _array(scorer.score.weight)}
 
 
 def _array(tensor: Tensor) -> Array:

@@ -2,9 +2,10 @@
 
 A candidate has the features h = tanh(A f + B c + e): f are its forecasts (``observations.forecasts``) and the observed
 elements of its targets (``System.target_of_action``), c is a summary of the whole observation, e is a learned offset
-of the candidate. In each round the candidates exchange information: h + tanh(M h + N m), where m are the means and
-maxima over all h (deep sets: Zaheer et al., 2017). A score is w'h. An MLP has to learn the same function once for each
-candidate; a scorer learns the function once for all.
+of the candidate. Where candidates are tracks in slots, none of which is special, h = tanh(A f + b) of the forecasts
+alone: such a network plays with any number of slots. In each round the candidates exchange information:
+h + tanh(M h + N m), where m are the means and maxima over all h (deep sets: Zaheer et al., 2017). A score is w'h. An
+MLP has to learn the same function once for each candidate; a scorer learns the function once for all.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 from torch import Tensor, nn
 
+from wavegym.core.capabilities import TrackSlots, offers
 from wavegym.core.system import System
 
 
@@ -32,18 +34,20 @@ class Layout(NamedTuple):
         candidates: number of candidates.
         figures: number of forecasts of one candidate.
         pairs: indices of the elements that describe a candidate's targets, (candidate, element); rows may be empty.
+        alike: whether candidates differ in their forecasts only, so that there is neither context nor offset.
     """
 
     elements: int
     candidates: int
     figures: int
     pairs: tuple[tuple[int, ...], ...]
+    alike: bool = False
 
     @classmethod
     def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
         """The layout in an environment of a system."""
         own, count = len(system.observation_fields), int(actions.n)
-        return cls(own, count, (observation.shape[0] - own) // count, pairs(system))
+        return cls(own, count, (observation.shape[0] - own) // count, pairs(system), offers(system, TrackSlots))
 
 
 def pairs(system: System) -> tuple[tuple[int, ...], ...]:
@@ -69,6 +73,9 @@ class Trunk(nn.Module):
     def __init__(self, layout: Layout, width: int, activation: type[nn.Module]) -> None:
         super().__init__()
         self.layout, self.activation = layout, activation()
+        if layout.alike:
+            self.own: nn.Linear | None = nn.Linear(layout.figures, width)
+            return
         self.context = nn.Sequential(*_layers((layout.elements, width, width), activation))
         self.shared = nn.Linear(width, width)
         self.register_buffer("pairs", torch.tensor(layout.pairs, dtype=torch.int64))
@@ -78,7 +85,10 @@ class Trunk(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
-        elements, candidates, figures, _ = self.layout
+        elements, candidates, figures = self.layout[:3]
+        if self.layout.alike:
+            assert self.own is not None
+            return self.activation(self.own(observation[:, elements:].reshape(len(observation), candidates, figures)))
         hidden = self.shared(self.context(observation[:, :elements]))[:, None] + self.offset
         if self.own is not None:
             predicted = observation[:, elements:].reshape(len(observation), candidates, figures)

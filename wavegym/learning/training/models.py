@@ -14,6 +14,7 @@ from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 
+from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError
 from wavegym.envs.sb3 import SB3VecEnv
 from wavegym.evaluation import training_seeds
@@ -21,6 +22,7 @@ from wavegym.learning.policies.mixture import MixturePolicy
 from wavegym.learning.policies.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
 from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.training.run_spec import RunSpec
+from wavegym.learning.training.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
 
 ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
@@ -29,6 +31,7 @@ OURS = (
     *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
     *(
         "masks",
+        "discount",
         "modes",
         "teacher",
         "teacher_futures",
@@ -60,6 +63,14 @@ def build_model(spec: RunSpec) -> BaseAlgorithm:
     own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in OURS}
     if algorithm is DQN:
         own["train_freq"] = 1
+    if discounts_seconds(settings):
+        # With gamma = 1 Stable-Baselines3 takes the value at a time limit as it is; the buffer has the factors.
+        buffer = TimedMaskableRolloutBuffer if algorithm is MaskablePPO else TimedRolloutBuffer
+        own |= {
+            "gamma": 1.0,
+            "rollout_buffer_class": buffer,
+            "rollout_buffer_kwargs": {"gamma_per_second": settings.gamma},
+        }
     policy, network = _network(settings, env)
     model = algorithm(
         policy,
@@ -72,6 +83,11 @@ def build_model(spec: RunSpec) -> BaseAlgorithm:
     )
     env.seed(training_seeds(ROOT, spec.seed, settings.num_envs))
     return model
+
+
+def discounts_seconds(settings: Settings) -> bool:
+    """Whether gamma is a factor per second."""
+    return isinstance(settings, PPOSettings) and settings.discount == "second"
 
 
 def _network(settings: Settings, env: SB3VecEnv) -> tuple[Any, dict[str, Any]]:
@@ -99,6 +115,8 @@ def _environments(spec: RunSpec, count: int) -> SB3VecEnv:
             if asked:
                 wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
                 raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
+    if discounts_seconds(settings) and not offers(env.get_attr("system", 0)[0], UnequalSteps):
+        raise InputError(f"discount is 'second', expected 'step' (nearest): all steps of {spec.env} are of one length")
     if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):
         raise InputError(f"modes is {modes}, expected 1: the actions of {spec.env} are {env.action_space}, no box")
     return env

@@ -18,9 +18,10 @@ from wavegym.learning.training.callbacks import SnapshotCallback, tensorboard
 from wavegym.learning.training.checkpoints import load_checkpoint
 from wavegym.learning.training.curve import LearningCurve
 from wavegym.learning.training.imitation import WarmUp, pretrain
-from wavegym.learning.training.models import build_model, model_bytes, try_out
+from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, try_out
 from wavegym.learning.training.run_spec import RunSpec, check_same, check_unused
 from wavegym.learning.training.snapshots import restore
+from wavegym.learning.training.time_discount import NoteDurations
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import CHECKPOINTS, CURVE, MODEL, POLICY, RUN, SPEC, read_policy, signature
 
@@ -78,7 +79,7 @@ def _learn(
     assert env is not None
     system = env.get_attr("system", 0)[0]
     callback = SnapshotCallback(spec, folder, curve, every, start, progress)
-    callbacks: list[BaseCallback] = [callback]
+    callbacks: list[BaseCallback] = [callback, *([NoteDurations()] if discounts_seconds(settings) else [])]
     if settings.teacher:
         if start is None:
             pretrain(model, settings, system, spec.seed)
@@ -97,7 +98,7 @@ def _learn(
         **spec.record(),
         "steps": model.num_timesteps,
         "policy_sha256": hashlib.sha256(policy).hexdigest(),
-        **signature(system),
+        **signature(system, settings.policy),
     }
     write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(run)})
 

@@ -1,0 +1,67 @@
+"""A discount per second for PPO, where steps differ in length.
+
+A discount per step would favour actions whose steps are short, because the cost that follows then counts less. Here
+the factor of a step is gamma to the power of its duration, in returns and in generalised advantages alike; lambda
+stays a factor per step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from sb3_contrib.common.maskable.buffers import MaskableRolloutBuffer
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+
+from wavegym.core.arrays import Array
+
+
+class _Timed:
+    """What both buffers add to Stable-Baselines3's.
+
+    Args:
+        gamma_per_second: the factor of a second.
+    """
+
+    def __init__(self, *arguments: Any, gamma_per_second: float, **settings: Any) -> None:
+        self.gamma_per_second = gamma_per_second
+        super().__init__(*arguments, **settings)
+
+    def reset(self) -> None:
+        """Empty the buffer, and forget the durations."""
+        own: Any = self
+        self.durations: Array = np.zeros((own.buffer_size, own.n_envs))
+        super().reset()  # type: ignore[misc]
+
+    def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: Array) -> None:
+        """As the base class, with one factor for each step."""
+        own: Any = self
+        factor = self.gamma_per_second**self.durations
+        following, goes_on = last_values.clone().cpu().numpy().flatten(), 1.0 - dones.astype(np.float32)
+        advantage: Any = 0.0
+        for step in reversed(range(own.buffer_size)):
+            kept = factor[step] * goes_on
+            delta = own.rewards[step] + kept * following - own.values[step]
+            advantage = delta + kept * own.gae_lambda * advantage
+            own.advantages[step] = advantage
+            following, goes_on = own.values[step], 1.0 - own.episode_starts[step]
+        own.returns = own.advantages + own.values
+
+
+class TimedRolloutBuffer(_Timed, RolloutBuffer):
+    """For PPO."""
+
+
+class TimedMaskableRolloutBuffer(_Timed, MaskableRolloutBuffer):
+    """For MaskablePPO."""
+
+
+class NoteDurations(BaseCallback):
+    """Tells a timed buffer how long each step was (``info["duration"]``), before the step is added to it."""
+
+    def _on_step(self) -> bool:
+        buffer: Any = self.locals["rollout_buffer"]
+        buffer.durations[buffer.pos] = [info["duration"] for info in self.locals["infos"]]
+        return True
