@@ -6,7 +6,7 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
-from wavegym.observations.forecasts import FLOOR, LOOKS, Forecasts
+from wavegym.observations.forecasts import AHEAD, FLOOR, LEAST, LOOKS, Forecasts
 from wavegym.testing import check_vector_env
 
 ALL = ["KershawEvansPosition", "CameraSlew", "SectorSetup", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown"]
@@ -49,6 +49,30 @@ def test_they_follow_the_systems_own_fields_and_are_its_predictions(name):
             figures[figure][is_free[:, :, i]], values[is_free[:, :, i]], rtol=1e-5, atol=1e-5, err_msg=figure
         )
         assert np.ptp(values) > 0.0 or figure == "ln_delay"
+
+
+def test_of_tracks_in_slots_they_are_gains_per_second_and_what_is_known_of_the_track():
+    env = gym.make_vec("wavegym/MultifunctionRadar-v0", num_envs=4, forecasts=True, slots=20).unwrapped
+    env.reset(seed=0)
+    for _ in range(30):
+        env.step(env.system.gain_per_second(env.belief).argmax(axis=1))
+    system, belief = env.system, env.belief
+    fields, own = Forecasts(system).candidate_fields, len(system.observation_fields)
+    raw = env.episodes.observe()[0][:, own:].reshape(4, len(system.actions), len(fields)).astype(np.float64)
+    shown = {f.name: raw[..., i] * f.scale + f.centre for i, f in enumerate(fields)}
+    for ahead in AHEAD:
+        want = np.log10(LEAST + np.maximum(system.gain_per_second(belief, ahead, 1.0), 0.0) / system.c0)
+        np.testing.assert_allclose(shown[f"log10_gain_{ahead:g}"], want, atol=1e-5)
+    rows, updates = system.slots_now(belief), 20 * 4
+    taken = (rows[..., 0] > 0).repeat(4, axis=1)
+    assert 0 < taken.sum() < taken.size
+    np.testing.assert_array_equal(shown["update"][:, :updates], taken)
+    np.testing.assert_array_equal(shown["search"][0], np.repeat([0.0, 1.0, 0.0], [updates, 48, 1]))
+    np.testing.assert_allclose(shown["ln_duration"][2], np.log(system.dwells.menu[3]), rtol=1e-5)
+    pointing = rows[..., 3].repeat(4, axis=1)
+    np.testing.assert_allclose(2.0 ** shown["log2_pointing"][:, :updates][taken], pointing[taken], rtol=1e-5)
+    np.testing.assert_allclose(shown["age"][:, :updates], rows[..., 6].repeat(4, axis=1), atol=1e-5)
+    assert not shown["existence"][:, updates:].any()
 
 
 @pytest.mark.parametrize("name", ["KershawEvansPosition", "EnergyBudgetKnown"])

@@ -18,8 +18,11 @@ from wavegym.learning.settings import load_settings
 from wavegym.learning.training.models import build_model
 from wavegym.learning.training.run_spec import RunSpec
 from wavegym.policies.networks import LearnedPolicy, Network
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
-SECTOR, CLUTTER, POSITION = (f"wavegym/{name}-v0" for name in ("SectorSetup", "AgileClutter", "KershawEvansPosition"))
+SECTOR, CLUTTER, POSITION, RADAR = (
+    f"wavegym/{name}-v0" for name in ("SectorSetup", "AgileClutter", "KershawEvansPosition", "MultifunctionRadar")
+)
 SCORER = {"policy": "scorer", "network": (16, 16, 8), "forecasts": True}
 CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "ppo": (POSITION, "ppo", {}, {}),
@@ -35,11 +38,12 @@ CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "scorer without forecasts": (SECTOR, "ppo", {**SCORER, "forecasts": False}, {}),
     "dueling scorer": (SECTOR, "dqn", SCORER, {}),
 }
+ALIKE = (RADAR, "ppo", {**SCORER, "teacher": "", "masks": True}, {"slots": 6})
 
 
 def untrained(name: str) -> tuple[Any, Any]:
     """A model with weights drawn anew, so that no layer is nearly 0, and observations for it."""
-    env_id, algo, changes, environment = CASES[name]
+    env_id, algo, changes, environment = {**CASES, "alike": ALIKE}[name]
     spec = RunSpec(env_id, algo, 0, load_settings(env_id, algo, {**SMALL[algo], **changes}, environment))
     model: Any = build_model(spec)
     generator = torch.Generator().manual_seed(1)
@@ -88,6 +92,27 @@ def test_the_export_equals_the_torch_policy(name: str) -> None:
         assert (np.abs(chosen) <= 1.0).all()
     else:
         assert (chosen == predicted).all()
+
+
+def test_a_scorer_of_candidates_that_are_alike_plays_with_any_slots() -> None:
+    """It equals torch's policy, and with other slots chooses by the same scores, in the order of the slots."""
+    model, shown = untrained("alike")
+    policy = LearnedPolicy(Network.from_bytes(export(model.policy).to_bytes()), forecasts=True)
+    own, figures = len(model.env.get_attr("system")[0].observation_fields), policy.network.inputs
+    outputs = policy.network.outputs(shown[:, own:])
+    expected = torch_outputs(model, shown)
+    np.testing.assert_allclose(
+        centred(outputs, policy.network.heads), expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max()
+    )  # sums over 73 candidates in float32
+    order = np.random.default_rng(0).permutation(outputs.shape[1])
+    permuted = shown[:, own:].reshape(50, -1, figures)[:, order].reshape(50, -1)
+    np.testing.assert_allclose(policy.network.outputs(permuted), outputs[:, order], rtol=1e-5, atol=1e-5)
+    env = WaveformVectorEnv(MultifunctionRadar, 20, slots=40)
+    bare = env.reset(seed=3)[0]
+    policy.begin(env.system, 20, np.random.default_rng(0))
+    chosen = policy.act(env.belief, bare, env.action_masks())
+    assert env.action_masks()[np.arange(20), chosen].all()
+    assert len(set(chosen.tolist())) > 3
 
 
 def test_forecasts_that_the_observation_lacks_are_made_of_the_belief() -> None:

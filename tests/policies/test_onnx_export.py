@@ -99,6 +99,9 @@ SHAPES: dict[str, Network] = {
     "a scorer without figures": random_network("scorer", (3,), SCORER, pairs=NO_PAIRS),
     "a scorer of forecasts alone": random_network("scorer", (3,), {**SCORER, "own": (8, 4)}, pairs=NO_PAIRS),
     "a scorer of targets alone": random_network("scorer", (3,), {**SCORER, **ROUND, "own": (8, 2)}, pairs=PAIRS),
+    "candidates that are alike": random_network(
+        "scorer", (3,), {"own": (8, 4), "own_bias": (8,), **ROUND, "score": (1, 8)}
+    ),
     "a narrower round": random_network(
         "scorer",
         (3,),
@@ -111,7 +114,8 @@ SHAPES: dict[str, Network] = {
 @pytest.mark.parametrize("name", SHAPES)
 def test_every_shape_of_network_is_exported(name: str) -> None:
     network = SHAPES[name]
-    shown = np.random.default_rng(1).standard_normal((500, network.inputs)).astype(np.float32)
+    elements = network.inputs * (network.heads[0] if network.is_alike else 1)
+    shown = np.random.default_rng(1).standard_normal((500, elements)).astype(np.float32)
     assert_same_choices(network, shown)
     assert_same_choices(network, shown[:1])
 

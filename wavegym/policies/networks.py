@@ -140,6 +140,7 @@ class LearnedPolicy:
     def __init__(self, network: Network, forecasts: bool = False) -> None:
         self.network, self.forecasts = network, forecasts
         self._forecasts: Forecasts | None = None
+        self._elements = 0
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""

@@ -38,7 +38,8 @@ def export_onnx(folder: Path, file: Path) -> None:
 def to_onnx(network: Network, about: dict[str, str] | None = None) -> bytes:
     """The network as the bytes of an ONNX model.
 
-    The input ``observation`` is float32 (batch, elements), from an environment with the ``forecasts`` of the training.
+    The input ``observation`` is float32 (batch, elements), from an environment with the ``forecasts`` of the training; of
+    candidates that are alike, the forecasts alone.
     The output ``action`` is int64 (batch,), or (batch, sensors), or for a box float32 (batch, parameters) in [-1, 1].
     For finite sets there are also the output ``scores`` (batch, alternatives) and the optional input ``mask``, bool of
     the same shape: the allowed alternatives (default: all). onnxruntime logs a warning about this default.
@@ -57,7 +58,8 @@ def to_onnx(network: Network, about: dict[str, str] | None = None) -> bytes:
     graph = _Graph(network)
     helper = onnx.helper
     floats, integers, booleans = onnx.TensorProto.FLOAT, onnx.TensorProto.INT64, onnx.TensorProto.BOOL
-    inputs = [helper.make_tensor_value_info("observation", floats, ["batch", network.inputs])]
+    elements = network.inputs * (network.heads[0] if network.is_alike else 1)
+    inputs = [helper.make_tensor_value_info("observation", floats, ["batch", elements])]
     outputs = [helper.make_tensor_value_info("action", integers, ["batch"])]
     if graph.alternatives:
         inputs.append(helper.make_tensor_value_info("mask", booleans, ["masks", graph.alternatives]))
