@@ -77,8 +77,9 @@ def play(
         seeds: of the worlds.
         max_steps: stop after so many steps, even if episodes are unfinished.
         name: of the policy, in error messages.
-        watch: called after the reset and after each step with the environment, the info with what the sensors measured,
-            and the worlds that are still in their first episode, bool (world,).
+        watch: called after the reset and after each step with the environment, the info with what the sensors measured
+            (where the system measures apart from tracking), and the worlds that are still in their first episode, bool
+            (world,).
 
     Raises:
         InputError: an action that the environment refuses.
@@ -89,7 +90,7 @@ def play(
         autoreset_mode="NextStep",
         max_episode_steps=task.max_episode_steps,
         observation=task.observation,
-        measurements=watch is not None,
+        measurements=watch is not None and type(task.system).measure is not System.measure,
     )
     observation, info = env.reset(seed=list(seeds))
     account = _Account(task, len(seeds))

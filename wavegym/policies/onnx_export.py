@@ -38,8 +38,8 @@ def export_onnx(folder: Path, file: Path) -> None:
 def to_onnx(network: Network, about: dict[str, str] | None = None) -> bytes:
     """The network as the bytes of an ONNX model.
 
-    The input ``observation`` is float32 (batch, elements), from an environment with the ``forecasts`` of the training; of
-    candidates that are alike, the forecasts alone.
+    The input ``observation`` is float32 (batch, elements), from an environment with the ``forecasts`` of the training;
+    of candidates that are alike, the forecasts alone.
     The output ``action`` is int64 (batch,), or (batch, sensors), or for a box float32 (batch, parameters) in [-1, 1].
     For finite sets there are also the output ``scores`` (batch, alternatives) and the optional input ``mask``, bool of
     the same shape: the allowed alternatives (default: all). onnxruntime logs a warning about this default.

@@ -1,0 +1,222 @@
+"""The multifunction radar against its load: ``python -m agents.loads [LOAD ...]``.
+
+For each expected number of targets every rule is tuned on tuning worlds of that load (``--tune``), and then all
+policies play the same test worlds. The agents are those of the registered load, without further training. Constants
+and results go to results/loads, table and picture to docs/multifunction_radar.md. ``--tables`` renews the page without
+playing.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from agents.leaderboard import ROOT
+from wavegym.core.arrays import Array
+from wavegym.core.command_line import Parser, guarded
+from wavegym.core.policy import Policy
+from wavegym.core.worlds import draw_worlds, word, world_seeds
+from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.evaluation import blocks, make_task, statistics
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.play import Played, play
+from wavegym.evaluation.table import interval, number, signed, tabulated
+from wavegym.evaluation.task import Task
+from wavegym.policies.runs import load_policy
+from wavegym.schedulers import RandomChoice
+from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants
+from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
+from wavegym.schedulers.heuristics.tuning import Constants, log_cost, tuned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NAME = "MultifunctionRadar"
+ENV_ID = f"wavegym/{NAME}-v0"
+FOLDER, PAGE = ROOT / "results" / "loads", ROOT / "docs" / "multifunction_radar.md"
+START, END = "<!-- made by `python -m agents.loads`: -->", "<!-- loads to here -->"
+PICTURE = ROOT / "docs" / "images" / "loads.png"
+RUNS = ROOT / "results" / "runs" / NAME / "ppo"
+LOADS = (4, 8, 16, 32, 64)
+WORLDS, SEED = 60, 0
+TUNING, DESCENT, SEARCH = 16, 40, 80  # worlds; policies played by coordinate descent, and by CMA-ES
+TUNED_SECONDS = 30.0  # length of an episode for tuning
+TIMED = 300  # decisions of one environment
+SIMPLE = "gain-per-second"
+COLOURS = {"ppo": "tab:red", "searched-dwell": "black", SIMPLE: "tab:blue", "van-keuk-blackman": "tab:green"}
+
+
+def tune(load: int) -> dict[str, Constants]:
+    """The constants of every rule, on tuning worlds of this load."""
+    system = make_task(ENV_ID, {"targets": float(load), "seconds": TUNED_SECONDS}).system
+    worlds, found = draw_worlds(system, world_seeds(SEED, "tune", TUNING)), dict[str, Constants]()
+    for name in TIMELINE:
+        rule = HEURISTICS[name]
+        if rule.intervals:
+            usual = found[SIMPLE]
+            starts = [{**start, **usual} for start in (rule.start, *rule.also)]
+
+            def cost(constants: Constants, rule: Any = rule) -> float:
+                return log_cost(system, rule.make(**constants), worlds)
+
+            found[name], _ = searched_constants(cost, rule.intervals, starts, Budget(SEARCH, None), SEED)
+        else:
+            found[name], _ = tuned(rule.make, rule.grid, rule.start, system, worlds, DESCENT)
+    return found
+
+
+def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dict[str, Any]:
+    """All policies on the test worlds of one load."""
+    task = make_task(ENV_ID, {"targets": float(load)})
+    policies: dict[str, list[Policy]] = {"random": [RandomChoice()]}
+    policies |= {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
+    if RUNS.exists():
+        policies["ppo"] = load_policy(RUNS, ENV_ID, task.system)
+    seeds, played = world_seeds(SEED, "test", worlds), dict[str, Any]()
+    costs: dict[str, Array] = {}
+    for name, members in policies.items():
+        watched = [_play(task, member, seeds) for member in members]
+        costs[name] = np.stack([account.episode_cost() for account, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
+        squares = np.stack([account.gospa**2 for account, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
+        played[name] = {
+            "belief": _estimate(costs[name]),
+            "truth": _estimate(squares),
+            "nees": float(np.mean([account.nees for account, _ in watched])),
+            "lost": float(np.mean([account.lost for account, _ in watched])),
+            **{key: float(np.mean([figures[key] for _, figures in watched])) for key in watched[0][1]},
+            "microseconds": 1e6 * min(_decision_seconds(task, member) for member in members),
+        }
+    for name, figures in played.items():
+        figures["against"] = statistics.difference(costs[name], costs[SIMPLE], _rng()).percent._asdict()
+    return {"load": load, "worlds": worlds, "policies": played}
+
+
+def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[str, float]]:
+    """An account, and what only the info tells: false tracks on average over time, seconds to confirm at the end."""
+    false, delay = [], np.zeros(len(seeds))
+
+    def watch(env: WaveformVectorEnv, info: Mapping[str, Array], running: Array) -> None:
+        false.append(np.sum((info["false_tracks"] * info["duration"])[running]))
+        delay[running] = info["confirm_delay"][running]
+
+    account = play(task, policy, seeds, watch=watch)
+    return account, {"false_tracks": float(np.sum(false) / account.span.sum()), "confirm": float(delay.mean())}
+
+
+def _decision_seconds(task: Task, policy: Policy) -> float:
+    """Mean time of a decision of one environment, as soon as there are tracks."""
+    env = WaveformVectorEnv(task.system, 1)
+    observation, _ = env.reset(seed=SEED)
+    policy.begin(task.system, 1, np.random.default_rng(0))
+    spent = 0.0
+    for n in range(2 * TIMED):
+        belief, mask = env.belief, env.action_masks()
+        begin = time.perf_counter()
+        action = policy.act(belief, observation, mask)
+        spent += (time.perf_counter() - begin) * (n >= TIMED)
+        observation = env.step(action)[0]
+    return spent / TIMED
+
+
+def _rng() -> np.random.Generator:
+    return np.random.default_rng([SEED, word("bootstrap")])
+
+
+def _estimate(values: Array) -> dict[str, Any]:
+    return statistics.mean(values, _rng())._asdict()
+
+
+def table(results: Mapping[str, Any]) -> str:
+    """A line for each policy at one load."""
+    head = ["policy", "belief", "95 %", f"% of {SIMPLE}", "95 %", "truth", "95 %", "NEES", "lost", "false", "confirm s"]
+    rows = []
+    for name, policy in results["policies"].items():
+        row = [name]
+        for half in ("belief", "against", "truth"):
+            shown = signed if half == "against" else number
+            row += [shown(policy[half]["value"]), interval(policy[half]["ci"], shown)]
+        row += [f"{policy['nees']:.2f}", f"{policy['lost']:.1f}", f"{policy['false_tracks']:.2f}"]
+        rows.append([*row, f"{policy['confirm']:.1f}", f"{policy['microseconds']:.0f}"])
+    return tabulated([*head, "us"], rows)
+
+
+def picture(results: list[dict[str, Any]]) -> bytes:
+    """Cost for each target against the load, by belief and by truth, and against decision time, as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    belief, truth, spent = figure.subplots(1, 3)
+    for axes, half in ((belief, "belief"), (truth, "truth")):
+        _against_load(axes, results, half)
+    largest = results[-1]
+    for n, (name, policy) in enumerate(largest["policies"].items()):
+        spent.errorbar(
+            [policy["microseconds"]], [policy["belief"]["value"]], _bars([policy["belief"]]), fmt="o", markersize=4,
+            color=COLOURS.get(name, f"C{n}"), label=name,
+        )  # fmt: skip
+    spent.set(xscale="log", xlabel="time of a decision [us]", ylabel=f"cost at {largest['load']} targets [targets]")
+    figure.legend(*spent.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize="small")
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
+    return png.getvalue()
+
+
+def _against_load(axes: Axes, results: list[dict[str, Any]], half: str) -> None:
+    loads = np.array([found["load"] for found in results])
+    for n, name in enumerate(results[0]["policies"]):
+        shown = [found["policies"][name][half] for found in results]
+        values = np.array([each["value"] for each in shown]) / loads
+        axes.errorbar(loads, values, _bars(shown) / loads, fmt=".-", color=COLOURS.get(name, f"C{n}"), linewidth=1.0)
+    axes.set(xscale="log", yscale="log", xlabel="targets", ylabel=f"cost for each target, by {half}")
+    axes.set_xticks(loads, [str(load) for load in loads])
+    axes.minorticks_off()
+
+
+def _bars(estimates: list[dict[str, Any]]) -> Array:
+    """Lengths of error bars below and above, (2, n)."""
+    return np.array([[each["value"] - each["ci"][0], each["ci"][1] - each["value"]] for each in estimates]).T
+
+
+def renew(folder: Path = FOLDER) -> None:
+    """Renew the page and the picture from all results."""
+    results = [json.loads((folder / f"{load}.json").read_text("utf-8")) for load in LOADS if _file(load).exists()]
+    parts = [f"### {found['load']} targets, {found['worlds']} worlds\n\n{table(found)}" for found in results]
+    blocks.renew(PAGE, START, END, "\n\n".join(parts))
+    write_whole(PICTURE.parent, {PICTURE.name: picture(results)})
+
+
+def _file(load: int) -> Path:
+    return FOLDER / f"{load}.json"
+
+
+def _write(name: str, content: Mapping[str, Any]) -> None:
+    write_whole(FOLDER, {name: (json.dumps(content, indent=1) + "\n").encode()})
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m agents.loads", description="The multifunction radar against its load.")
+    parser.add_argument("loads", nargs="*", type=int, metavar="LOAD", help=f"targets (default: {LOADS})")
+    parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
+    parser.add_argument("--tune", action="store_true", help="tune the rules of each load first")
+    parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
+    read = parser.read(None)
+    for load in () if read.tables else read.loads or LOADS:
+        constants = FOLDER / f"constants_{load}.json"
+        if read.tune:
+            _write(constants.name, tune(load))
+        _write(f"{load}.json", results_of(load, json.loads(constants.read_text("utf-8")), read.worlds))
+    renew()
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))
