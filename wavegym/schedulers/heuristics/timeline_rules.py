@@ -226,3 +226,34 @@ class SearchedDwell(TimelineRule):
         tracks = np.log1p((existence > 0.0).sum(axis=1))
         score[:, updates:] += self.long_search * np.log(self.durations[updates:]) + self.load * tracks[:, None]
         return greatest(score, mask, self.durations)
+
+
+class DwellRollout(TimelineRule):
+    """Simulate futures of the dwells of the greatest gain per second, and take the one of least cost.
+
+    Each future goes on with ``GainPerSecond``. The number of candidates, futures and seconds set the time of a
+    decision.
+
+    Args:
+        ahead, worth: of the rule.
+        seconds: length of a future.
+        candidates: dwells that are tried.
+        futures: drawn for each.
+    """
+
+    name = "dwell-rollout"
+
+    def __init__(self, ahead: float, worth: float, seconds: float, candidates: int, futures: int) -> None:
+        self.ahead, self.worth = ahead, worth
+        self.seconds, self.tried, self.futures = seconds, candidates, futures
+
+    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
+        """See ``Heuristic``."""
+        gain = self.system.gain_per_second(belief, self.ahead, self.worth)
+        if mask is not None:
+            gain = np.where(mask, gain, -np.inf)
+        best = np.argsort(-gain, axis=1, kind="stable")[:, : self.tried]
+        seed = int(belief.step[0])
+        cost = self.system.simulate(belief, best, self.seconds, self.futures, self.ahead, self.worth, seed)
+        chosen: Array = best[np.arange(len(best)), cost.argmin(axis=1)]
+        return chosen

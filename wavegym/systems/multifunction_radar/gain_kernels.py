@@ -81,25 +81,30 @@ def expected_to_find(undetected, covers, area):
 
 
 @kernel
+def gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out):
+    """Fill out (action,) with the worth of every dwell of environment e over its duration; see ``gains``."""
+    kind, which, _, duration, covers = menu
+    area, most = laws[2], laws[3]
+    slots, a, each = slots_of(e, batch), 0, 0
+    while kind[each] == UPDATE and which[each] == 0:
+        each += 1
+    out[:] = 0.0
+    while kind[a] == UPDATE:
+        if slots.existence[which[a]] > 0.0:
+            gains_of_slot(which[a], batch.time[e], slots, menu, (a, a + each), ahead, thresholds[0], laws, out)
+        a += each
+    while kind[a] == SEARCH:
+        out[a] = worth * most * expected_to_find(batch.undetected[e, which[a]], covers[a], area)
+        a += 1
+    for a in range(len(kind)):
+        out[a] /= duration[a]
+
+
+@kernel
 def gains(batch, menu, thresholds, laws, ahead, worth, out):
     """Fill out (e, action) with the worth of every dwell over its duration; 0 for updates of free slots and waits.
 
     ahead: seconds that count after an update. worth: of a target that a search finds, in c0 seconds.
     """
-    kind, index, _, duration, covers = menu
-    area, most = laws[2], laws[3]
-    each = 0
-    while kind[each] == UPDATE and index[each] == 0:
-        each += 1
     for e in range(len(batch.time)):
-        slots, a = slots_of(e, batch), 0
-        out[e] = 0.0
-        while kind[a] == UPDATE:
-            if slots.existence[index[a]] > 0.0:
-                gains_of_slot(index[a], batch.time[e], slots, menu, (a, a + each), ahead, thresholds[0], laws, out[e])
-            a += each
-        while kind[a] == SEARCH:
-            out[e, a] = worth * most * expected_to_find(batch.undetected[e, index[a]], covers[a], area)
-            a += 1
-        for a in range(len(kind)):
-            out[e, a] /= duration[a]
+        gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out[e])

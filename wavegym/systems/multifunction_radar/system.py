@@ -22,6 +22,7 @@ from wavegym.systems.multifunction_radar.beam_kernels import Beam, coverage
 from wavegym.systems.multifunction_radar.dwell_kernels import Area, middle_of, usual_number
 from wavegym.systems.multifunction_radar.figures import take_figures
 from wavegym.systems.multifunction_radar.gain_kernels import gains
+from wavegym.systems.multifunction_radar.rollout_kernels import simulate
 from wavegym.systems.multifunction_radar.state import Belief, Truth, World
 from wavegym.systems.multifunction_radar.target_kernels import Flight, fly
 from wavegym.systems.multifunction_radar.track_kernels import Modes
@@ -367,6 +368,31 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         out = np.empty((len(belief.step), len(self.actions)))
         gains(belief, self.menu, self.thresholds, self.laws, ahead, worth, out)
         return out
+
+    def simulate(
+        self, belief: Belief, actions: Array, seconds: float, futures: int, ahead: float, worth: float, seed: int
+    ) -> Array:
+        """Expected cost of the next ``seconds`` that begin with an action and go on with the greatest gain per second.
+
+        Args:
+            belief: the belief.
+            actions: (env, candidate).
+            seconds: length of the futures.
+            futures: drawn for each candidate; the same draws for all candidates.
+            ahead, worth: of ``gain_per_second``.
+            seed: of the draws, >= 0.
+
+        Returns:
+            (env, candidate), m^2 s, less what the searches are worth.
+        """
+        envs, count = actions.shape
+        rows = trees.repeated(belief, count * futures)
+        first = np.ascontiguousarray(actions.repeat(futures, axis=1).reshape(-1))
+        keys = np.tile(np.arange(futures, dtype=np.uint64) + np.uint64(seed * futures), envs * count)
+        value = np.zeros(len(first))
+        simulate(rows, first, keys, seconds, self.menu, self.thresholds, self.laws, ahead, worth, value)
+        mean: Array = value.reshape(envs, count, futures).mean(axis=2)
+        return mean
 
     def slots_now(self, belief: Belief) -> Array:
         """See ``TrackSlots``."""
