@@ -1,0 +1,57 @@
+"""The multifunction radar against its load: what is played and what the page shows of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from agents import loads
+from wavegym.core.worlds import world_seeds
+from wavegym.evaluation import make_task
+from wavegym.evaluation.play import play
+from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
+
+
+@pytest.fixture
+def brief(monkeypatch, tmp_path):
+    """Episodes of .3 s, few decisions timed, no agents, and a folder of its own."""
+    monkeypatch.setattr(loads, "make_task", lambda env_id, given: make_task(env_id, {**given, "seconds": 0.3}))
+    for name, value in {"TIMED": 4, "RUNS": tmp_path / "none", "FOLDER": tmp_path, "TUNING": 2, "DESCENT": 3}.items():
+        monkeypatch.setattr(loads, name, value)
+    monkeypatch.setattr(loads, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(loads, "PICTURE", tmp_path / "loads.png")
+    monkeypatch.setattr(loads, "SEARCH", 6)
+    loads.PAGE.write_text(f"before\n{loads.START}\n{loads.END}\nafter\n")
+    return tmp_path
+
+
+def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
+    constants = {name: HEURISTICS[name].start for name in TIMELINE}
+    found = loads.results_of(4, constants, worlds=5)
+    assert set(found["policies"]) == {"random", *TIMELINE}
+    task = make_task(loads.ENV_ID, {"targets": 4.0, "seconds": 0.3})
+    name = "van-keuk-blackman"
+    account = play(task, HEURISTICS[name].make(**constants[name]), world_seeds(loads.SEED, "test", 5))
+    shown = found["policies"][name]
+    assert shown["belief"]["value"] == pytest.approx(account.episode_cost().mean() / task.system.c0, rel=1e-12)
+    assert shown["truth"]["value"] == pytest.approx((account.gospa**2).mean() / task.system.c0, rel=1e-12)
+    assert found["policies"][loads.SIMPLE]["against"]["value"] == 0.0
+    assert all(policy["microseconds"] > 0.0 for policy in found["policies"].values())
+    assert np.isfinite([policy["confirm"] for policy in found["policies"].values()]).all()
+
+
+def test_the_page_has_a_table_for_each_load_and_a_picture(brief):
+    for load in (4, 8):
+        constants = loads.tune(load)
+        assert set(constants) == set(TIMELINE)
+        result = loads.results_of(load, constants, worlds=3)
+        (brief / f"{load}.json").write_text(json.dumps(result))
+    loads.renew(brief)
+    page = loads.PAGE.read_text()
+    assert page.startswith("before\n")
+    assert page.endswith("after\n")
+    assert page.index("### 4 targets, 3 worlds") < page.index("### 8 targets, 3 worlds")
+    assert page.count("van-keuk-blackman") == 2
+    assert loads.PICTURE.read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,127 @@
+"""Rules for one beam on a time line: what each chooses, from beliefs of the multifunction radar."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wavegym.core.errors import InputError
+from wavegym.core.worlds import draw_worlds, world_seeds
+from wavegym.schedulers.heuristics.registry import HEURISTICS, SEARCHED_DWELL, TIMELINE
+from wavegym.schedulers.heuristics.timeline_rules import (
+    DelayIndex,
+    DwellRollout,
+    EarliestDeadline,
+    GainPerSecond,
+    PriceOfTime,
+    RoundRobinSearch,
+    SearchedDwell,
+    VanKeukBlackman,
+)
+from wavegym.schedulers.registry import make_policy
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
+from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
+
+SYSTEM = MultifunctionRadar(known=1.0, slots=30)
+KIND, WHICH, SECONDS, DURATION = SYSTEM.dwells.menu
+
+
+@pytest.fixture(scope="module")
+def beliefs():
+    """Of 20 worlds after 250 dwells of the one-step rule: tracks of many ages, some of them tentative."""
+    worlds = draw_worlds(SYSTEM, world_seeds(0, "tune", 20))
+    state = SYSTEM.initial(worlds)
+    for _ in range(250):
+        state = SYSTEM.transition(state, chosen(GainPerSecond(0.5, 1.0), state.belief), worlds)
+    return state.belief
+
+
+def chosen(rule, belief):
+    rule.begin(SYSTEM, len(belief.step), np.random.default_rng(0))
+    return rule.act(belief, None, SYSTEM.mask(belief))
+
+
+def test_round_robin_keeps_its_share_and_takes_the_oldest_track_and_the_next_sector(beliefs):
+    actions = np.stack(
+        [chosen(RoundRobinSearch(0.3, 1, 2), beliefs._replace(step=beliefs.step + n)) for n in range(40)]
+    )
+    searches = KIND[actions] == SEARCH
+    assert (searches.sum(axis=0) == 12).all()
+    for column, is_search in zip(actions.T, searches.T, strict=True):
+        sectors = WHICH[column[is_search]]
+        np.testing.assert_array_equal(np.diff(sectors) % SYSTEM.sectors, 1)
+    rows = SYSTEM.slots_now(beliefs)
+    oldest = np.where(rows[..., 0] > 0, rows[..., 6], -1.0).argmax(axis=1)
+    update = ~searches[0]
+    assert (actions[0] == SYSTEM.dwells.update(oldest, 1))[update].all()
+
+
+def test_the_most_overdue_track_comes_first_and_a_search_where_none_is_due(beliefs):
+    rows = SYSTEM.slots_now(beliefs)
+    late = rows[..., 6] - np.where(rows[..., 0] < 0.9, 0.05, 0.3)
+    late[rows[..., 0] == 0.0] = -np.inf
+    due = late.max(axis=1) >= 0.0
+    actions = chosen(EarliestDeadline(0.3, 0.05, 2, 1), beliefs)
+    assert due.any()
+    assert (actions[due] == SYSTEM.dwells.update(late.argmax(axis=1), 2)[due]).all()
+    never = chosen(EarliestDeadline(1e6, 1e6, 2, 1), beliefs)
+    found = SYSTEM.gain_per_second(beliefs)[:, SYSTEM.dwells.search(np.arange(12), 1)]
+    np.testing.assert_array_equal(never, SYSTEM.dwells.search(found.argmax(axis=1), 1))
+
+
+def test_van_keuk_and_blackman_look_when_the_azimuth_is_uncertain_for_as_long_as_the_range_asks(beliefs):
+    rows = SYSTEM.slots_now(beliefs)
+    existence = rows[..., 0]
+    confirmed = beliefs._replace(existence=np.where(existence >= 0.9, existence, 0.0))
+    limit, snr = 0.08, 30.0
+    pointing = np.where(existence >= 0.9, rows[..., 3], -1.0)
+    actions = chosen(VanKeukBlackman(limit, snr, 0.0, 2), confirmed)
+    due = pointing.max(axis=1) >= limit
+    assert due.sum() > 0
+    for e in np.flatnonzero(due):
+        slot = pointing[e].argmax()
+        strong = np.flatnonzero(rows[e, slot, 8] * np.array(SYSTEM.dwell_seconds) >= snr)
+        dwell = strong[0] if len(strong) else 3
+        assert actions[e] == SYSTEM.dwells.update(slot, dwell)
+    assert (KIND[chosen(VanKeukBlackman(1e6, snr, 1e6, 2), beliefs)] == SEARCH).all()
+
+
+def test_the_greatest_gain_per_second_is_taken_among_the_allowed(beliefs):
+    gain = np.where(SYSTEM.mask(beliefs), SYSTEM.gain_per_second(beliefs, 0.7, 1.3), -np.inf)
+    actions = chosen(GainPerSecond(0.7, 1.3), beliefs)
+    np.testing.assert_array_equal(gain[np.arange(20), actions], gain.max(axis=1))
+    usual = np.where(SYSTEM.mask(beliefs), SYSTEM.gain_per_second(beliefs), -np.inf).argmax(axis=1)
+    np.testing.assert_array_equal(chosen(make_policy("myopic", SYSTEM, None), beliefs), usual)
+
+
+def test_a_price_of_time_shortens_dwells_until_nothing_is_worth_it(beliefs):
+    free, dear = (DURATION[chosen(PriceOfTime(0.5, 1.0, price), beliefs)] for price in (0.0, 3.0))
+    assert free.mean() > dear.mean()
+    assert (KIND[chosen(PriceOfTime(0.5, 1.0, 1e9), beliefs)] == WAIT).all()
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        DelayIndex(0.5, 1.0, 0.3, 0.0),
+        SearchedDwell(**{**SEARCHED_DWELL, "ahead": 0.5, "worth": 1.0}),
+        DwellRollout(0.5, 1.0, 0.05, 1, 1),
+    ],
+    ids=lambda rule: rule.name,
+)
+def test_at_neutral_constants_a_rule_is_gain_per_second(rule, beliefs):
+    np.testing.assert_array_equal(chosen(rule, beliefs), chosen(GainPerSecond(0.5, 1.0), beliefs))
+
+
+def test_what_a_delay_costs_counts(beliefs):
+    """Where a gain hardly changes with time, such as that of a search, a share of it is left out."""
+    updates = [(KIND[chosen(DelayIndex(0.5, 1.0, 0.3, kappa), beliefs)] == UPDATE).mean() for kappa in (0.0, 0.95)]
+    assert updates[0] != updates[1]
+
+
+@pytest.mark.parametrize("name", TIMELINE)
+def test_they_are_refused_where_there_is_no_time_line(name):
+    rule = HEURISTICS[name].make(**HEURISTICS[name].start)
+    with pytest.raises(InputError, match=f"'{name}' cannot be computed for KershawEvansPosition: it has no duration"):
+        rule.begin(KershawEvansPosition(), 1, np.random.default_rng(0))
