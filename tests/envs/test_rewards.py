@@ -9,6 +9,7 @@ from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.systems.sector_setup.system import SectorSetup
 
 SYSTEM = KershawEvansPosition(horizon=12)
@@ -171,7 +172,11 @@ def test_a_reward_of_ones_own_with_its_terms_in_info():
 
 @pytest.mark.parametrize(
     ("reward", "message"),
-    [("relativ", "did you mean 'relative'"), (3, "expected one of cost, log-cost"), (print, "an object with begin")],
+    [
+        ("relativ", "did you mean 'relative'"),
+        (3, "expected one of cost, cost-in-targets, log-cost"),
+        (print, "an object with begin"),
+    ],
 )
 def test_an_unknown_reward_is_refused(reward, message):
     with pytest.raises(InputError, match=message):
@@ -246,3 +251,22 @@ def test_a_reward_by_truth_needs_its_metric(system, reward, metric, nearest):
     message = rf"reward is '{reward}', expected a system with the metric '{metric}', .*\(nearest: '{nearest}'\)"
     with pytest.raises(InputError, match=message):
         WaveformVectorEnv(system, 2, reward=reward).reset(seed=0)
+
+
+def test_a_cost_in_targets_is_the_cost_over_c0_where_there_is_one():
+    envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="cost-in-targets", slots=8, c0=1e5)
+    envs.reset(seed=0)
+    _, reward, _, _, info = envs.step(np.array([0, 40, len(envs.system.actions) - 1]))
+    np.testing.assert_allclose(reward, -info["cost"] / 1e5, rtol=1e-12)
+    other = WaveformVectorEnv(KershawEvansPosition, 2, reward="cost-in-targets")
+    other.reset(seed=0)
+    with pytest.raises(NotImplementedError):
+        other.step(np.array([0, 1]))
+
+
+def test_where_steps_differ_in_length_no_reward_is_relative():
+    envs = WaveformVectorEnv(MultifunctionRadar, 2, reward="relative")
+    with pytest.raises(
+        InputError, match=r"reward is relative, expected 'cost' \(nearest\): the steps differ in length"
+    ):
+        envs.reset(seed=0)
