@@ -48,9 +48,20 @@ LOADS = (4, 8, 16, 32, 64)
 WORLDS, SEED = 60, 0
 TUNING, DESCENT, SEARCH = 16, 40, 80  # worlds; policies played by coordinate descent, and by CMA-ES
 TUNED_SECONDS = 30.0  # length of an episode for tuning
+SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
 TIMED = 300  # decisions of one environment
 SIMPLE = "gain-per-second"
-COLOURS = {"ppo": "tab:red", "searched-dwell": "black", SIMPLE: "tab:blue", "van-keuk-blackman": "tab:green"}
+COLOURS = {
+    "random": "0.6",
+    "round-robin-search": "tab:orange",
+    "earliest-deadline": "tab:olive",
+    "van-keuk-blackman": "tab:green",
+    SIMPLE: "tab:blue",
+    "price-of-time": "tab:brown",
+    "delay-index": "tab:pink",
+    "searched-dwell": "black",
+    "ppo": "tab:red",
+}
 
 
 def tune(load: int) -> dict[str, Constants]:
@@ -158,10 +169,10 @@ def picture(results: list[dict[str, Any]]) -> bytes:
     for axes, half in ((belief, "belief"), (truth, "truth")):
         _against_load(axes, results, half)
     largest = results[-1]
-    for n, (name, policy) in enumerate(largest["policies"].items()):
+    for name, policy in largest["policies"].items():
         spent.errorbar(
             [policy["microseconds"]], [policy["belief"]["value"]], _bars([policy["belief"]]), fmt="o", markersize=4,
-            color=COLOURS.get(name, f"C{n}"), label=name,
+            color=COLOURS[name], label=name,
         )  # fmt: skip
     spent.set(xscale="log", xlabel="time of a decision [us]", ylabel=f"cost at {largest['load']} targets [targets]")
     figure.legend(*spent.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize="small")
@@ -172,12 +183,13 @@ def picture(results: list[dict[str, Any]]) -> bytes:
 
 def _against_load(axes: Axes, results: list[dict[str, Any]], half: str) -> None:
     loads = np.array([found["load"] for found in results])
-    for n, name in enumerate(results[0]["policies"]):
+    for name in results[0]["policies"]:
         shown = [found["policies"][name][half] for found in results]
         values = np.array([each["value"] for each in shown]) / loads
-        axes.errorbar(loads, values, _bars(shown) / loads, fmt=".-", color=COLOURS.get(name, f"C{n}"), linewidth=1.0)
+        axes.errorbar(loads, values, _bars(shown) / loads, fmt=".-", color=COLOURS[name], linewidth=1.0)
     axes.set(xscale="log", yscale="log", xlabel="targets", ylabel=f"cost for each target, by {half}")
     axes.set_xticks(loads, [str(load) for load in loads])
+    axes.set_yticks(SHOWN, [f"{share:g}" for share in SHOWN])
     axes.minorticks_off()
 
 

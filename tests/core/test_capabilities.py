@@ -158,7 +158,7 @@ OFFERED = {
     "BeamAllocation": "DecisionMakers Delay FusedTransition Gain GainByTarget LinearCost RecordedTargets TimedPulses",
     "EnergyBudget": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending TimedPulses",
     "EnergyBudgetKnown": "DecisionMakers Delay FusedTransition Gain LinearCost RecordedTargets Spending TimedPulses",
-    "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps",
+    "MultifunctionRadar": "SimulatedFutures TimedPulses TrackSlots UnequalSteps",
 }
 
 

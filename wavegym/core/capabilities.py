@@ -188,6 +188,25 @@ class TrackSlots(Capability, members=("slots_now", "dwells"), shortcut_for=("pre
         """What each candidate does, a ``wavegym.systems.multifunction_radar.actions.Dwells``."""
 
 
+class SimulatedFutures(Capability, members=("simulate",), shortcut_for=("predict", "cost")):
+    """Futures of candidates under a rule of the system's own, in compiled form."""
+
+    @abstractmethod
+    def simulate(
+        self, belief: Any, actions: Array, seconds: float, futures: int, ahead: float, worth: float, seed: int
+    ) -> Array:
+        """Expected cost of the next ``seconds`` that begin with a candidate, (env, candidate).
+
+        Args:
+            belief: axis 0 = environment.
+            actions: the candidates, (env, candidate).
+            seconds: length of the futures.
+            futures: drawn for each candidate; the same draws for all.
+            ahead, worth: of ``gain_per_second``, whose greatest value the futures go on with.
+            seed: of the draws, >= 0.
+        """
+
+
 class MostInformation(Capability, members=("most_information",), shortcut_for=("information",)):
     """Fisher information of every target, and the actions of the most of it.
 
@@ -357,6 +376,7 @@ CAPABILITIES: tuple[type[Capability], ...] = (
     Spending,
     UnequalSteps,
     TrackSlots,
+    SimulatedFutures,
     MostInformation,
     Margin,
     InnovationCovariance,

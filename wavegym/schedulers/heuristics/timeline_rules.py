@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import TrackSlots, UnequalSteps
+from wavegym.core.capabilities import Capability, SimulatedFutures, TrackSlots, UnequalSteps
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
@@ -23,7 +23,7 @@ EXISTENCE, POINTING, POSITION, AGE, SNR = 0, 3, 4, 6, 8  # columns of ``slots_no
 class TimelineRule(Heuristic):
     """Base class: what all rules read."""
 
-    needs = (UnequalSteps, TrackSlots)
+    needs: tuple[type[Capability], ...] = (UnequalSteps, TrackSlots)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
@@ -242,6 +242,7 @@ class DwellRollout(TimelineRule):
     """
 
     name = "dwell-rollout"
+    needs = (*TimelineRule.needs, SimulatedFutures)
 
     def __init__(self, ahead: float, worth: float, seconds: float, candidates: int, futures: int) -> None:
         self.ahead, self.worth = ahead, worth

@@ -12,7 +12,7 @@ from pydantic import Field
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import TimedPulses, TrackSlots, UnequalSteps
+from wavegym.core.capabilities import SimulatedFutures, TimedPulses, TrackSlots, UnequalSteps
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -43,7 +43,7 @@ Spread = Annotated[float, Field(ge=1e-3, le=1e4)]
 
 
 @system_parameters
-class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
+class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, TimedPulses):
     """One agile-beam radar tracks dozens of targets while it searches for more, a dwell at a time.
 
     Description
@@ -372,19 +372,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     def simulate(
         self, belief: Belief, actions: Array, seconds: float, futures: int, ahead: float, worth: float, seed: int
     ) -> Array:
-        """Expected cost of the next ``seconds`` that begin with an action and go on with the greatest gain per second.
-
-        Args:
-            belief: the belief.
-            actions: (env, candidate).
-            seconds: length of the futures.
-            futures: drawn for each candidate; the same draws for all candidates.
-            ahead, worth: of ``gain_per_second``.
-            seed: of the draws, >= 0.
-
-        Returns:
-            (env, candidate), m^2 s, less what the searches are worth.
-        """
+        """See ``SimulatedFutures``; m^2 s, less what the searches are worth (``rollout_kernels``)."""
         envs, count = actions.shape
         rows = trees.repeated(belief, count * futures)
         first = np.ascontiguousarray(actions.repeat(futures, axis=1).reshape(-1))
