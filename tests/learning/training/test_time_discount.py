@@ -10,9 +10,17 @@ from runs_for_tests import SMALL
 
 from wavegym.core.errors import InputError
 from wavegym.learning.settings import load_settings
+from wavegym.learning.training.curve import LearningCurve
 from wavegym.learning.training.models import build_model
 from wavegym.learning.training.run_spec import RunSpec
-from wavegym.learning.training.time_discount import NoteDurations, TimedMaskableRolloutBuffer, TimedRolloutBuffer
+from wavegym.learning.training.time_discount import (
+    CENTRING,
+    NoteDurations,
+    TimedMaskableRolloutBuffer,
+    TimedRolloutBuffer,
+)
+from wavegym.learning.training.train import train
+from wavegym.policies.runs import CURVE, POLICY
 
 STEPS, ENVS, GAMMA, LAMBDA = 7, 3, 0.6, 0.8
 RADAR = "wavegym/MultifunctionRadar-v0"
@@ -34,6 +42,7 @@ def test_advantages_are_sums_of_errors_discounted_by_time(kind):
     rng = np.random.default_rng(0)
     buffer = filled(kind, rng)
     last, dones = rng.normal(size=ENVS), np.array([True, False, False])
+    centred = buffer.rewards - buffer.rewards.sum() / buffer.durations.sum() * buffer.durations
     buffer.compute_returns_and_advantage(torch.as_tensor(last, dtype=torch.float32), dones)
     ends = np.concatenate([buffer.episode_starts[1:], dones[None]]).astype(bool)
     following = np.concatenate([buffer.values[1:], last[None]])
@@ -43,12 +52,25 @@ def test_advantages_are_sums_of_errors_discounted_by_time(kind):
             for k in range(t, STEPS):
                 factor = GAMMA ** buffer.durations[k, e]
                 ahead = 0.0 if ends[k, e] else factor * following[k, e]
-                want += weight * (buffer.rewards[k, e] + ahead - buffer.values[k, e])
+                want += weight * (centred[k, e] + ahead - buffer.values[k, e])
                 weight *= LAMBDA * factor
                 if ends[k, e]:
                     break
             assert buffer.advantages[t, e] == pytest.approx(want, rel=1e-5, abs=1e-6)
     np.testing.assert_allclose(buffer.returns, buffer.advantages + buffer.values, rtol=1e-6)
+
+
+def test_the_centre_follows_the_mean_reward_per_second_of_the_rollouts():
+    rng, rates = np.random.default_rng(1), []
+    buffer = filled(TimedRolloutBuffer, rng)
+    for _ in range(3):
+        buffer.rewards[:], buffer.durations[:] = rng.normal(-3.0, 1.0, (STEPS, ENVS)), rng.random((STEPS, ENVS))
+        rates.append(buffer.rewards.sum() / buffer.durations.sum())
+        buffer.compute_returns_and_advantage(torch.zeros(ENVS), np.zeros(ENVS))
+    want = rates[0]
+    for rate in rates[1:]:
+        want += CENTRING * (rate - want)
+    assert buffer.mean_rate == pytest.approx(want, rel=1e-6)
 
 
 def test_a_run_notes_the_durations_of_its_steps():
@@ -60,6 +82,28 @@ def test_a_run_notes_the_durations_of_its_steps():
     durations = model.get_env().get_attr("system")[0].dwells.menu[3]
     taken = model.rollout_buffer.actions.reshape(2, 6).T.astype(int)  # flattened environment by environment
     np.testing.assert_allclose(model.rollout_buffer.durations, durations[taken], rtol=1e-12)
+
+
+def test_a_run_that_is_resumed_keeps_its_centre(tmp_path, monkeypatch):
+    """The weights of a run that was stopped in its third rollout are those of one that was not."""
+    small = {**SMALL["ppo"], "network": (8,), "teacher": "", "n_steps": 6, "num_envs": 2, "batch_size": 4, "steps": 60}
+    spec = RunSpec(RADAR, "ppo", 0, load_settings(RADAR, "ppo", small, {"slots": 4, "targets": 3.0}))
+    train(spec, tmp_path / "whole", 12, progress=False)
+    add, calls = LearningCurve.add, []
+
+    def stopping(self, cost, ended):
+        calls.append(0)
+        if len(calls) == 15:
+            raise KeyboardInterrupt
+        add(self, cost, ended)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(LearningCurve, "add", stopping)
+        with pytest.raises(KeyboardInterrupt):
+            train(spec, tmp_path / "broken", 12, progress=False)
+    train(spec, tmp_path / "broken", 12, resume=True, progress=False)
+    for name in (POLICY, CURVE):
+        assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
 def test_where_steps_are_of_one_length_it_is_refused():

@@ -26,6 +26,7 @@ def snapshot(model: BaseAlgorithm, notes: Any) -> bytes:
         "model": model_bytes(model),
         "env": model.get_env(),
         "replay_buffer": getattr(model, "replay_buffer", None),
+        "mean_rate": getattr(getattr(model, "rollout_buffer", None), "mean_rate", None),  # of a discount per second
         "notes": notes,
         # The action space draws random actions; SB3 and the replay buffer draw from the global generators.
         "action_space": model.action_space,
@@ -52,6 +53,8 @@ def restore(spec: RunSpec, content: bytes) -> tuple[BaseAlgorithm, Any]:
         raise InputError(f"checkpoint is no snapshot of this training: {type(error).__name__}: {error}") from error
     if state["replay_buffer"] is not None:
         model.replay_buffer = state["replay_buffer"]  # type: ignore[attr-defined]
+    if state["mean_rate"] is not None:
+        model.rollout_buffer.mean_rate = state["mean_rate"]  # type: ignore[attr-defined]
     # Last: making the model draws random weights and seeds the generators.
     random.setstate(state["python"])
     np.random.set_state(state["numpy"])  # noqa: NPY002

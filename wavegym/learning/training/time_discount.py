@@ -3,6 +3,10 @@
 A discount per step would favour actions whose steps are short, because the cost that follows then counts less. Here
 the factor of a step is gamma to the power of its duration, in returns and in generalised advantages alike; lambda
 stays a factor per step.
+
+Rewards are centred: each gains the mean cost per second times its duration. By time this adds the same to all returns,
+so no policy becomes better or worse by it. Without it the reward of a step grows with its duration, and as long as the
+critic is rough, short steps look good (reward centring: Naik, Wan, Tomar and Sutton, 2024).
 """
 
 from __future__ import annotations
@@ -17,6 +21,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from wavegym.core.arrays import Array
 
+CENTRING = 0.05  # weight of a rollout in the running mean
+
 
 class _Timed:
     """What both buffers add to Stable-Baselines3's.
@@ -27,6 +33,7 @@ class _Timed:
 
     def __init__(self, *arguments: Any, gamma_per_second: float, **settings: Any) -> None:
         self.gamma_per_second = gamma_per_second
+        self.mean_rate: float | None = None  # reward per second, a running mean over rollouts
         super().__init__(*arguments, **settings)
 
     def reset(self) -> None:
@@ -36,8 +43,11 @@ class _Timed:
         super().reset()  # type: ignore[misc]
 
     def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: Array) -> None:
-        """As the base class, with one factor for each step."""
+        """As the base class, with one factor for each step, of centred rewards."""
         own: Any = self
+        rate = float(own.rewards.sum() / self.durations.sum())
+        self.mean_rate = rate if self.mean_rate is None else self.mean_rate + CENTRING * (rate - self.mean_rate)
+        own.rewards -= (self.mean_rate * self.durations).astype(np.float32)
         factor = self.gamma_per_second**self.durations
         following, goes_on = last_values.clone().cpu().numpy().flatten(), 1.0 - dones.astype(np.float32)
         advantage: Any = 0.0
