@@ -22,15 +22,12 @@ from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDela
 from wavegym.schedulers.heuristics.l_step import Gain
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
 from wavegym.schedulers.heuristics.searched_rule import SearchedRule, search_rule
-from wavegym.schedulers.heuristics.timeline_rules import (
-    DelayIndex,
-    EarliestDeadline,
-    GainPerSecond,
-    PriceOfTime,
-    RoundRobinSearch,
-    SearchedDwell,
-    VanKeukBlackman,
+from wavegym.schedulers.heuristics.timeline_grids import (
+    SEARCHED_DWELL,
+    SEARCHED_DWELL_INTERVALS,
+    TIMELINE_RULES,
 )
+from wavegym.schedulers.heuristics.timeline_rules import SearchedDwell
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.rollout import allowed
@@ -105,57 +102,6 @@ def _myopic() -> Heuristic:
 
 
 QUICK = Search()
-DWELLS = tuple(range(4))
-AHEAD_S = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
-WORTH_S = (0.25, 0.5, 1.0, 1.4, 2.0, 3.0, 4.0, 6.0, 9.0)
-TIMELINE_RULES: tuple[tuple[Any, Grid, Constants], ...] = (
-    (
-        RoundRobinSearch,
-        {"share": (0.2, 0.35, 0.5, 0.65, 0.8), "update": DWELLS, "search": DWELLS},
-        {"share": 0.5, "update": 2, "search": 2},
-    ),
-    (
-        EarliestDeadline,
-        {
-            "revisit": (0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0),
-            "confirm": (0.0, 0.1, 0.2, 0.5),
-            "update": DWELLS,
-            "search": DWELLS,
-        },
-        {"revisit": 1.0, "confirm": 0.1, "update": 2, "search": 2},
-    ),
-    (
-        VanKeukBlackman,
-        {
-            "pointing": (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4),
-            "snr": (5.0, 10.0, 20.0, 40.0, 80.0),
-            "confirm": (0.0, 0.1, 0.2, 0.5),
-            "search": DWELLS,
-        },
-        {"pointing": 0.2, "snr": 20.0, "confirm": 0.1, "search": 2},
-    ),
-    (GainPerSecond, {"ahead": AHEAD_S, "worth": WORTH_S}, {"ahead": 0.5, "worth": 1.0}),
-    (
-        PriceOfTime,
-        {"ahead": AHEAD_S, "worth": WORTH_S, "price": (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)},
-        {"ahead": 0.5, "worth": 2.0, "price": 0.5},
-    ),
-    (
-        DelayIndex,
-        {"ahead": AHEAD_S, "worth": WORTH_S, "later": (0.1, 0.3, 1.0), "kappa": (0.0, 0.25, 0.5, 0.75)},
-        {"ahead": 0.5, "worth": 2.0, "later": 0.3, "kappa": 0.25},
-    ),
-)
-SEARCHED_DWELL = {
-    "ahead": 0.5,
-    "later": 3.0,
-    "far": 0.0,
-    "tentative": 0.0,
-    "long": 0.0,
-    "worth": 1.0,
-    "long_search": 0.0,
-    "load": 0.0,
-}
 TIMELINE = (*(rule.name for rule, *_ in TIMELINE_RULES), SearchedDwell.name)  # for one beam on a time line
 HEURISTICS: dict[str, TunableHeuristic] = {
     "myopic": TunableHeuristic(_myopic, {}, {}),
@@ -225,16 +171,7 @@ HEURISTICS: dict[str, TunableHeuristic] = {
         SEARCHED_DWELL,
         worlds=TIMELINE_WORLDS,
         also=({**SEARCHED_DWELL, "ahead": 1.0, "worth": 2.0},),
-        intervals={
-            "ahead": Interval(0.1, 1.5, is_log=True),
-            "later": Interval(1.0, 6.0, is_log=True),
-            "far": Interval(0.0, 1.0),
-            "tentative": Interval(-2.0, 4.0),
-            "long": Interval(-0.7, 0.7),
-            "worth": Interval(0.1, 20.0, is_log=True),
-            "long_search": Interval(-0.7, 0.7),
-            "load": Interval(-1.0, 1.0),
-        },
+        intervals=SEARCHED_DWELL_INTERVALS,
     ),
     SearchedRule.name: TunableHeuristic(SearchedRule, {}, {}),
 }
