@@ -169,8 +169,9 @@ class UnequalSteps(Capability, members=("duration", "gain_per_second"), shortcut
 class TrackSlots(Capability, members=("slots_now", "dwells"), shortcut_for=("predict",)):
     """Tracks in numbered slots, and one beam that updates a track or searches a sector, a dwell at a time.
 
-    ``gain_per_second`` of a system with it takes ``ahead``, the seconds that count after an update, and ``worth``, that
-    of a target which a search finds, as a number of seconds in which it would be charged in full.
+    ``gain_per_second`` of a system with it takes ``ahead``, the seconds that count after an update (several make a last
+    axis), and ``worth``, that of a target which a search finds, as a number of seconds in which it would be charged in
+    full.
     """
 
     @abstractmethod

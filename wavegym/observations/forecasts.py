@@ -94,10 +94,8 @@ class Forecasts:
         dwells, rows = self.system.dwells, self.system.slots_now(belief)
         updates, each = dwells.slots * dwells.each, dwells.each
         values = np.zeros((len(rows), len(self.candidates), len(self.candidate_fields)))
-        for n, ahead in enumerate(AHEAD):
-            values[..., n] = self.system.gain_per_second(belief, ahead, 1.0)
         gains = values[..., : len(AHEAD)]
-        gains /= self.system.c0
+        np.divide(self.system.gain_per_second(belief, AHEAD, 1.0), self.system.c0, out=gains)
         np.log10(np.maximum(gains, 0.0) + LEAST, out=gains)
         known, own = values[..., len(AHEAD) :], rows.repeat(each, axis=1)
         is_taken = own[..., 0] > 0.0

@@ -143,6 +143,14 @@ def test_the_gain_of_an_update_is_what_its_futures_save():
     assert np.divide(*np.sum(ratios, axis=0)) == pytest.approx(1.0, abs=0.05)
 
 
+def test_gains_for_several_times_ahead_are_those_of_each():
+    system = MultifunctionRadar(known=1.0, slots=30)
+    belief = after(system, worlds_of(system, 3), 0.5, by_gain(system)).belief
+    together = system.gain_per_second(belief, (0.25, 1.0), 2.0)
+    for n, ahead in enumerate((0.25, 1.0)):
+        np.testing.assert_array_equal(together[..., n], system.gain_per_second(belief, ahead, 2.0))
+
+
 def test_simulated_futures_are_those_of_predict_and_the_rule():
     """Mean cost of .15 s, against a loop over predictions with draws; of 1500 futures each, four standard errors."""
     system = MultifunctionRadar(known=1.0)

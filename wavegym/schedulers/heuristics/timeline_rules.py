@@ -218,8 +218,9 @@ class SearchedDwell(TimelineRule):
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         updates = self.dwells.slots * self.dwells.each
-        gain = self.system.gain_per_second(belief, self.ahead, self.worth)
-        gain[:, :updates] += self.far * self.system.gain_per_second(belief, self.later, 0.0)[:, :updates]
+        near, later = np.moveaxis(self.system.gain_per_second(belief, (self.ahead, self.later), self.worth), 2, 0)
+        gain = near.copy()
+        gain[:, :updates] += self.far * later[:, :updates]
         score, existence = np.log(np.maximum(gain, TINY)), belief.existence
         tentative = np.where(existence < CONFIRMED, self.tentative, 0.0).repeat(self.dwells.each, axis=1)
         score[:, :updates] += tentative + self.long * np.log(self.durations[:updates])

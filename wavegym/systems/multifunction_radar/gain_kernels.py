@@ -1,7 +1,7 @@
 """What a dwell of the multifunction radar is worth, in compiled form.
 
-Shapes as in ``step_kernels``. The worth of a dwell is what it takes off the expected cost of the ``ahead`` seconds
-after it, if nothing else is done in them.
+Shapes as in ``step_kernels``; h times ahead. The worth of a dwell is what it takes off the expected cost of the seconds
+after it, if nothing else is done in them. It is computed for several times at once: most of the work is the same.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -44,7 +44,7 @@ def cost_of_window(e, P, q, ahead, modes, most):
 
 @kernel
 def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
-    """Fill out (action,) with the worth of the updates ``actions`` = (first, last) of slot k."""
+    """Fill out (action, h) with the worth of the updates ``actions`` = (first, last) of slot k; ahead (h,) in s."""
     modes, beam, _, most = laws
     _, _, seconds, duration, _ = menu
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
@@ -65,10 +65,11 @@ def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
             shrink_one(0, after, v, s, NN)
         chance = e * pd
         missed = (e - chance) / (1.0 - chance)
-        now = cost_of_window(e, covariance, q, ahead, modes, most)
-        hit = cost_of_window(1.0, after, q, ahead, modes, most)
-        miss = cost_of_window(missed, covariance, q, ahead, modes, most)
-        out[a] = now - chance * hit - (1.0 - chance) * miss
+        for n in range(len(ahead)):
+            now = cost_of_window(e, covariance, q, ahead[n], modes, most)
+            hit = cost_of_window(1.0, after, q, ahead[n], modes, most)
+            miss = cost_of_window(missed, covariance, q, ahead[n], modes, most)
+            out[a, n] = now - chance * hit - (1.0 - chance) * miss
 
 
 @inlined
@@ -82,7 +83,7 @@ def expected_to_find(undetected, covers, area):
 
 @kernel
 def gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out):
-    """Fill out (action,) with the worth of every dwell of environment e over its duration; see ``gains``."""
+    """Fill out (action, h) with the worth of every dwell of environment e over its duration; see ``gains``."""
     kind, which, _, duration, covers = menu
     area, most = laws[2], laws[3]
     slots, a, each = slots_of(e, batch), 0, 0
@@ -94,7 +95,7 @@ def gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out):
             gains_of_slot(which[a], batch.time[e], slots, menu, (a, a + each), ahead, thresholds[0], laws, out)
         a += each
     while kind[a] == SEARCH:
-        out[a] = worth * most * expected_to_find(batch.undetected[e, which[a]], covers[a], area)
+        out[a, :] = worth * most * expected_to_find(batch.undetected[e, which[a]], covers[a], area)
         a += 1
     for a in range(len(kind)):
         out[a] /= duration[a]
@@ -102,9 +103,9 @@ def gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out):
 
 @kernel
 def gains(batch, menu, thresholds, laws, ahead, worth, out):
-    """Fill out (e, action) with the worth of every dwell over its duration; 0 for updates of free slots and waits.
+    """Fill out (e, action, h) with the worth of every dwell over its duration; 0 for updates of free slots and waits.
 
-    ahead: seconds that count after an update. worth: of a target that a search finds, in c0 seconds.
+    ahead (h,): seconds that count after an update. worth: of a target that a search finds, in c0 seconds.
     """
     for e in range(len(batch.time)):
         gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out[e])

@@ -24,12 +24,12 @@ from wavegym.systems.multifunction_radar.step_kernels import (
 
 @inlined
 def greatest(gains, existence, menu):
-    """The allowed action of the greatest gain; the first of equals."""
+    """The allowed action of the greatest gain (action, 1); the first of equals."""
     kind, which = menu[0], menu[1]
     best, most = len(kind) - 1, -np.inf
     for a in range(len(kind)):
-        if gains[a] > most and (kind[a] != UPDATE or existence[which[a]] > 0.0):
-            best, most = a, gains[a]
+        if gains[a, 0] > most and (kind[a] != UPDATE or existence[which[a]] > 0.0):
+            best, most = a, gains[a, 0]
     return best
 
 
@@ -42,7 +42,8 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, ahead, worth, 
     differ by more than what any update is worth. keys (e,): of the draws of updates.
     """
     modes, beam, area, most = laws
-    scratch, gains = np.empty_like(batch.undetected[0]), np.empty(len(menu[0]))
+    scratch, gains = np.empty_like(batch.undetected[0]), np.empty((len(menu[0]), 1))
+    aheads = np.array([ahead])
     for e in range(len(first)):
         action, end, n = first[e], batch.time[e] + seconds, 0
         slots, undetected = slots_of(e, batch), batch.undetected[e]
@@ -66,5 +67,5 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, ahead, worth, 
             drop_tracks(time, slots, undetected, modes, most, area)
             if time >= end:
                 break
-            gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, gains)
+            gains_of_row(e, batch, menu, thresholds, laws, aheads, worth, gains)
             action, n = greatest(gains, batch.existence[e], menu), n + 1

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from wavegym.core import trees
@@ -357,17 +358,21 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         """Length of the last dwell, s."""
         return belief.duration
 
-    def gain_per_second(self, belief: Belief, ahead: float = 1.0, worth: float = 1.0) -> Array:
-        """What each dwell takes off the expected cost of the time after it, over its duration, (env, action).
+    def gain_per_second(self, belief: Belief, ahead: ArrayLike = 1.0, worth: float = 1.0) -> Array:
+        """What each dwell takes off the expected cost of the time after it, over its duration.
 
         Args:
             belief: the belief.
-            ahead: seconds that count after an update, in which nothing else is done.
+            ahead: seconds that count after an update, in which nothing else is done; a number, or several (h,).
             worth: of a target that a search finds, as a number of seconds of c0.
+
+        Returns:
+            (env, action), or (env, action, h), m^2.
         """
-        out = np.empty((len(belief.step), len(self.actions)))
-        gains(belief, self.menu, self.thresholds, self.laws, ahead, worth, out)
-        return out
+        aheads = np.atleast_1d(np.asarray(ahead, np.float64))
+        out = np.empty((len(belief.step), len(self.actions), len(aheads)))
+        gains(belief, self.menu, self.thresholds, self.laws, aheads, worth, out)
+        return out if np.ndim(ahead) else out[..., 0]
 
     def simulate(
         self, belief: Belief, actions: Array, seconds: float, futures: int, ahead: float, worth: float, seed: int
