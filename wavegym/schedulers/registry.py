@@ -52,7 +52,9 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             (``schedulers.tuned_constants``) and otherwise tuned on ``tuning_worlds``: ``gain:L``, ``greedy``,
             ``aware-greedy``, ``cost-of-delay``, ``hold-until-detected``, ``lagrangian-price``,
             ``adaptive-lagrangian-price``, ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named
-            forecasts), ``cycle`` and ``best-simple``, the best of them and of ``myopic``. Planners, with the settings
+            forecasts), ``cycle`` and ``best-simple``, the best of them and of ``myopic``. For one beam on a time line:
+            ``round-robin-search``, ``earliest-deadline``, ``van-keuk-blackman``, ``gain-per-second``,
+            ``price-of-time``, ``delay-index`` and ``searched-dwell``. Planners, with the settings
             recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H`` and
             ``best-planner``, the best one recorded. A planner improves on the base policy recorded (``best-simple``
             unless another is), or on the scheduler after an ``@``: ``rollout:20@myopic``. Any scheduler registered with
