@@ -204,6 +204,12 @@ def drop_tracks(time, slots, undetected, modes, most, area):
             slots.existence[k] = 0.0
 
 
+@inlined
+def reported_cost(e, trace, most):
+    """Cost per second of a track of existence e: reported or not, whichever is less."""
+    return min(e * trace + (1.0 - e) * most, e * most)
+
+
 @kernel
 def rate_of_cost(time, slots, modes, most):
     """The cost per second of the tracks at ``time``.
@@ -216,7 +222,7 @@ def rate_of_cost(time, slots, modes, most):
         e = slots.existence[k]
         if e > 0.0:
             xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
-            total += min(e * (xx + yy) + (1.0 - e) * most, e * most)
+            total += reported_cost(e, xx + yy, most)
     return total
 
 
@@ -235,6 +241,13 @@ def axis_of(sector, turn, sectors, area):
     return -area.half_sector + (sector + (turn + 0.5) / area.beams) * 2.0 * area.half_sector / sectors
 
 
+@inlined
+def thin(undetected, covers, area):
+    """Take what a search of their sector's next beam finds from the undetected (b,)."""
+    for b in range(len(undetected)):
+        undetected[b] *= max(1.0 - covers[b] / area.beams, 0.0)
+
+
 @kernel
 def search(time, slots, sector, turn, undetected, truth, key, seconds, covers, laws):
     """Search one beam of a sector: tracks in the beam are updated or missed, other findings begin tracks.
@@ -250,8 +263,7 @@ def search(time, slots, sector, turn, undetected, truth, key, seconds, covers, l
             if used >= 0:
                 origin[k] = findings[1][used, 3]
     begin_tracks(time, slots, findings, undetected, origin, covers, laws)
-    for b in range(undetected.shape[1]):
-        undetected[sector, b] *= max(1.0 - covers[b] / area.beams, 0.0)
+    thin(undetected[sector], covers, area)
 
 
 @kernel

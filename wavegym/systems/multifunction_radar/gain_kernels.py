@@ -11,33 +11,20 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection, mean_inverse_power
+from wavegym.systems.multifunction_radar.dwell_kernels import reported_cost
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, slots_of
-from wavegym.systems.multifunction_radar.track_kernels import (
-    NN,
-    PLACE,
-    decayed_growth,
-    look_at,
-    predict_slot,
-    stationary_density,
-)
+from wavegym.systems.multifunction_radar.track_kernels import NN, PLACE, growth_of_position, look_at, predict_slot
 from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
-
-
-@inlined
-def reported_cost(e, trace, most):
-    """Cost per second of a track of existence e: reported or not, whichever is less."""
-    return min(e * trace + (1.0 - e) * most, e * most)
 
 
 @kernel
 def cost_of_window(e, P, q, ahead, modes, most):
     """Cost of the next ``ahead`` seconds of a track of covariance P (1, n, n) and density q, by Simpson's rule."""
     p, c, v = P[0, 0, 0] + P[0, 2, 2], P[0, 0, 1] + P[0, 2, 3], P[0, 1, 1] + P[0, 3, 3]
-    mean, rate, total = stationary_density(modes), modes.leave[0] + modes.leave[1], 0.0
+    total = 0.0
     for i in range(3):
         s = 0.5 * ahead * i
-        growth = mean * s * s * s / 3.0 + (q - mean) * decayed_growth(rate, s)
-        trace = p + 2.0 * c * s + v * s * s + 2.0 * growth
+        trace = p + 2.0 * c * s + v * s * s + 2.0 * growth_of_position(q, modes, s)
         total += (4.0 if i == 1 else 1.0) * reported_cost(e, trace, most)
     return ahead * total / 6.0
 

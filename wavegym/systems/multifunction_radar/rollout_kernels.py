@@ -10,7 +10,7 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks
+from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, thin
 from wavegym.systems.multifunction_radar.gain_kernels import expected_to_find, gains_of_row
 from wavegym.systems.multifunction_radar.step_kernels import (
     SEARCH,
@@ -62,8 +62,7 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, ahead, worth, 
                 covers = menu[4][action]
                 found = expected_to_find(undetected[dwell.which], covers, area)
                 value[e] += found * most * (max(end - time, 0.0) - worth)
-                for b in range(undetected.shape[1]):
-                    undetected[dwell.which, b] *= max(1.0 - covers[b] / area.beams, 0.0)
+                thin(undetected[dwell.which], covers, area)
             drop_tracks(time, slots, undetected, modes, most, area)
             if time >= end:
                 break

@@ -166,7 +166,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
 
     def target_ranges(self, world: World) -> Array:
         """Of every target each second that it is there, of all worlds in one row, (1, n, 2)."""
-        (x, mode, here, *_), arrival = self.initial(world).truth[:5], self.initial(world).truth.arrival
+        truth = self.initial(world).truth
+        x, mode, here, arrival = truth.state, truth.mode, truth.here, truth.arrival
         found, cells = [], round(1.0 / self.cell)
         for second in range(math.ceil(self.seconds)):
             r = np.hypot(x[..., 0], x[..., 2])

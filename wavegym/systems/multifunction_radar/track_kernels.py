@@ -74,10 +74,16 @@ def decayed_growth(rate, s):
 
 
 @inlined
+def growth_of_position(q, modes, s):
+    """What ``s`` seconds add to the position's variance on each axis, from the expected density q on."""
+    mean, rate = stationary_density(modes), modes.leave[0] + modes.leave[1]
+    return mean * s * s * s / 3.0 + (q - mean) * decayed_growth(rate, s)
+
+
+@inlined
 def spread_at(moments, modes, s):
     """xx, xy and yy of the position's covariance ``s`` seconds after the moments (10,)."""
-    mean, rate = stationary_density(modes), modes.leave[0] + modes.leave[1]
-    growth = mean * s * s * s / 3.0 + (moments[9] - mean) * decayed_growth(rate, s)
+    growth = growth_of_position(moments[9], modes, s)
     xx = moments[0] + s * (2.0 * moments[3] + s * moments[6]) + growth
     xy = moments[1] + s * (2.0 * moments[4] + s * moments[7])
     yy = moments[2] + s * (2.0 * moments[5] + s * moments[8]) + growth
