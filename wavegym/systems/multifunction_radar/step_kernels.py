@@ -184,7 +184,7 @@ def foresee_update(k, time, slots, seconds, draws, laws):
 def foresee_search(time, slots, sector, turn, undetected, seconds, covers, draws, laws):
     """What a search of a sector is expected to do, or does with uniform draws (2,): of a new track and its range.
 
-    Expected, nothing changes: what is found is then in a track, and no cost follows before the track is confirmed.
+    Without draws nothing changes: a found target moves from the undetected to a tentative track, which costs the same.
     With draws at most one track begins, of a target or of a false alarm, in the bin that the draw says.
     """
     if len(draws) == 0:
