@@ -38,8 +38,8 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, ahead, worth, 
     """Add to value (e,) the cost of the next ``seconds`` that begin with the actions ``first`` (e,).
 
     A search in a future finds the expected number of targets, not single ones. That number leaves the undetected, still
-    costs c0 a second until the future ends, and earns ``worth`` seconds of c0. Single targets found by chance would make
-    two futures differ by more than any update is worth. keys (e,): of the draws of updates.
+    costs c0 a second until the future ends, and earns ``worth`` seconds of c0. Single targets found by chance would
+    make two futures differ by more than any update is worth. keys (e,): of the draws of updates.
     """
     modes, beam, area, most = laws
     scratch, gains = np.empty_like(batch.undetected[0]), np.empty((len(menu[0]), 1))
