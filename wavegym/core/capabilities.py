@@ -166,6 +166,9 @@ class UnequalSteps(Capability, members=("duration", "gain_per_second"), shortcut
         """What each candidate's step takes off the cost of the time after it, over its duration, (env, candidate)."""
 
 
+CONFIRMED = 0.9  # existence from which a track is confirmed; below it is tentative
+
+
 class TrackSlots(Capability, members=("slots_now", "dwells"), shortcut_for=("predict",)):
     """Tracks in numbered slots, and one beam that updates a track or searches a sector, a dwell at a time.
 
@@ -189,21 +192,43 @@ class TrackSlots(Capability, members=("slots_now", "dwells"), shortcut_for=("pre
         """What each candidate does, a ``wavegym.systems.multifunction_radar.actions.Dwells``."""
 
 
-class SimulatedFutures(Capability, members=("simulate",), shortcut_for=("predict", "cost")):
-    """Futures of candidates under a rule of the system's own, in compiled form."""
+class DwellRule(NamedTuple):
+    """The constants of a rule for one beam on a time line.
+
+    An update scores ln(G(ahead) + far G(later)) + tentative [if the track is] + long ln(duration), with the gain per
+    second G of a number of seconds ahead. A search scores ln(worth x what it finds per second in full cost) +
+    long_search ln(duration) + load ln(1 + number of tracks).
+    """
+
+    ahead: float
+    later: float
+    far: float
+    tentative: float
+    long: float
+    worth: float
+    long_search: float
+    load: float
+
+
+class SimulatedFutures(Capability, members=("scores", "simulate"), shortcut_for=("predict", "cost")):
+    """Scores of a ``DwellRule``, and futures under it, in compiled form."""
+
+    @abstractmethod
+    def scores(self, belief: Any, rule: DwellRule) -> Array:
+        """The score of every candidate, (env, candidate)."""
 
     @abstractmethod
     def simulate(
-        self, belief: Any, actions: Array, seconds: float, futures: int, ahead: float, worth: float, seed: int
+        self, belief: Any, actions: Array, rule: DwellRule, seconds: float, futures: int, seed: int
     ) -> Array:
-        """Expected cost of the next ``seconds`` that begin with a candidate, (env, candidate).
+        """Expected cost of the next ``seconds`` that begin with a candidate, and of the time after, (env, candidate).
 
         Args:
             belief: axis 0 = environment.
             actions: the candidates, (env, candidate).
+            rule: what the futures go on with.
             seconds: length of the futures.
             futures: drawn for each candidate; the same draws for all.
-            ahead, worth: of ``gain_per_second``, whose greatest value the futures go on with.
             seed: of the draws, >= 0.
         """
 

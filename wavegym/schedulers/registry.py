@@ -24,6 +24,7 @@ from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.myopic import Myopic, impossible, require
 from wavegym.schedulers.optimum import Optimum
 from wavegym.schedulers.planners.beam import BeamSearch
+from wavegym.schedulers.planners.dwell_rollout import DwellRollout
 from wavegym.schedulers.planners.mcts import MonteCarloTree
 from wavegym.schedulers.planners.receding_horizon import PlanOnce, RecedingHorizon
 from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
@@ -54,7 +55,8 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             ``adaptive-lagrangian-price``, ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named
             forecasts), ``cycle`` and ``best-simple``, the best of them and of ``myopic``. For one beam on a time line:
             ``round-robin-search``, ``earliest-deadline``, ``van-keuk-blackman``, ``gain-per-second``,
-            ``price-of-time``, ``delay-index`` and ``searched-dwell``. Planners, with the settings
+            ``price-of-time``, ``delay-index``, ``frame-greedy`` and ``searched-dwell``, and the planner
+            ``dwell-rollout:N``. Planners, with the settings
             recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H`` and
             ``best-planner``, the best one recorded. A planner improves on the base policy recorded (``best-simple``
             unless another is), or on the scheduler after an ``@``: ``rollout:20@myopic``. Any scheduler registered with
@@ -197,6 +199,7 @@ PLANNERS: dict[str, Callable[..., Policy]] = {  # of a base, and the number afte
     "tree": TreeSearch,
     "beam": BeamSearch,
     "mcts": MonteCarloTree,
+    "dwell-rollout": DwellRollout,  # the number: of futures for each candidate
 }
 PLANS: dict[str, Callable[..., Policy]] = {"receding-horizon": RecedingHorizon, "plan-once": PlanOnce}
 PLAIN: dict[str, Callable[[System, Any], Policy]] = {  # of a system, and of worlds for tuning
@@ -234,6 +237,7 @@ FORMS = (
     "tree:H",
     "beam:W",
     "mcts:N",
+    "dwell-rollout:N",
 )
 RENAMED = {  # yesterday's name: today's
     "until-seen": "hold-until-detected",

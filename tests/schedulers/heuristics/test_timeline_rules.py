@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wavegym.core.capabilities import DwellRule
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.heuristics.registry import HEURISTICS, SEARCHED_DWELL, TIMELINE
 from wavegym.schedulers.heuristics.timeline_rules import (
     DelayIndex,
-    DwellRollout,
     EarliestDeadline,
     GainPerSecond,
     PriceOfTime,
@@ -20,7 +20,7 @@ from wavegym.schedulers.heuristics.timeline_rules import (
 )
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
-from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
+from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 SYSTEM = MultifunctionRadar(known=1.0, slots=30)
@@ -95,10 +95,26 @@ def test_the_greatest_gain_per_second_is_taken_among_the_allowed(beliefs):
     np.testing.assert_array_equal(chosen(make_policy("myopic", SYSTEM, None), beliefs), usual)
 
 
-def test_a_price_of_time_shortens_dwells_until_nothing_is_worth_it(beliefs):
+def test_a_price_of_time_shortens_dwells_until_only_the_ratio_counts(beliefs):
     free, dear = (DURATION[chosen(PriceOfTime(0.5, 1.0, price), beliefs)] for price in (0.0, 3.0))
     assert free.mean() > dear.mean()
-    assert (KIND[chosen(PriceOfTime(0.5, 1.0, 1e9), beliefs)] == WAIT).all()
+    at_any_price = chosen(PriceOfTime(0.5, 1.0, 1e9), beliefs)
+    np.testing.assert_array_equal(at_any_price, chosen(GainPerSecond(0.5, 1.0), beliefs))
+
+
+def test_the_score_is_the_formula_of_the_rule(beliefs):
+    rule = DwellRule(ahead=0.4, later=2.0, far=0.3, tentative=1.5, long=-0.2, worth=2.0, long_search=0.3, load=0.4)
+    near, later = (SYSTEM.gain_per_second(beliefs, ahead, rule.worth) for ahead in (rule.ahead, rule.later))
+    is_update = KIND == UPDATE
+    with np.errstate(divide="ignore"):
+        score = np.log(np.where(is_update, near + rule.far * later, near))
+    tentative = beliefs.existence[:, WHICH[is_update]] < 0.9
+    score[:, is_update] += rule.long * np.log(DURATION[is_update]) + rule.tentative * tentative
+    tracks = (beliefs.existence > 0.0).sum(axis=1, keepdims=True)
+    score[:, ~is_update] += rule.long_search * np.log(DURATION[~is_update]) + rule.load * np.log1p(tracks)
+    seen = np.isfinite(score)
+    np.testing.assert_allclose(SYSTEM.scores(beliefs, rule)[seen], score[seen], rtol=1e-12, atol=1e-12)
+    assert seen.sum() > 1000
 
 
 @pytest.mark.parametrize(
@@ -106,7 +122,6 @@ def test_a_price_of_time_shortens_dwells_until_nothing_is_worth_it(beliefs):
     [
         DelayIndex(0.5, 1.0, 0.3, 0.0),
         SearchedDwell(**{**SEARCHED_DWELL, "ahead": 0.5, "worth": 1.0}),
-        DwellRollout(0.5, 1.0, 0.05, 1, 1),
     ],
     ids=lambda rule: rule.name,
 )

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from wavegym.core import trees
+from wavegym.core.capabilities import CONFIRMED, DwellRule
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import RandomChoice, rollout
+from wavegym.schedulers.heuristics.registry import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
-from wavegym.systems.multifunction_radar.figures import CONFIRMED, estimates
+from wavegym.systems.multifunction_radar.figures import estimates
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.testing import check_vector_env
@@ -152,22 +154,29 @@ def test_gains_for_several_times_ahead_are_those_of_each():
 
 
 def test_simulated_futures_are_those_of_predict_and_the_rule():
-    """Mean cost of .15 s, against a loop over predictions with draws; of 1500 futures each, four standard errors."""
+    """Mean cost of .15 s and of the time after, in which all wait, against a loop over predictions with draws.
+
+    Of 1500 futures each, to four standard errors.
+    """
     system = MultifunctionRadar(known=1.0)
     state = after(system, worlds_of(system, 1), 0.5, by_gain(system))
     belief = state.belief._replace(undetected=np.zeros_like(state.belief.undetected))
     system = dataclasses.replace(system, targets=0.0)  # searches find nothing, and no draw is needed for them
-    first, choose, rng = int(system.dwells.update(0, 2)), by_gain(system), np.random.default_rng(0)
-    futures, seconds = 1500, 0.15
-    got = system.simulate(belief, np.array([[first]]), seconds, futures, 0.5, 1.0, seed=3)[0, 0]
+    first, rng = int(system.dwells.update(0, 2)), np.random.default_rng(0)
+    futures, seconds, rule = 1500, 0.15, DwellRule(**{**SEARCHED_DWELL, "ahead": 0.5, "later": 1.0, "far": 0.25})
+    got = system.simulate(belief, np.array([[first]]), rule, seconds, futures, seed=3)[0, 0]
     now = trees.repeated(belief, futures)
+    waits = np.full(futures, len(system.actions) - 1)
     end, action, want = now.time + seconds, np.full(futures, first), np.zeros(futures)
     while (going := now.time < end).any():
         after_dwell = system.predict(now, action, rng.random((futures, 2)))
         share = np.minimum((end - now.time) / after_dwell.duration, 1.0)
         want += np.where(going, share * after_dwell.spent, 0.0)
         now = trees.merged(after_dwell, ~going, now)
-        action = choose(now, system.mask(now))
+        action = np.where(system.mask(now), system.scores(now, rule), -np.inf).argmax(axis=1)
+    for ahead, weight in ((rule.ahead, 1.0), (rule.later, rule.far)):
+        waiting = dataclasses.replace(system, dt=ahead)
+        want += weight * waiting.predict(trees.repeated(now, 1), waits).spent
     error = want.std() / np.sqrt(futures)
     assert error < 0.02 * want.mean()
     assert abs(got - want.mean()) < 4.0 * np.sqrt(2.0) * error

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wavegym.schedulers.heuristics.cma_search import Interval
+from wavegym.schedulers.heuristics.frame_greedy import FrameGreedy
 from wavegym.schedulers.heuristics.timeline_rules import (
     DelayIndex,
     EarliestDeadline,
@@ -47,13 +48,18 @@ TIMELINE_RULES: tuple[tuple[Any, Grid, Constants], ...] = (
     (GainPerSecond, {"ahead": AHEAD, "worth": WORTH}, {"ahead": 0.5, "worth": 1.0}),
     (
         PriceOfTime,
-        {"ahead": AHEAD, "worth": WORTH, "price": (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)},
-        {"ahead": 0.5, "worth": 2.0, "price": 0.5},
+        {"ahead": AHEAD, "worth": WORTH, "price": (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0)},
+        {"ahead": 0.5, "worth": 1.0, "price": 2.0},
     ),
     (
         DelayIndex,
         {"ahead": AHEAD, "worth": WORTH, "later": (0.1, 0.3, 1.0), "kappa": (0.0, 0.25, 0.5, 0.75)},
         {"ahead": 0.5, "worth": 2.0, "later": 0.3, "kappa": 0.25},
+    ),
+    (
+        FrameGreedy,
+        {"ahead": AHEAD, "worth": WORTH, "frame": (0.1, 0.15, 0.2, 0.3, 0.5, 0.8)},
+        {"ahead": 0.5, "worth": 1.0, "frame": 0.2},
     ),
 )
 SEARCHED_DWELL = {

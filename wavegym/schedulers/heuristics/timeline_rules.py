@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Capability, SimulatedFutures, TrackSlots, UnequalSteps
+from wavegym.core.capabilities import CONFIRMED, Capability, DwellRule, SimulatedFutures, TrackSlots, UnequalSteps
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
-CONFIRMED = 0.9
-TINY = 1e-12  # of a gain, so that its logarithm is finite
 EXISTENCE, POINTING, POSITION, AGE, SNR = 0, 3, 4, 6, 8  # columns of ``slots_now``
 
 
@@ -144,9 +142,10 @@ class GainPerSecond(TimelineRule):
 
 
 class PriceOfTime(TimelineRule):
-    """The dwell of the greatest gain less the price of its time; a wait where no dwell is worth its price.
+    """The dwell of the greatest gain less the price of its time; of the greatest ratio where none is worth its price.
 
-    The price is the Lagrange multiplier of the time line, found by simulation.
+    The price is the Lagrange multiplier of the time line, found by simulation. Time that is not used is lost, so a
+    price above every gain per second asks for no wait.
 
     Args:
         ahead, worth: see ``GainPerSecond``.
@@ -160,10 +159,10 @@ class PriceOfTime(TimelineRule):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        gain = self.system.gain_per_second(belief, self.ahead, self.worth)
-        net = (gain - self.price * self.system.c0) * self.durations
-        net[:, -1] = 0.0
-        return greatest(net, mask, self.durations)
+        surplus = self.system.gain_per_second(belief, self.ahead, self.worth) - self.price * self.system.c0
+        allowed = surplus if mask is None else np.where(mask, surplus, -np.inf)
+        is_worth_it = allowed.max(axis=1, keepdims=True) > 0.0
+        return greatest(np.where(is_worth_it, surplus * self.durations, surplus), mask, self.durations)
 
 
 class DelayIndex(TimelineRule):
@@ -188,74 +187,14 @@ class DelayIndex(TimelineRule):
 
 
 class SearchedDwell(TimelineRule):
-    """The dwell of the greatest score, a formula whose constants a search on tuning worlds finds (CMA-ES).
-
-    An update scores ln(G(ahead) + far G(later)) + tentative [if the track is] + long ln(duration), with the gain per
-    second G of a number of seconds ahead. A search scores ln(worth x what it finds per second in full cost) +
-    long_search ln(duration) + load ln(1 + number of tracks).
-
-    Args:
-        ahead, later, far, tentative, long: of an update's score.
-        worth, long_search, load: of a search's score.
-    """
+    """The dwell of the greatest score of a ``DwellRule``, whose constants a search on tuning worlds finds (CMA-ES)."""
 
     name = "searched-dwell"
-
-    def __init__(
-        self,
-        ahead: float,
-        later: float,
-        far: float,
-        tentative: float,
-        long: float,
-        worth: float,
-        long_search: float,
-        load: float,
-    ) -> None:
-        self.ahead, self.later, self.far, self.tentative, self.long = ahead, later, far, tentative, long
-        self.worth, self.long_search, self.load = worth, long_search, load
-
-    def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
-        """See ``Heuristic``."""
-        updates = self.dwells.slots * self.dwells.each
-        near, later = np.moveaxis(self.system.gain_per_second(belief, (self.ahead, self.later), self.worth), 2, 0)
-        gain = near.copy()
-        gain[:, :updates] += self.far * later[:, :updates]
-        score, existence = np.log(np.maximum(gain, TINY)), belief.existence
-        tentative = np.where(existence < CONFIRMED, self.tentative, 0.0).repeat(self.dwells.each, axis=1)
-        score[:, :updates] += tentative + self.long * np.log(self.durations[:updates])
-        tracks = np.log1p((existence > 0.0).sum(axis=1))
-        score[:, updates:] += self.long_search * np.log(self.durations[updates:]) + self.load * tracks[:, None]
-        return greatest(score, mask, self.durations)
-
-
-class DwellRollout(TimelineRule):
-    """Simulate futures of the dwells of the greatest gain per second, and take the one of least cost.
-
-    Each future goes on with ``GainPerSecond``. The number of candidates, futures and seconds set the time of a
-    decision.
-
-    Args:
-        ahead, worth: of the rule.
-        seconds: length of a future.
-        candidates: dwells that are tried.
-        futures: drawn for each.
-    """
-
-    name = "dwell-rollout"
     needs = (*TimelineRule.needs, SimulatedFutures)
 
-    def __init__(self, ahead: float, worth: float, seconds: float, candidates: int, futures: int) -> None:
-        self.ahead, self.worth = ahead, worth
-        self.seconds, self.tried, self.futures = seconds, candidates, futures
+    def __init__(self, **constants: float) -> None:
+        self.rule = DwellRule(**constants)
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        gain = self.system.gain_per_second(belief, self.ahead, self.worth)
-        if mask is not None:
-            gain = np.where(mask, gain, -np.inf)
-        best = np.argsort(-gain, axis=1, kind="stable")[:, : self.tried]
-        seed = int(belief.step[0])
-        cost = self.system.simulate(belief, best, self.seconds, self.futures, self.ahead, self.worth, seed)
-        chosen: Array = best[np.arange(len(best)), cost.argmin(axis=1)]
-        return chosen
+        return greatest(self.system.scores(belief, self.rule), mask, self.durations)

@@ -8,12 +8,11 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from wavegym.core.arrays import Array
+from wavegym.core.capabilities import CONFIRMED
 from wavegym.systems.multifunction_radar.state import Belief, Truth
 from wavegym.systems.multifunction_radar.step_kernels import estimate_slots
 from wavegym.systems.multifunction_radar.target_kernels import Flight
 from wavegym.systems.multifunction_radar.track_kernels import Modes
-
-CONFIRMED = 0.9  # existence from which a track is confirmed
 
 
 class Estimates(NamedTuple):

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection, mean_inverse_power
 from wavegym.systems.multifunction_radar.dwell_kernels import reported_cost
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, slots_of
 from wavegym.systems.multifunction_radar.track_kernels import NN, PLACE, growth_of_position, look_at, predict_slot
 from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
+
+TINY = 1e-12  # of a gain, so that its logarithm is finite
 
 
 @kernel
@@ -86,6 +89,31 @@ def gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out):
         a += 1
     for a in range(len(kind)):
         out[a] /= duration[a]
+
+
+@kernel
+def scores_of_row(e, batch, menu, thresholds, laws, rule, out):
+    """Fill out (action,) with the score of every dwell of environment e; see ``DwellRule``."""
+    kind, which, _, duration, _ = menu
+    gain, existence, tracks = np.empty((len(kind), 2)), batch.existence[e], 0
+    gains_of_row(e, batch, menu, thresholds, laws, np.array([rule.ahead, rule.later]), rule.worth, gain)
+    for k in range(len(existence)):
+        tracks += existence[k] > 0.0
+    for a in range(len(kind)):
+        if kind[a] == UPDATE:
+            out[a] = np.log(max(gain[a, 0] + rule.far * gain[a, 1], TINY)) + rule.long * np.log(duration[a])
+            if existence[which[a]] < CONFIRMED:
+                out[a] += rule.tentative
+        else:
+            out[a] = np.log(max(gain[a, 0], TINY)) + rule.long_search * np.log(duration[a])
+            out[a] += rule.load * np.log1p(float(tracks))
+
+
+@kernel
+def scores(batch, menu, thresholds, laws, rule, out):
+    """``scores_of_row`` of every environment; out (e, action)."""
+    for e in range(len(batch.time)):
+        scores_of_row(e, batch, menu, thresholds, laws, rule, out[e])
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Simulated futures of the multifunction radar under the rule of the greatest gain per second, in compiled form.
+"""Simulated futures of the multifunction radar under a rule that scores dwells, in compiled form.
 
 Shapes: e rows, each a belief of its own; others as in ``step_kernels``.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, thin
-from wavegym.systems.multifunction_radar.gain_kernels import expected_to_find, gains_of_row
+from wavegym.systems.multifunction_radar.gain_kernels import cost_of_window, expected_to_find, scores_of_row
 from wavegym.systems.multifunction_radar.step_kernels import (
     SEARCH,
     UPDATE,
@@ -20,33 +20,49 @@ from wavegym.systems.multifunction_radar.step_kernels import (
     pass_time,
     slots_of,
 )
+from wavegym.systems.multifunction_radar.track_kernels import predict_slot
 
 
 @inlined
-def greatest(gains, existence, menu):
-    """The allowed action of the greatest gain (action, 1); the first of equals."""
+def greatest(scores, existence, menu):
+    """The allowed action of the greatest score (action,); the first of equals."""
     kind, which = menu[0], menu[1]
     best, most = len(kind) - 1, -np.inf
     for a in range(len(kind)):
-        if gains[a, 0] > most and (kind[a] != UPDATE or existence[which[a]] > 0.0):
-            best, most = a, gains[a, 0]
+        if scores[a] > most and (kind[a] != UPDATE or existence[which[a]] > 0.0):
+            best, most = a, scores[a]
     return best
 
 
 @kernel
-def simulate(batch, first, keys, seconds, menu, thresholds, laws, ahead, worth, value):
-    """Add to value (e,) the cost of the next ``seconds`` that begin with the actions ``first`` (e,).
+def cost_to_come(time, slots, rule, modes, most):
+    """What the tracks cost in the seconds that the rule looks ahead, if nothing is done in them."""
+    total, aheads = 0.0, (rule.ahead, rule.later)
+    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
+    mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
+    for k in range(len(slots.existence)):
+        if slots.existence[k] > 0.0:
+            predict_slot(k, time, slots, modes, x, P, mu, mean, covariance)
+            q = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
+            total += cost_of_window(slots.existence[k], covariance, q, aheads[0], modes, most)
+            total += rule.far * cost_of_window(slots.existence[k], covariance, q, aheads[1], modes, most)
+    return total
+
+
+@kernel
+def simulate(batch, first, keys, seconds, menu, thresholds, laws, rule, value):
+    """Add to value (e,) the cost of the next ``seconds`` that begin with the actions ``first`` (e,), and of what comes.
 
     A search in a future finds the expected number of targets, not single ones. That number leaves the undetected, still
-    costs c0 a second until the future ends, and earns ``worth`` seconds of c0. Single targets found by chance would
+    costs c0 a second until the future ends, and earns the rule's worth in seconds of c0. Single targets found by chance would
     make two futures differ by more than any update is worth. keys (e,): of the draws of updates.
     """
     modes, beam, area, most = laws
-    scratch, gains = np.empty_like(batch.undetected[0]), np.empty((len(menu[0]), 1))
-    aheads = np.array([ahead])
+    scratch, scores = np.empty_like(batch.undetected[0]), np.empty(len(menu[0]))
     for e in range(len(first)):
         action, end, n = first[e], batch.time[e] + seconds, 0
         slots, undetected = slots_of(e, batch), batch.undetected[e]
+        worth = rule.worth * np.exp(rule.load * np.log1p(float((slots.existence > 0.0).sum())))
         while True:
             start = batch.time[e]
             dwell = chosen(action, batch.existence[e], menu)
@@ -66,5 +82,6 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, ahead, worth, 
             drop_tracks(time, slots, undetected, modes, most, area)
             if time >= end:
                 break
-            gains_of_row(e, batch, menu, thresholds, laws, aheads, worth, gains)
-            action, n = greatest(gains, batch.existence[e], menu), n + 1
+            scores_of_row(e, batch, menu, thresholds, laws, rule, scores)
+            action, n = greatest(scores, batch.existence[e], menu), n + 1
+        value[e] += cost_to_come(batch.time[e], slots, rule, modes, most)

@@ -13,7 +13,7 @@ from pydantic import Field
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import SimulatedFutures, TimedPulses, TrackSlots, UnequalSteps
+from wavegym.core.capabilities import DwellRule, SimulatedFutures, TimedPulses, TrackSlots, UnequalSteps
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -22,7 +22,7 @@ from wavegym.systems.multifunction_radar.actions import Dwells
 from wavegym.systems.multifunction_radar.beam_kernels import Beam, coverage
 from wavegym.systems.multifunction_radar.dwell_kernels import Area, middle_of, usual_number
 from wavegym.systems.multifunction_radar.figures import take_figures
-from wavegym.systems.multifunction_radar.gain_kernels import gains
+from wavegym.systems.multifunction_radar.gain_kernels import gains, scores
 from wavegym.systems.multifunction_radar.rollout_kernels import simulate
 from wavegym.systems.multifunction_radar.state import Belief, Truth, World
 from wavegym.systems.multifunction_radar.target_kernels import Flight, fly
@@ -375,8 +375,14 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         gains(belief, self.menu, self.thresholds, self.laws, aheads, worth, out)
         return out if np.ndim(ahead) else out[..., 0]
 
+    def scores(self, belief: Belief, rule: DwellRule) -> Array:
+        """See ``SimulatedFutures``; gains in m^2."""
+        out = np.empty((len(belief.step), len(self.actions)))
+        scores(belief, self.menu, self.thresholds, self.laws, rule, out)
+        return out
+
     def simulate(
-        self, belief: Belief, actions: Array, seconds: float, futures: int, ahead: float, worth: float, seed: int
+        self, belief: Belief, actions: Array, rule: DwellRule, seconds: float, futures: int, seed: int
     ) -> Array:
         """See ``SimulatedFutures``; m^2 s, less what the searches are worth (``rollout_kernels``)."""
         envs, count = actions.shape
@@ -384,7 +390,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         first = np.ascontiguousarray(actions.repeat(futures, axis=1).reshape(-1))
         keys = np.tile(np.arange(futures, dtype=np.uint64) + np.uint64(seed * futures), envs * count)
         value = np.zeros(len(first))
-        simulate(rows, first, keys, seconds, self.menu, self.thresholds, self.laws, ahead, worth, value)
+        simulate(rows, first, keys, seconds, self.menu, self.thresholds, self.laws, rule, value)
         mean: Array = value.reshape(envs, count, futures).mean(axis=2)
         return mean
 
