@@ -218,9 +218,7 @@ class SimulatedFutures(Capability, members=("scores", "simulate"), shortcut_for=
         """The score of every candidate, (env, candidate)."""
 
     @abstractmethod
-    def simulate(
-        self, belief: Any, actions: Array, rule: DwellRule, seconds: float, futures: int, seed: int
-    ) -> Array:
+    def simulate(self, belief: Any, actions: Array, rule: DwellRule, seconds: float, futures: int, seed: int) -> Array:
         """Expected cost of the next ``seconds`` that begin with a candidate, and of the time after, (env, candidate).
 
         Args:

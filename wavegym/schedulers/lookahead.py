@@ -12,6 +12,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.capabilities import BestSequence, SequencePlan, offers
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
+from wavegym.schedulers.rollout import check_equal_steps
 
 NODES = 200_000  # beliefs in memory at a time, about 20 MB for two states
 SEQUENCES = 1_000_000  # tried in one decision: enough for 88 candidates three steps ahead
@@ -39,7 +40,11 @@ class Lookahead:
         self.depth, self.fused, self.most = depth, fused, most
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError where there are more than ``most`` sequences (nearest depth named)."""
+        """See ``Policy``. Raises an InputError where there are more than ``most`` sequences (nearest depth named).
+
+        And where steps differ in length.
+        """
+        check_equal_steps("lookahead", system)
         self._system: Any = system
         self._listed = self.fused and offers(system, BestSequence)
         self._planned = self.fused and offers(system, SequencePlan) and not self._listed

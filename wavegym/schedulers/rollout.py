@@ -8,6 +8,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import UnequalSteps, offers
+from wavegym.core.errors import InputError
 from wavegym.core.policy import Clairvoyant, Policy
 from wavegym.core.system import System
 
@@ -55,6 +56,12 @@ def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator
         span += np.where(over, 0.0, step_lengths(system, state.belief))
         actions.append(action)
     return Rollout(np.stack(costs, axis=1), steps, span, np.stack(actions, axis=1))
+
+
+def check_equal_steps(what: str, system: System) -> None:
+    """Raise an InputError unless all steps have the same length, for ``what`` compares costs of numbers of steps."""
+    if offers(system, UnequalSteps):
+        raise InputError(f"{what} counts steps, expected steps of one length (nearest: 'gain-per-second')")
 
 
 def step_lengths(system: System, belief: Any) -> Array:

@@ -46,3 +46,10 @@ def test_only_the_searched_rule_can_be_followed_and_only_on_a_time_line():
     assert planner.futures == 3
     with pytest.raises(InputError, match="dwell-rollout"):
         DwellRollout(BASE, 1).begin(KershawEvansPosition(), 1, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("policy", ["lookahead:1", "rollout:5@gain-per-second", "mcts:4@gain-per-second"])
+def test_schedulers_that_count_steps_are_refused_where_steps_differ_in_length(policy):
+    system = MultifunctionRadar()
+    with pytest.raises(InputError, match="counts steps, expected steps of one length"):
+        make_policy(policy, system, None).begin(system, 1, np.random.default_rng(0))

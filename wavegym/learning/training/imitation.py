@@ -29,9 +29,11 @@ from wavegym.learning.policies.scorer import Dueling
 from wavegym.learning.settings import Settings
 from wavegym.observations.observer import Observer
 from wavegym.policies.networks import LearnedPolicy
+from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
+from wavegym.schedulers.tuned_constants import record_key, records
 
 ROOT = word("lessons")  # frozen: it seeds the worlds of all trained agents
 TUNING = 200  # worlds on which a teacher's constants are tuned
@@ -48,6 +50,9 @@ RATE = 3e-3  # Adam's learning rate at the start; falls linearly to 0
 def pretrain(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -> None:
     """Let the learner imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
 
+    Where the settings change parameters of the environment, a heuristic keeps the constants of the defaults: it is a
+    first guide, and a search in every run would take longer than the learning.
+
     Args:
         model: PPO or DQN, untrained.
         settings: teacher, rounds and episodes of the imitation.
@@ -56,7 +61,11 @@ def pretrain(model: BaseAlgorithm, settings: Settings, system: System, seed: int
     """
     seeds = training_seeds(ROOT, seed, settings.teacher_episodes * settings.imitation_rounds)
     tuning = draw_worlds(system, training_seeds(ROOT, seed, TUNING))
-    teacher = make_policy(settings.teacher, system, tuning)
+    constants = records().get(record_key(system), {}).get(settings.teacher)
+    if settings.environment and constants is not None:
+        teacher: Policy = HEURISTICS[settings.teacher].make(**constants)
+    else:
+        teacher = make_policy(settings.teacher, system, tuning)
     guide = teacher
     if isinstance(teacher, RolloutPlanner):
         teacher.futures.count, guide = settings.teacher_futures, teacher.futures.base

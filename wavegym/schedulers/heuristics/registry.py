@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core import trees
-from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -30,7 +29,7 @@ from wavegym.schedulers.heuristics.timeline_grids import (
 from wavegym.schedulers.heuristics.timeline_rules import SearchedDwell
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
 from wavegym.schedulers.myopic import Myopic
-from wavegym.schedulers.rollout import allowed
+from wavegym.schedulers.rollout import allowed, check_equal_steps
 from wavegym.schedulers.simple import Cycle
 
 AHEAD = (1, 2, 3, 4, 6, 8, 10, 12, 14, 17, 20, 25)
@@ -200,8 +199,8 @@ def _tuned(
 ) -> tuple[Constants, dict[str, Any]]:
     """The constants, and what CMA-ES spent on them, if it did."""
     heuristic = HEURISTICS[name]
-    if name in ("cycle", SearchedRule.name) and offers(system, UnequalSteps):
-        raise InputError(f"heuristic {name!r} counts steps, expected steps of one length (nearest: 'gain-per-second')")
+    if name in ("cycle", SearchedRule.name):
+        check_equal_steps(f"heuristic {name!r}", system)
     if name == "cycle":
         return {"actions": best_dwell(system, worlds).tolist()}, {}
     if name == SearchedRule.name:
@@ -211,7 +210,8 @@ def _tuned(
     check(name, system, worlds)
     starts = (heuristic.start, *heuristic.also)
     if heuristic.intervals:
-        few, budget = trees.first(worlds, check_int("worlds", search.worlds, 1)), search.budget()
+        most = min(check_int("worlds", search.worlds, 1), heuristic.worlds or search.worlds)
+        few, budget = trees.first(worlds, most), search.budget()
 
         def cost(constants: Constants) -> float:
             return log_cost(system, heuristic.make(**constants), few)

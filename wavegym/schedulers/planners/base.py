@@ -12,6 +12,7 @@ from wavegym.core.errors import check_non_negative
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.schedulers.planners.sampled_futures import SampledFutures, significant
+from wavegym.schedulers.rollout import check_equal_steps
 
 FUTURES = 32
 ERRORS = 1.0
@@ -48,7 +49,8 @@ class Planner:
         self.errors, self.shortlist = check_non_negative("errors", errors), shortlist
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``."""
+        """See ``Policy``. Raises an InputError where steps differ in length."""
+        check_equal_steps(type(self).__name__, system)
         self.futures.begin(system, num_envs, rng)
         self.system, self.candidates, self.rng = system, system.candidates(), rng
 

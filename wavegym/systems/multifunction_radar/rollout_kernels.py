@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, thin
@@ -36,7 +37,10 @@ def greatest(scores, existence, menu):
 
 @kernel
 def cost_to_come(time, slots, rule, modes, most):
-    """What the tracks cost in the seconds that the rule looks ahead, if nothing is done in them."""
+    """What the tracks cost in the seconds that the rule looks ahead, if nothing is done in them.
+
+    A tentative track counts as often as the rule has it.
+    """
     total, aheads = 0.0, (rule.ahead, rule.later)
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
     mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
@@ -44,9 +48,33 @@ def cost_to_come(time, slots, rule, modes, most):
         if slots.existence[k] > 0.0:
             predict_slot(k, time, slots, modes, x, P, mu, mean, covariance)
             q = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
-            total += cost_of_window(slots.existence[k], covariance, q, aheads[0], modes, most)
-            total += rule.far * cost_of_window(slots.existence[k], covariance, q, aheads[1], modes, most)
+            come = cost_of_window(slots.existence[k], covariance, q, aheads[0], modes, most)
+            come += rule.far * cost_of_window(slots.existence[k], covariance, q, aheads[1], modes, most)
+            total += come * (np.exp(rule.tentative) if slots.existence[k] < CONFIRMED else 1.0)
     return total
+
+
+@kernel
+def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws):
+    """Do one dwell; returns its cost less what it earns. updates (k,): how often each slot was updated before."""
+    modes, beam, area, most = laws
+    slots, undetected = slots_of(e, batch), batch.undetected[e]
+    dwell = chosen(action, batch.existence[e], menu)
+    pass_time(e, batch, dwell, modes, area, most, np.empty_like(undetected))
+    time, value = batch.time[e], batch.spent[e]
+    if dwell.kind == UPDATE:
+        own = stream(stream(keys[e], dwell.which), updates[dwell.which])
+        updates[dwell.which] += 1
+        draws = np.array([uniform(own, 0), uniform(own, 1)])
+        law = (thresholds[0], modes, beam, area)
+        foresee_update(dwell.which, time, slots, dwell.seconds, draws, law)
+    elif dwell.kind == SEARCH:
+        covers = menu[4][action]
+        found = expected_to_find(undetected[dwell.which], covers, area)
+        value += found * most * (max(end - time, 0.0) - worth)
+        thin(undetected[dwell.which], covers, area)
+    drop_tracks(time, slots, undetected, modes, most, area)
+    return value
 
 
 @kernel
@@ -54,34 +82,22 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, rule, value):
     """Add to value (e,) the cost of the next ``seconds`` that begin with the actions ``first`` (e,), and of what comes.
 
     A search in a future finds the expected number of targets, not single ones. That number leaves the undetected, still
-    costs c0 a second until the future ends, and earns the rule's worth in seconds of c0. Single targets found by chance would
-    make two futures differ by more than any update is worth. keys (e,): of the draws of updates.
+    costs c0 a second until the future ends, and earns the rule's worth in seconds of c0. Single targets found by chance
+    would make two futures differ by more than any update is worth. keys (e,): of the draws of updates. The n-th update
+    of a slot has the same draws in all futures of a key, whatever comes before it. Of the dwell in which a future ends,
+    the part before the end counts, in what it costs as in what it does: or futures would differ by a whole dwell.
     """
-    modes, beam, area, most = laws
-    scratch, scores = np.empty_like(batch.undetected[0]), np.empty(len(menu[0]))
+    modes, most, scores = laws[0], laws[3], np.empty(len(menu[0]))
+    duration = menu[3]
     for e in range(len(first)):
-        action, end, n = first[e], batch.time[e] + seconds, 0
-        slots, undetected = slots_of(e, batch), batch.undetected[e]
+        action, end, updates = first[e], batch.time[e] + seconds, np.zeros(batch.existence.shape[1], np.int64)
+        slots = slots_of(e, batch)
         worth = rule.worth * np.exp(rule.load * np.log1p(float((slots.existence > 0.0).sum())))
-        while True:
-            start = batch.time[e]
-            dwell = chosen(action, batch.existence[e], menu)
-            pass_time(e, batch, dwell, modes, area, most, scratch)
-            time = batch.time[e]
-            value[e] += batch.spent[e] * min((end - start) / dwell.duration, 1.0)
-            if dwell.kind == UPDATE:
-                own = stream(stream(keys[e], dwell.which), n)
-                draws = np.array([uniform(own, 0), uniform(own, 1)])
-                law = (thresholds[0], modes, beam, area)
-                foresee_update(dwell.which, time, slots, dwell.seconds, draws, law)
-            elif dwell.kind == SEARCH:
-                covers = menu[4][action]
-                found = expected_to_find(undetected[dwell.which], covers, area)
-                value[e] += found * most * (max(end - time, 0.0) - worth)
-                thin(undetected[dwell.which], covers, area)
-            drop_tracks(time, slots, undetected, modes, most, area)
-            if time >= end:
-                break
+        while batch.time[e] + duration[action] < end:
+            value[e] += simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws)
             scores_of_row(e, batch, menu, thresholds, laws, rule, scores)
-            action, n = greatest(scores, batch.existence[e], menu), n + 1
-        value[e] += cost_to_come(batch.time[e], slots, rule, modes, most)
+            action = greatest(scores, batch.existence[e], menu)
+        share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, rule, modes, most)
+        last = simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws)
+        last += cost_to_come(batch.time[e], slots, rule, modes, most)
+        value[e] += share * last + (1.0 - share) * before
