@@ -23,9 +23,8 @@ one beam on a time line, round-robin-search, earliest-deadline, van-keuk-blackma
 delay-index, frame-greedy, searched-dwell; planners that simulate futures: rollout:H, tree:H, beam:W, mcts:N,
 dwell-rollout:N, receding-horizon, plan-once, best-planner; a planner that improves on another policy:
 rollout:H@POLICY; a baseline that the system names, such as open-loop of Urban; a scheduler registered by a package;
-ppo and dqn, the trained agents that come with the environment; the folder of a trained run (or of several runs, one for each seed); with --trust, a model saved by
-Stable-Baselines3 (FILE.zip) or
-package.module:factory"""
+ppo and dqn, the trained agents that come with the environment; the folder of a trained run (or of several runs, one for
+each seed); with --trust, a model saved by Stable-Baselines3 (FILE.zip) or package.module:factory"""
 
 RECORDED = "KershawEvansPosition-v0"
 
