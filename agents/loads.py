@@ -64,11 +64,11 @@ COLOURS = {
 }
 
 
-def tune(load: int) -> dict[str, Constants]:
-    """The constants of every rule, on tuning worlds of this load."""
+def tune(load: int, found: dict[str, Constants]) -> None:
+    """Add the constants of every rule that has none yet, on tuning worlds of this load; written as they come."""
     system = make_task(ENV_ID, {"targets": float(load), "seconds": TUNED_SECONDS}).system
-    worlds, found = draw_worlds(system, world_seeds(SEED, "tune", TUNING)), dict[str, Constants]()
-    for name in TIMELINE:
+    worlds = draw_worlds(system, world_seeds(SEED, "tune", TUNING))
+    for name in (name for name in TIMELINE if name not in found):
         rule = HEURISTICS[name]
         if rule.intervals:
             usual = found[SIMPLE]
@@ -80,7 +80,7 @@ def tune(load: int) -> dict[str, Constants]:
             found[name], _ = searched_constants(cost, rule.intervals, starts, Budget(SEARCH, None), SEED)
         else:
             found[name], _ = tuned(rule.make, rule.grid, rule.start, system, worlds, DESCENT)
-    return found
+        _write(f"constants_{load}.json", found)
 
 
 def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dict[str, Any]:
@@ -219,14 +219,15 @@ def main() -> None:
     parser = Parser(prog="python -m agents.loads", description="The multifunction radar against its load.")
     parser.add_argument("loads", nargs="*", type=int, metavar="LOAD", help=f"targets (default: {LOADS})")
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
-    parser.add_argument("--tune", action="store_true", help="tune the rules of each load first")
+    parser.add_argument("--tune", action="store_true", help="first tune the rules that have no constants yet")
     parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
     read = parser.read(None)
     for load in () if read.tables else read.loads or LOADS:
-        constants = FOLDER / f"constants_{load}.json"
+        file = FOLDER / f"constants_{load}.json"
+        constants = json.loads(file.read_text("utf-8")) if file.exists() else {}
         if read.tune:
-            _write(constants.name, tune(load))
-        _write(f"{load}.json", results_of(load, json.loads(constants.read_text("utf-8")), read.worlds))
+            tune(load, constants)
+        _write(f"{load}.json", results_of(load, constants, read.worlds))
     renew()
 
 
