@@ -37,7 +37,8 @@ from wavegym.systems.multifunction_radar.target_kernels import fly
 CELL = 0.25  # s: a cell's information counts from the cell's beginning
 VELOCITY = 30.0  # m/s
 NOWHERE = 1e-10  # m^-2, information about the place of a target that nobody has seen
-RATE, STEPS = 0.1, 300  # of the optimiser
+RATE, STEPS = 0.3, 100  # of the descent
+MOST = 5.0  # bound of a step over RATE
 NODES = 61  # of integrals over a beam
 FEW = 1e-9  # least probability of having been found
 
@@ -106,9 +107,7 @@ def rates(system: MultifunctionRadar, found: Paths) -> Rates:
     across = on_axis[..., None] * gain
     each = (seconds + pause) * system.area.beams
     search = np.trapezoid(_power(across, system.thresholds[1]), off) / each
-    missed = -np.expm1(-system.thresholds[1] / (1.0 + across))
     find = np.trapezoid(-np.log(1.0 - np.exp(-system.thresholds[1] / (1.0 + across))), off) / each
-    assert np.all(missed >= 0.0)
     at = [np.interp(nearest, grid, rate.max(axis=0)) for rate in (update, search, find)]
     azimuth = np.arctan2(found.x[..., 0], found.x[..., 2])
     half = system.traffic.half_sector
@@ -192,7 +191,8 @@ class Relaxation:
                 of worlds.
         """
         targets, sectors = self.here.shape[1], self.system.sectors
-        u, v = share[:, :targets] * self.count, share[:, targets : targets + sectors]
+        u = (share[:, :targets] * self.count).unbind(0)
+        v = share[:, targets : targets + sectors].unbind(0)
         first = torch.tensor([1.0 / 100.0**2, 1.0 / VELOCITY**2] * 2, dtype=torch.float64)
         errors = self.system.first_errors
         first[::2] = 1.0 / errors[0] ** 2
@@ -217,32 +217,27 @@ class Relaxation:
         return total / len(self.here)
 
     def solve(self, steps: int = STEPS) -> Bound:
-        """Optimise the division and take the gap off."""
+        """Divide the time by mirror descent, steps relative to each cell's mean gradient, and take the gap off."""
         targets, cells = self.here.shape[1], len(self.here)
         logits = torch.zeros((cells, targets + self.system.sectors + 1), dtype=torch.float64)
         present = self.here.sum(dim=1, keepdim=True).clamp(min=1)
         logits[:, :targets] = torch.where(self.here, -torch.log(2.0 * present.double()), -30.0)
         logits[:, targets:-1], logits[:, -1] = -math.log(2.0 * self.system.sectors), -10.0
-        logits.requires_grad_(True)
-        optimiser = torch.optim.Adam([logits], lr=RATE)
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
         best = Bound(-math.inf, math.inf, np.zeros(0))
-        for n in range(steps + 1):
-            share = torch.softmax(logits, dim=1)
-            share.retain_grad()
+        for _ in range(steps):
+            share = torch.softmax(logits, dim=1).requires_grad_(True)
             each = self.cost(share)
             value = each.sum() / self.count
-            optimiser.zero_grad()
             value.backward()
-            if n % 20 == 0 or n == steps:
-                best = max(best, self._bound(share, each, value.item()), key=lambda bound: bound.value)
-            optimiser.step()
-            schedule.step()
+            best = max(best, self._bound(share, each, value.item()), key=lambda bound: bound.value)
+            gradient: Any = share.grad
+            mean = (share.detach() * gradient).sum(dim=1, keepdim=True)
+            logits -= RATE * ((gradient - mean) / mean.abs()).clamp(-MOST, MOST)
         return best
 
     def _bound(self, share: Tensor, each: Tensor, value: float) -> Bound:
         gradient: Any = share.grad
-        gap = float(((share * gradient).sum(dim=1) - gradient.min(dim=1).values).sum())
+        gap = ((share.detach() * gradient).sum(dim=1) - gradient.min(dim=1).values).sum().item()
         parts = np.bincount(self.paths.world, each.detach().numpy(), minlength=self.count)
         return Bound(value - gap, gap, parts * (1.0 - gap / value))
 

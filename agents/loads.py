@@ -2,7 +2,8 @@
 
 For each expected number of targets every rule is tuned on tuning worlds of that load (``--tune``), and then all
 policies play the same test worlds. The agents are those of the registered load, without further training. Constants
-and results go to results/loads, table and picture to docs/multifunction_radar.md. ``--tables`` renews the page without
+and results go to results/loads, tables and picture to docs/multifunction_radar.md. ``--planners`` plays the planners at
+one load, in short episodes: a decision takes them up to a tenth of a second. ``--tables`` renews the page without
 playing.
 """
 
@@ -17,7 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import chi2
 
+from agents.dwell_bound import Relaxation
 from agents.leaderboard import ROOT
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
@@ -34,6 +37,7 @@ from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants
 from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
 from wavegym.schedulers.heuristics.tuning import Constants, log_cost, tuned
+from wavegym.schedulers.planners.dwell_rollout import DwellRollout
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +54,13 @@ TUNING, DESCENT, SEARCH = 16, 40, 80  # worlds; policies played by coordinate de
 TUNED_SECONDS = 30.0  # length of an episode for tuning
 SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
 TIMED = 300  # decisions of one environment
-SIMPLE = "gain-per-second"
+SIMPLE, BASE = "gain-per-second", "searched-dwell"
+QUANTILE = 0.99  # of the chi-squared distribution
+BOUND_TARGETS = 720  # at most so many paths in one lower bound
+PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 6.0
+PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and dwells that are tried: about 1, 10 and 100 ms
+PLANNED_DECISIONS = 50
+SHORTEST_US = 2920  # the shortest dwell with its overhead
 COLOURS = {
     "random": "0.6",
     "round-robin-search": "tab:orange",
@@ -60,6 +70,7 @@ COLOURS = {
     "price-of-time": "tab:brown",
     "delay-index": "tab:pink",
     "searched-dwell": "black",
+    "frame-greedy": "tab:cyan",
     "ppo": "tab:red",
 }
 
@@ -99,41 +110,83 @@ def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> di
         played[name] = {
             "belief": _estimate(costs[name]),
             "truth": _estimate(squares),
-            "nees": float(np.mean([account.nees for account, _ in watched])),
+            "nees": _estimate(np.stack([account.nees for account, _ in watched])),
             "lost": float(np.mean([account.lost for account, _ in watched])),
             **{key: float(np.mean([figures[key] for _, figures in watched])) for key in watched[0][1]},
             "microseconds": 1e6 * min(_decision_seconds(task, member) for member in members),
         }
     for name, figures in played.items():
         figures["against"] = statistics.difference(costs[name], costs[SIMPLE], _rng()).percent._asdict()
-    return {"load": load, "worlds": worlds, "policies": played}
+    return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load)}
+
+
+def _bound(system: Any, load: int) -> dict[str, Any]:
+    """The lower bound by truth, on the first of the test worlds."""
+    count = max(BOUND_TARGETS // (2 * load), 4)
+    found = Relaxation(system, draw_worlds(system, world_seeds(SEED, "test", count))).solve()
+    return {"worlds": count, "gap": found.gap, **_estimate(found.worlds[None])}
+
+
+def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]:
+    """The rule that the planners follow and the planners, on the same worlds."""
+    task = make_task(ENV_ID, {"targets": float(load), "seconds": PLANNED_SECONDS})
+    base: Any = HEURISTICS[BASE].make(**constants[BASE])
+    planners = {f"dwell-rollout:{futures}, {tried} dwells": (futures, tried) for futures, tried in PLANNERS}
+    policies: dict[str, Policy] = {BASE: base}
+    policies |= {name: DwellRollout(base, *settings) for name, settings in planners.items()}
+    seeds, played, costs = world_seeds(SEED, "test", PLANNED_WORLDS), dict[str, Any](), dict[str, Array]()
+    for name, policy in policies.items():
+        account, _ = _play(task, policy, seeds)
+        costs[name] = account.episode_cost()[None] / task.system.c0  # type: ignore[attr-defined]
+        spent = _decision_seconds(task, policy, PLANNED_DECISIONS)
+        played[name] = {
+            "belief": _estimate(costs[name]),
+            "against": statistics.difference(costs[name], costs[BASE], _rng()).percent._asdict(),
+            "truth": _estimate(account.gospa[None] ** 2 / task.system.c0),  # type: ignore[attr-defined]
+            "microseconds": 1e6 * spent,
+        }
+        _write("planners.json", {"load": load, "worlds": PLANNED_WORLDS, "policies": played})
+    return played
 
 
 def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[str, float]]:
-    """An account, and what only the info tells: false tracks on average over time, seconds to confirm at the end."""
-    false, delay = [], np.zeros(len(seeds))
+    """An account, and what only the info tells.
+
+    False tracks on average over time, seconds to confirm at the end, and the share of NEES beyond the quantile of .99.
+    """
+    false, delay, beyond = [], np.zeros(len(seeds)), []
+    quantile = chi2.ppf(QUANTILE, task.system.nees_dimension)
 
     def watch(env: WaveformVectorEnv, info: Mapping[str, Array], running: Array) -> None:
         false.append(np.sum((info["false_tracks"] * info["duration"])[running]))
         delay[running] = info["confirm_delay"][running]
+        nees = info["nees"][running][info["present"][running]]
+        beyond.append([np.sum(nees > quantile), len(nees)])
 
     account = play(task, policy, seeds, watch=watch)
-    return account, {"false_tracks": float(np.sum(false) / account.span.sum()), "confirm": float(delay.mean())}
+    many, of_all = np.sum(beyond, axis=0)
+    return account, {
+        "false_tracks": float(np.sum(false) / account.span.sum()),
+        "confirm": float(delay.mean()),
+        "beyond": float(many / of_all),
+    }
 
 
-def _decision_seconds(task: Task, policy: Policy) -> float:
+def _decision_seconds(task: Task, policy: Policy, timed: int = TIMED) -> float:
     """Mean time of a decision of one environment, as soon as there are tracks."""
     env = WaveformVectorEnv(task.system, 1)
     observation, _ = env.reset(seed=SEED)
     policy.begin(task.system, 1, np.random.default_rng(0))
     spent = 0.0
-    for n in range(2 * TIMED):
+    rule: Policy = HEURISTICS[SIMPLE].make(ahead=0.5, worth=1.0)
+    rule.begin(task.system, 1, np.random.default_rng(0))
+    for n in range(TIMED + timed):
         belief, mask = env.belief, env.action_masks()
         begin = time.perf_counter()
-        action = policy.act(belief, observation, mask)
+        action = (policy if n >= TIMED else rule).act(belief, observation, mask)
         spent += (time.perf_counter() - begin) * (n >= TIMED)
         observation = env.step(action)[0]
-    return spent / TIMED
+    return spent / timed
 
 
 def _rng() -> np.random.Generator:
@@ -146,16 +199,45 @@ def _estimate(values: Array) -> dict[str, Any]:
 
 def table(results: Mapping[str, Any]) -> str:
     """A line for each policy at one load."""
-    head = ["policy", "belief", "95 %", f"% of {SIMPLE}", "95 %", "truth", "95 %", "NEES", "lost", "false", "confirm s"]
+    head = [
+        "policy",
+        "belief",
+        "95 %",
+        f"% of {SIMPLE}",
+        "95 %",
+        "truth",
+        "95 %",
+        "NEES",
+        "beyond .99",
+        "lost",
+        "false",
+        "confirm s",
+    ]
     rows = []
     for name, policy in results["policies"].items():
         row = [name]
         for half in ("belief", "against", "truth"):
             shown = signed if half == "against" else number
             row += [shown(policy[half]["value"]), interval(policy[half]["ci"], shown)]
-        row += [f"{policy['nees']:.2f}", f"{policy['lost']:.1f}", f"{policy['false_tracks']:.2f}"]
+        row += [f"{policy['nees']['value']:.2f}", f"{100.0 * policy['beyond']:.1f} %"]
+        row += [f"{policy['lost']:.1f}", f"{policy['false_tracks']:.2f}"]
         rows.append([*row, f"{policy['confirm']:.1f}", f"{policy['microseconds']:.0f}"])
+    if "bound" in results:
+        bound = results["bound"]
+        rows.append(["lower bound", *[""] * 4, number(bound["value"]), interval(bound["ci"], number), *[""] * 6])
     return tabulated([*head, "us"], rows)
+
+
+def planners_table(results: Mapping[str, Any]) -> str:
+    """A line for each planner."""
+    rows = []
+    for name, policy in results["policies"].items():
+        row = [name, number(policy["belief"]["value"]), interval(policy["belief"]["ci"], number)]
+        row += [signed(policy["against"]["value"]), interval(policy["against"]["ci"], signed)]
+        row += [number(policy["truth"]["value"]), f"{policy['microseconds'] / 1e3:.2g}"]
+        rows.append([*row, "yes" if policy["microseconds"] < SHORTEST_US else "no"])
+    head = ["policy", "belief", "95 %", f"% of {BASE}", "95 %", "truth", "ms a decision", "real time"]
+    return tabulated(head, rows)
 
 
 def picture(results: list[dict[str, Any]]) -> bytes:
@@ -187,6 +269,11 @@ def _against_load(axes: Axes, results: list[dict[str, Any]], half: str) -> None:
         shown = [found["policies"][name][half] for found in results]
         values = np.array([each["value"] for each in shown]) / loads
         axes.errorbar(loads, values, _bars(shown) / loads, fmt=".-", color=COLOURS[name], linewidth=1.0)
+    if half == "truth":
+        bounded = [found["bound"] for found in results]
+        values = np.array([bound["value"] for bound in bounded]) / loads
+        axes.errorbar(loads, values, _bars(bounded) / loads, fmt=".:", color="tab:purple")
+        axes.annotate("lower bound", (loads[0], values[0]), (0, 6), textcoords="offset points", fontsize="small")
     axes.set(xscale="log", yscale="log", xlabel="targets", ylabel=f"cost for each target, by {half}")
     axes.set_xticks(loads, [str(load) for load in loads])
     axes.set_yticks(SHOWN, [f"{share:g}" for share in SHOWN])
@@ -202,8 +289,18 @@ def renew(folder: Path = FOLDER) -> None:
     """Renew the page and the picture from all results."""
     results = [json.loads((folder / f"{load}.json").read_text("utf-8")) for load in LOADS if _file(load).exists()]
     parts = [f"### {found['load']} targets, {found['worlds']} worlds\n\n{table(found)}" for found in results]
+    file = folder / "planners.json"
+    if file.exists():
+        planned = json.loads(file.read_text("utf-8"))
+        what = f"### Planners at {planned['load']} targets, {planned['worlds']} worlds of {PLANNED_SECONDS:g} s"
+        parts.append(f"{what}\n\n{planners_table(planned)}")
     blocks.renew(PAGE, START, END, "\n\n".join(parts))
     write_whole(PICTURE.parent, {PICTURE.name: picture(results)})
+
+
+def _constants(load: int) -> dict[str, Constants]:
+    file = FOLDER / f"constants_{load}.json"
+    return json.loads(file.read_text("utf-8")) if file.exists() else {}
 
 
 def _file(load: int) -> Path:
@@ -220,11 +317,13 @@ def main() -> None:
     parser.add_argument("loads", nargs="*", type=int, metavar="LOAD", help=f"targets (default: {LOADS})")
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--tune", action="store_true", help="first tune the rules that have no constants yet")
+    parser.add_argument("--planners", action="store_true", help=f"play only the planners, at {PLANNED_LOAD} targets")
     parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
     read = parser.read(None)
-    for load in () if read.tables else read.loads or LOADS:
-        file = FOLDER / f"constants_{load}.json"
-        constants = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    if read.planners:
+        planners_of(PLANNED_LOAD, _constants(PLANNED_LOAD))
+    for load in () if read.tables or read.planners else read.loads or LOADS:
+        constants = _constants(load)
         if read.tune:
             tune(load, constants)
         _write(f"{load}.json", results_of(load, constants, read.worlds))

@@ -16,8 +16,8 @@ from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
 
 @pytest.fixture
 def brief(monkeypatch, tmp_path):
-    """Episodes of .3 s, few decisions timed, no agents, and a folder of its own."""
-    monkeypatch.setattr(loads, "make_task", lambda env_id, given: make_task(env_id, {**given, "seconds": 0.3}))
+    """Episodes of .6 s, few decisions timed, no agents, and a folder of its own."""
+    monkeypatch.setattr(loads, "make_task", lambda env_id, given: make_task(env_id, {**given, "seconds": 0.6}))
     for name, value in {"TIMED": 4, "RUNS": tmp_path / "none", "FOLDER": tmp_path, "TUNING": 2, "DESCENT": 3}.items():
         monkeypatch.setattr(loads, name, value)
     monkeypatch.setattr(loads, "PAGE", tmp_path / "page.md")
@@ -31,7 +31,7 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     constants = {name: HEURISTICS[name].start for name in TIMELINE}
     found = loads.results_of(4, constants, worlds=5)
     assert set(found["policies"]) == {"random", *TIMELINE}
-    task = make_task(loads.ENV_ID, {"targets": 4.0, "seconds": 0.3})
+    task = make_task(loads.ENV_ID, {"targets": 4.0, "seconds": 0.6})
     name = "van-keuk-blackman"
     account = play(task, HEURISTICS[name].make(**constants[name]), world_seeds(loads.SEED, "test", 5))
     shown = found["policies"][name]
@@ -39,19 +39,32 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     assert shown["truth"]["value"] == pytest.approx((account.gospa**2).mean() / task.system.c0, rel=1e-12)
     assert found["policies"][loads.SIMPLE]["against"]["value"] == 0.0
     assert all(policy["microseconds"] > 0.0 for policy in found["policies"].values())
+    assert all(0.0 <= policy["beyond"] <= 1.0 for policy in found["policies"].values())
+    assert 0.0 < found["bound"]["value"] < shown["truth"]["value"]
     assert np.isfinite([policy["confirm"] for policy in found["policies"].values()]).all()
 
 
-def test_the_page_has_a_table_for_each_load_and_a_picture(brief):
+def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief, monkeypatch):
     for load in (4, 8):
-        constants = loads.tune(load)
+        constants = {"earliest-deadline": HEURISTICS["earliest-deadline"].start}
+        loads.tune(load, constants)
         assert set(constants) == set(TIMELINE)
+        assert constants["earliest-deadline"] == HEURISTICS["earliest-deadline"].start
+        assert json.loads((brief / f"constants_{load}.json").read_text()) == constants
         result = loads.results_of(load, constants, worlds=3)
         (brief / f"{load}.json").write_text(json.dumps(result))
+    monkeypatch.setattr(loads, "PLANNERS", ((1, 2),))
+    monkeypatch.setattr(loads, "PLANNED_SECONDS", 0.6)
+    monkeypatch.setattr(loads, "PLANNED_DECISIONS", 2)
+    planned = loads.planners_of(4, constants)
+    assert list(planned) == ["searched-dwell", "dwell-rollout:1, 2 dwells"]
+    assert planned["searched-dwell"]["against"]["value"] == 0.0
     loads.renew(brief)
     page = loads.PAGE.read_text()
     assert page.startswith("before\n")
     assert page.endswith("after\n")
     assert page.index("### 4 targets, 3 worlds") < page.index("### 8 targets, 3 worlds")
     assert page.count("van-keuk-blackman") == 2
+    assert page.count("lower bound") == 2
+    assert page.index("### 8 targets, 3 worlds") < page.index("### Planners at 4 targets")
     assert loads.PICTURE.read_bytes().startswith(b"\x89PNG")
