@@ -7,6 +7,7 @@ docs/images, and the pages of the environments show them.
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,19 +29,26 @@ SEED = 0
 
 def frames(env_id: str) -> list[Image.Image]:
     """At most ``FRAMES`` + 1 pictures of one episode, the last one included."""
+    every = -(-sum(1 for _ in _episode(env_id)) // FRAMES)
+    found = []
+    for step, (env, is_over) in enumerate(_episode(env_id), 1):
+        if step % every == 0 or is_over:
+            found.append(_scaled(Image.fromarray(env.render())))
+    return found
+
+
+def _episode(env_id: str) -> Iterator[tuple[Any, bool]]:
+    """The environment after each step of the same episode, and whether it is over."""
     folder = saved(env_id).get("ppo")
     env: Any = gym.make(env_id, render_mode="rgb_array", **(environment_of(folder) if folder else {}))
     loop = env.unwrapped
     env.reset(seed=SEED)
     choose = loop.policy(load_policy(folder, env_id, loop.system)[0] if folder else SIMPLE)
-    every = -(-loop.system.horizon // FRAMES)
-    found, step, is_over = [], 0, False
+    is_over = False
     while not is_over:
         _, _, terminated, truncated, _ = env.step(choose())
-        step, is_over = step + 1, terminated or truncated
-        if step % every == 0 or is_over:
-            found.append(_scaled(Image.fromarray(env.render())))
-    return found
+        is_over = terminated or truncated
+        yield env, is_over
 
 
 def _scaled(frame: Image.Image) -> Image.Image:
