@@ -13,7 +13,7 @@ from wavegym.systems.multifunction_radar import track_kernels as tracks
 WIDTH = np.radians(1.0)
 BEAM = beams.Beam(WIDTH, 40e3, 10e-3, 90.0, WIDTH / 1.6, 150.0, 5e3, 40e3, 25.0)
 MODES = tracks.Modes((10.0, 2000.0), (0.05, 0.2))
-AREA = dwells.Area(np.pi / 3, 5e3, 40e3, 10, 1e-8, 0.012, 500.0, 0.05, 200.0)
+AREA = dwells.Area(np.pi / 3, 5e3, 40e3, 10, 1e-8, 0.012, 500.0, 0.05, 200.0, 1.0)
 SEARCH, TRACK, MOST = -np.log(1e-4), -np.log(1e-6), 2.5e5
 PLACE = (15e3, 0.3)  # of the track: range and azimuth
 COVERS = np.array([beams.coverage(5e3 + (b + 0.5) * 5e3, 17e-3, SEARCH, BEAM) for b in range(7)])
@@ -174,4 +174,4 @@ def test_cost_is_the_expected_gospa_of_the_best_report(existence, seconds):
     trace = sum(tracks.spread_at(slots.moments[0], MODES, seconds)[::2])
     there = np.random.default_rng(0).random(400_000) < existence
     reported, silent = np.where(there, trace, MOST).mean(), np.where(there, MOST, 0.0).mean()
-    assert dwells.rate_of_cost(seconds, slots, MODES, MOST) == pytest.approx(min(reported, silent), rel=5e-3)
+    assert dwells.rate_of_cost(seconds, slots, MODES, MOST, AREA) == pytest.approx(min(reported, silent), rel=5e-3)

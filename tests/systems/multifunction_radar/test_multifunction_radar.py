@@ -266,3 +266,45 @@ def test_bad_input_is_refused_in_one_line(settings, message):
     with pytest.raises(InputError, match=message) as error:
         assert make_checked(MultifunctionRadar, settings).truth_model
     assert "\n" not in str(error.value)
+
+
+def test_a_priority_weighs_the_cost_of_every_target_by_its_range():
+    """Of tracks one by one, of the undetected bin by bin, of what dwells gain, and of the truth."""
+    plain, weighted = MultifunctionRadar(), MultifunctionRadar(priority=5.0)
+    state = after(plain, worlds_of(plain, 4), 2.0, by_gain(plain))
+    rows, wait = plain.slots_now(state.belief), np.full(4, len(plain.actions) - 1)
+
+    def weight(r):
+        return 1.0 + 4.0 * (40e3 - r) / 35e3
+
+    def ratio(belief):
+        return heavy.predict(belief, wait).spent / light.predict(belief, wait).spent
+
+    light, heavy = (dataclasses.replace(system, targets=0.0) for system in (plain, weighted))  # nobody comes meanwhile
+    empty = state.belief._replace(undetected=np.zeros_like(state.belief.undetected))
+    for k in range(8):
+        taken = rows[:, k, 0] > 0.0
+        alone = np.where(np.arange(plain.slots) == k, empty.existence, 0.0)
+        got = ratio(empty._replace(existence=alone))[taken]
+        np.testing.assert_allclose(got, weight(rows[taken, k, 1]), rtol=1e-3)  # it flies on meanwhile
+    seen = plain.mask(empty) & (plain.dwells.menu[0] == UPDATE)
+    r = rows[np.nonzero(seen)[0], plain.dwells.menu[1][np.nonzero(seen)[1]], 1]
+    ratios = weighted.gain_per_second(empty)[seen] / plain.gain_per_second(empty)[seen]
+    np.testing.assert_allclose(ratios, weight(r), rtol=1e-2)
+    silent = empty._replace(existence=np.zeros_like(empty.existence))
+    for b in range(plain.bins):
+        one = np.zeros_like(empty.undetected)
+        one[:, 3, b] = 1e-3
+        middle = 5e3 + (b + 0.5) * 5e3
+        now = silent._replace(undetected=one)
+        np.testing.assert_allclose(ratio(now), weight(middle), rtol=1e-3)
+        search = plain.dwells.search(3, 2)
+        found = heavy.gain_per_second(now)[:, search] / light.gain_per_second(now)[:, search]
+        np.testing.assert_allclose(found, weight(middle), rtol=1e-12)
+    x, here = state.truth.state, state.truth.here
+    blind = dataclasses.replace(weighted, known=0.0)
+    first = blind.initial(worlds_of(blind, 4)).truth
+    r = np.hypot(first.state[..., 0], first.state[..., 2])
+    assert x.shape == first.state.shape
+    assert here.any()
+    np.testing.assert_allclose(first.gospa**2, (weight(r) * first.here).sum(axis=1) * blind.c0, rtol=1e-12)

@@ -56,6 +56,7 @@ class Area(NamedTuple):
     lateral: float  # flow to the next sector on either side times the range, m/s
     dropped: float  # existence below which a track is dropped
     speed: float  # standard deviation of the velocity of a new track on each axis, m/s
+    priority: float  # weight of the cost of a target at the nearest range; at the farthest it is 1
 
 
 @inlined
@@ -78,6 +79,24 @@ def usual_number(b, shape, area):
     sectors, bins = shape
     deep = (area.farthest - area.nearest) / bins
     return area.traffic * deep * middle_of(b, bins, area) * 2.0 * area.half_sector / sectors
+
+
+@inlined
+def weight_at(r, area):
+    """Weight of the cost of a target at range r: linear in the range."""
+    share = (area.farthest - r) / (area.farthest - area.nearest)
+    return 1.0 + (area.priority - 1.0) * min(max(share, 0.0), 1.0)
+
+
+@kernel
+def weighted_number(undetected, area):
+    """Undetected targets (s, b), each with its weight."""
+    if area.priority == 1.0:
+        return undetected.sum()
+    total, bins = 0.0, undetected.shape[1]
+    for b in range(bins):
+        total += weight_at(middle_of(b, bins, area), area) * undetected[:, b].sum()
+    return total
 
 
 @kernel
@@ -211,18 +230,19 @@ def reported_cost(e, trace, most):
 
 
 @kernel
-def rate_of_cost(time, slots, modes, most):
+def rate_of_cost(time, slots, modes, most, area):
     """The cost per second of the tracks at ``time``.
 
     A track that is reported costs e tr P + (1 - e) c0, one that is not e c0, and the lesser counts: the expected
-    squared GOSPA distance at the best choice of what to report.
+    squared GOSPA distance at the best choice of what to report. Each track has the weight of its range.
     """
     total = 0.0
     for k in range(len(slots.existence)):
         e = slots.existence[k]
         if e > 0.0:
             xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
-            total += reported_cost(e, xx + yy, most)
+            weight = 1.0 if area.priority == 1.0 else weight_at(azimuth_of(k, time, slots)[1], area)
+            total += weight * reported_cost(e, xx + yy, most)
     return total
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import CONFIRMED
+from wavegym.systems.multifunction_radar.dwell_kernels import Area
 from wavegym.systems.multifunction_radar.state import Belief, Truth
 from wavegym.systems.multifunction_radar.step_kernels import estimate_slots
 from wavegym.systems.multifunction_radar.target_kernels import Flight
@@ -30,18 +31,18 @@ def estimates(belief: Belief, modes: Modes) -> Estimates:
     return made
 
 
-def take_figures(truth: Truth, belief: Belief, rows: Array, modes: Modes, flight: Flight, most: float) -> None:
+def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws: tuple[Any, ...]) -> None:
     """Write the figures of the environments ``rows`` into ``truth``.
 
     Args:
         truth: changed in place.
         belief: at the same time.
         rows: indices (row,).
-        modes: the tracker's.
         flight: of the true targets.
-        most: c0 in m^2; the GOSPA distance of order 2 has the cutoff sqrt(2 c0), so a target that no track reports,
-            and a track without target, cost c0.
+        laws: the tracker's modes, beam, area and c0. The GOSPA distance of order 2 has the cutoff sqrt(2 c0), so a
+            target that no track reports, and a track without target, cost c0.
     """
+    modes, _, area, most = laws
     part = Belief(*(leaf[rows] for leaf in belief))
     made = estimates(part, modes)
     for i, e in enumerate(rows.tolist()):
@@ -51,18 +52,27 @@ def take_figures(truth: Truth, belief: Belief, rows: Array, modes: Modes, flight
         mean, covariance, existence = made.mean[i], made.covariance[i], part.existence[i]
         trace = covariance[:, 0, 0] + covariance[:, 2, 2]
         reported = (existence > 0.0) & (existence * (2.0 * most - trace) > most)
-        truth.gospa[e] = _gospa(x[truth.here[e]], mean[reported], most)
+        truth.gospa[e] = _gospa(x[truth.here[e]], mean[reported], most, area)
         confirmed = existence >= CONFIRMED
         _follow(truth, e, confirmed, belief.time[e])
         _errors(truth, e, confirmed, x, mean, covariance)
 
 
-def _gospa(x: Array, mean: Array, most: float) -> float:
-    """GOSPA distance of order 2 of targets (g, 4) and reported tracks (k, 4)."""
-    apart = np.square(x[:, None, [0, 2]] - mean[None, :, [0, 2]]).sum(axis=2)
-    pairs = linear_sum_assignment(np.minimum(apart, 2.0 * most))
-    near = np.minimum(apart[pairs], 2.0 * most).sum()
-    return float(np.sqrt(near + most * abs(len(x) - len(mean))))
+def _gospa(x: Array, mean: Array, most: float, area: Area) -> float:
+    """GOSPA distance of order 2 of targets (g, 4) and reported tracks (k, 4), each weighted by its range."""
+    counts, false = (_weights(states, area) for states in (x, mean))
+    apart = counts[:, None] * np.square(x[:, None, [0, 2]] - mean[None, :, [0, 2]]).sum(axis=2)
+    apart = np.minimum(apart, (counts[:, None] + false) * most)
+    pairs = linear_sum_assignment(apart)
+    alone = np.delete(counts, pairs[0]).sum() + np.delete(false, pairs[1]).sum()
+    return float(np.sqrt(apart[pairs].sum() + most * alone))
+
+
+def _weights(states: Array, area: Area) -> Array:
+    """``dwell_kernels.weight_at`` of states (n, 4)."""
+    share = (area.farthest - np.hypot(states[:, 0], states[:, 2])) / (area.farthest - area.nearest)
+    weights: Array = 1.0 + (area.priority - 1.0) * np.clip(share, 0.0, 1.0)
+    return weights
 
 
 def _follow(truth: Truth, e: int, confirmed: Array, time: float) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection, mean_inverse_power
-from wavegym.systems.multifunction_radar.dwell_kernels import reported_cost
+from wavegym.systems.multifunction_radar.dwell_kernels import middle_of, reported_cost, weight_at
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, slots_of
 from wavegym.systems.multifunction_radar.track_kernels import NN, PLACE, growth_of_position, look_at, predict_slot
 from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
@@ -35,7 +35,7 @@ def cost_of_window(e, P, q, ahead, modes, most):
 @kernel
 def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
     """Fill out (action, h) with the worth of the updates ``actions`` = (first, last) of slot k; ahead (h,) in s."""
-    modes, beam, _, most = laws
+    modes, beam, area, most = laws
     _, _, seconds, duration, _ = menu
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
     mean, covariance, after = np.empty((1, 4)), np.empty((1, 4, 4)), np.empty((1, 4, 4))
@@ -59,15 +59,15 @@ def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
             now = cost_of_window(e, covariance, q, ahead[n], modes, most)
             hit = cost_of_window(1.0, after, q, ahead[n], modes, most)
             miss = cost_of_window(missed, covariance, q, ahead[n], modes, most)
-            out[a, n] = now - chance * hit - (1.0 - chance) * miss
+            out[a, n] = weight_at(h[0], area) * (now - chance * hit - (1.0 - chance) * miss)
 
 
 @inlined
 def expected_to_find(undetected, covers, area):
-    """Undetected targets (b,) that a search of their sector's next beam finds."""
-    total = 0.0
-    for b in range(len(undetected)):
-        total += undetected[b] * min(covers[b] / area.beams, 1.0)
+    """Undetected targets (b,) that a search of their sector's next beam finds, each with its weight."""
+    total, bins = 0.0, len(undetected)
+    for b in range(bins):
+        total += weight_at(middle_of(b, bins, area), area) * undetected[b] * min(covers[b] / area.beams, 1.0)
     return total
 
 

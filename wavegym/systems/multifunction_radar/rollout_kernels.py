@@ -11,7 +11,7 @@ import numpy as np
 from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, thin
+from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, thin, weight_at
 from wavegym.systems.multifunction_radar.gain_kernels import cost_of_window, expected_to_find, scores_of_row
 from wavegym.systems.multifunction_radar.step_kernels import (
     SEARCH,
@@ -36,11 +36,12 @@ def greatest(scores, existence, menu):
 
 
 @kernel
-def cost_to_come(time, slots, rule, modes, most):
+def cost_to_come(time, slots, rule, laws):
     """What the tracks cost in the seconds that the rule looks ahead, if nothing is done in them.
 
     A tentative track counts as often as the rule has it.
     """
+    modes, _, area, most = laws
     total, aheads = 0.0, (rule.ahead, rule.later)
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
     mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
@@ -50,6 +51,7 @@ def cost_to_come(time, slots, rule, modes, most):
             q = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
             come = cost_of_window(slots.existence[k], covariance, q, aheads[0], modes, most)
             come += rule.far * cost_of_window(slots.existence[k], covariance, q, aheads[1], modes, most)
+            come *= weight_at(np.hypot(mean[0, 0], mean[0, 2]), area)
             total += come * (np.exp(rule.tentative) if slots.existence[k] < CONFIRMED else 1.0)
     return total
 
@@ -87,8 +89,7 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, rule, value):
     of a slot has the same draws in all futures of a key, whatever comes before it. Of the dwell in which a future ends,
     the part before the end counts, in what it costs as in what it does: or futures would differ by a whole dwell.
     """
-    modes, most, scores = laws[0], laws[3], np.empty(len(menu[0]))
-    duration = menu[3]
+    scores, duration = np.empty(len(menu[0])), menu[3]
     for e in range(len(first)):
         action, end, updates = first[e], batch.time[e] + seconds, np.zeros(batch.existence.shape[1], np.int64)
         slots = slots_of(e, batch)
@@ -97,7 +98,7 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, rule, value):
             value[e] += simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws)
             scores_of_row(e, batch, menu, thresholds, laws, rule, scores)
             action = greatest(scores, batch.existence[e], menu)
-        share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, rule, modes, most)
+        share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, rule, laws)
         last = simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws)
-        last += cost_to_come(batch.time[e], slots, rule, modes, most)
+        last += cost_to_come(batch.time[e], slots, rule, laws)
         value[e] += share * last + (1.0 - share) * before

@@ -31,6 +31,7 @@ from wavegym.systems.multifunction_radar.dwell_kernels import (
     rate_of_cost,
     search,
     update,
+    weighted_number,
 )
 from wavegym.systems.multifunction_radar.target_kernels import fly
 from wavegym.systems.multifunction_radar.track_kernels import (
@@ -101,12 +102,12 @@ def pass_time(e, batch, dwell, modes, area, most, scratch):
     """
     slots, undetected, start = slots_of(e, batch), batch.undetected[e], batch.time[e]
     half = 0.5 * dwell.duration
-    first = rate_of_cost(start, slots, modes, most)
-    middle = rate_of_cost(start + half, slots, modes, most)
-    last = rate_of_cost(start + dwell.duration, slots, modes, most)
-    before = undetected.sum()
+    first = rate_of_cost(start, slots, modes, most, area)
+    middle = rate_of_cost(start + half, slots, modes, most, area)
+    last = rate_of_cost(start + dwell.duration, slots, modes, most, area)
+    before = weighted_number(undetected, area)
     drift(undetected, dwell.duration, area, scratch)
-    unseen = 0.5 * most * (before + undetected.sum())
+    unseen = 0.5 * most * (before + weighted_number(undetected, area))
     batch.spent[e] = dwell.duration * ((first + 4.0 * middle + last) / 6.0 + unseen)
     batch.duration[e] = dwell.duration
     batch.time[e] = start + dwell.duration

@@ -62,7 +62,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
     Rewards
         -c, the cost of the dwell: the integral over its duration of the expected squared GOSPA distance, in m^2 s.
         Every undetected target costs c0. A track of existence e and position covariance P costs
-        e tr P + (1 - e) c0 where it is reported, e c0 where it is not, and is reported where that is less.
+        e tr P + (1 - e) c0 where it is reported, e c0 where it is not, and is reported where that is less. Targets may
+        weigh the more the nearer they are (``priority``).
 
     Starting state
         The traffic is in equilibrium. Each target that is there has a track with probability ``known``, with a first
@@ -124,6 +125,9 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
     gate: float = parameter(25.0, "squared Mahalanobis distance of the gate", ge=1, le=1e3)
     dropped: float = parameter(0.05, "existence below which a track is dropped", ge=0, lt=0.5)
     c0: float = parameter(2.5e5, "cost of a target that is not reported, per second", unit="m^2", ge=1, le=1e12)
+    priority: float = parameter(
+        1.0, "weight of the cost of a target at the nearest range; linear in the range, 1 at the farthest", ge=1, le=100
+    )
     sample: float = parameter(0.5, "time between two figures by truth", unit="s", gt=0, le=10)
 
     def __post_init__(self) -> None:
@@ -247,6 +251,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
             lateral=flow / sector,
             dropped=self.dropped,
             speed=math.sqrt(traffic.velocity_variance),
+            priority=self.priority,
         )
 
     @cached_property
@@ -284,7 +289,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
             state=x, mode=mode, here=here, cell=np.zeros(count, np.int64),
             origin=np.full((count, slots), -1), arrival=arrival, held=np.zeros_like(here),
             confirmed=np.full(here.shape, np.nan), lost=none, false=none.copy(),
-            gospa=np.sqrt(here.sum(axis=1) * self.c0), squared_error=np.zeros((count, slots)),
+            gospa=none.copy(), squared_error=np.zeros((count, slots)),
             variance=np.zeros((count, slots)), nees=np.zeros((count, slots)),
             replaced=np.zeros(count, np.bool_), present=np.zeros((count, slots), np.bool_),
         )  # fmt: skip
@@ -292,6 +297,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         belief.undetected[:] *= 1.0 - self.known
         known, variance = world.draw[..., 6] < self.known, np.square(self.first_errors)
         kernels.first_tracks(x, here, known, world.error, self.modes, variance, belief, truth.origin)
+        take_figures(truth, belief, np.arange(count), self.truth_model.flight, self.laws)
         return State(truth, belief)
 
     @cached_property
@@ -321,7 +327,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         truth.replaced[:] = ~self.mask(state.belief)[np.arange(len(action)), action]
         due = np.flatnonzero(belief.time // self.sample > state.belief.time // self.sample)
         if len(due):
-            take_figures(truth, belief, due, self.modes, model.flight, self.c0)
+            take_figures(truth, belief, due, model.flight, self.laws)
         return State(truth, belief)
 
     @property
@@ -464,11 +470,12 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         For slots: ``present`` (a confirmed track of a target that is there), and of these ``position_error`` (m),
         ``position_variance`` (m^2) and ``nees``. ``gospa`` (m) of all reported tracks; ``lost``, the targets whose
         confirmed track was lost so far; ``false_tracks``, confirmed tracks of no target; ``targets`` that are there;
-        ``confirm_delay`` (s), from arrival to the first confirmed track, on average so far. And ``duration`` (s) of the
+        ``confirm_delay`` (s), from arrival to the first confirmed track, on average so far over those that had none at
+        the beginning. And ``duration`` (s) of the
         dwell, and whether it was ``replaced`` by a wait.
         """
         truth, belief = state
-        known = ~np.isnan(truth.confirmed)
+        known = truth.confirmed > 0.0  # no NaN, and no track from the beginning
         delay = np.where(known, truth.confirmed - np.maximum(truth.arrival, 0.0), 0.0).sum(axis=1)
         return {
             "duration": belief.duration.copy(),
