@@ -56,7 +56,8 @@ class Settings:
         batch_size: transitions in a gradient step.
         max_grad_norm: bound of the gradient's norm.
         teacher: the scheduler that the learner imitates before reinforcement learning; "" for none. The labels of a
-            rollout planner ("rollout:H") are the advantages of all candidates.
+            rollout planner ("rollout:H") are the advantages of all candidates. A heuristic has the constants recorded
+            for the environment's defaults, also where ``environment`` changes its parameters.
         teacher_futures: sampled futures of each candidate, if the teacher is a rollout planner.
         teacher_episodes: labelled episodes in each round of imitation.
         imitation_rounds: rounds of imitation. In all but the first the learner acts and the teacher labels (DAgger).

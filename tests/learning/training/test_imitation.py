@@ -18,6 +18,7 @@ from wavegym.evaluation import make_task, training_seeds
 from wavegym.learning.policies.export import export
 from wavegym.learning.policies.mixture import Mixture
 from wavegym.learning.settings import load_settings
+from wavegym.learning.training import imitation
 from wavegym.learning.training.imitation import (
     INVERSE_TEMPERATURE,
     MARGIN,
@@ -39,6 +40,7 @@ from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers import Fixed, Myopic
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy
+from wavegym.schedulers.tuned_constants import record_key, recorded, records
 
 ID = "wavegym/SectorSetup-v0"
 SYSTEM = make_task(ID, {}).system
@@ -281,3 +283,25 @@ def test_dqn_imitates_too(policy: str) -> None:
     assert has_learned == (policy == "mlp")  # a dueling network's V learns alone first; here is no other part
     model.learn(150, callback=WarmUp(0))
     assert export(model.policy).to_bytes() != imitated
+
+
+def test_a_heuristic_teaches_with_the_constants_of_the_defaults_where_the_training_changes_parameters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """No search for constants in every run: it would take longer than the learning."""
+    taught: list[Any] = []
+
+    def note(system: Any, teacher: Any, *others: Any) -> Any:
+        taught.append(teacher)
+        return demonstrations(system, teacher, *others)
+
+    monkeypatch.setattr(imitation, "demonstrations", note)
+    settings = load_settings(
+        ID, "ppo", {**SMALL["ppo"], "teacher": "cost-of-delay", "teacher_episodes": 2}, {"dead_steps": 2}
+    )
+    changed = RunSpec(ID, "ppo", 3, settings)
+    system = make_task(ID, dict(settings.environment)).system
+    assert recorded(system) == {}
+    pretrain(build_model(changed), settings, system, 3)
+    constants = records()[record_key(system)]["cost-of-delay"]
+    assert {name: getattr(taught[0], name) for name in constants} == constants
