@@ -169,7 +169,7 @@ class UnequalSteps(Capability, members=("duration", "gain_per_second"), shortcut
 CONFIRMED = 0.9  # existence from which a track is confirmed; below it is tentative
 
 
-class TrackSlots(Capability, members=("slots_now", "dwells"), shortcut_for=("predict",)):
+class TrackSlots(Capability, members=("slots_now", "dwells", "outlook"), shortcut_for=("predict", "cost")):
     """Tracks in numbered slots, and one beam that updates a track or searches a sector, a dwell at a time.
 
     ``gain_per_second`` of a system with it takes ``ahead``, the seconds that count after an update (several make a last
@@ -185,6 +185,10 @@ class TrackSlots(Capability, members=("slots_now", "dwells"), shortcut_for=("pre
         that of the position (m) and of the velocity (m/s), seconds since the last update, expected density of the
         acceleration (m^2/s^3), and E/N0 of a second of transmission.
         """
+
+    @abstractmethod
+    def outlook(self, belief: Any, seconds: float) -> Array:
+        """Expected cost of the coming ``seconds`` if the beam rested, (env,)."""
 
     @property
     @abstractmethod

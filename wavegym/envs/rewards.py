@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import UnequalSteps, offers
+from wavegym.core.capabilities import TrackSlots, UnequalSteps, offers
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
@@ -65,6 +65,30 @@ class CostInTargets(Cost):
         if most is None:
             raise NotImplementedError
         return -transition.cost / most, {}
+
+
+class Outlook(Cost):
+    """Minus the cost over c0, and minus what the dwell adds to the cost that is to come if the beam rests.
+
+    The sum over an episode is that of "cost-in-targets" but for the ends: the outlook is a potential (Ng, Harada and
+    Russell, 1999). A dwell is rewarded at once for what it takes off the seconds after it, so that a learner need not
+    find its effect among those of the next hundred dwells.
+    """
+
+    SECONDS = 0.7  # a usual time between two updates of a track
+
+    def begin(self, system: System, world: Any) -> None:
+        """Nothing to remember. Raises an InputError where the system has no tracks in slots."""
+        if not offers(system, TrackSlots):
+            raise InputError(f"reward is 'outlook', expected 'cost' (nearest): {type(system).__name__} has no slots")
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        system: Any = transition.system
+        before, after = (
+            system.outlook(state.belief, self.SECONDS) for state in (transition.previous, transition.following)
+        )
+        return (before - after - transition.cost) / system.c0, {}
 
 
 class LogCost(Cost):
@@ -203,6 +227,7 @@ RELATIVE = {
 OWN: dict[str, Callable[[], Reward]] = {
     "cost": Cost,
     "cost-in-targets": CostInTargets,
+    "outlook": Outlook,
     "log-cost": LogCost,
     "trace": Trace,
     "error": TrueError,

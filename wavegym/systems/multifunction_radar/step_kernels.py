@@ -115,6 +115,18 @@ def pass_time(e, batch, dwell, modes, area, most, scratch):
 
 
 @kernel
+def rest(batch, seconds, laws, out):
+    """Fill out (e,) with the cost of the coming ``seconds`` if the beam rested; the undetected stay as many."""
+    modes, _, area, most = laws
+    for e in range(len(batch.time)):
+        slots, total = slots_of(e, batch), 0.0
+        for i in range(3):  # Simpson's rule
+            rate = rate_of_cost(batch.time[e] + 0.5 * i * seconds, slots, modes, most, area)
+            total += (4.0 if i == 1 else 1.0) * rate
+        out[e] = seconds * (total / 6.0 + most * weighted_number(batch.undetected[e], area))
+
+
+@kernel
 def advance(keys, arrival, truth, flight, true_beam, batch, actions, menu, thresholds, laws):
     """One dwell of every environment as it happens.
 

@@ -400,6 +400,12 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         mean: Array = value.reshape(envs, count, futures).mean(axis=2)
         return mean
 
+    def outlook(self, belief: Belief, seconds: float) -> Array:
+        """See ``TrackSlots``, m^2 s."""
+        out = np.empty(len(belief.step))
+        kernels.rest(belief, seconds, self.laws, out)
+        return out
+
     def slots_now(self, belief: Belief) -> Array:
         """See ``TrackSlots``."""
         out = np.empty((*belief.existence.shape, COLUMNS))
