@@ -32,7 +32,7 @@ from wavegym.core.arrays import Array
 from wavegym.systems.multifunction_radar import beam_kernels as beams
 from wavegym.systems.multifunction_radar.state import World
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
-from wavegym.systems.multifunction_radar.target_kernels import fly
+from wavegym.systems.multifunction_radar.target_kernels import fly_all
 
 CELL = 0.25  # s: a cell's information counts from the cell's beginning
 VELOCITY = 30.0  # m/s
@@ -83,9 +83,8 @@ def paths(system: MultifunctionRadar, worlds: World) -> Paths:
         states.append(x.copy())
         least = quiet[mode]
         for part in range(each):
-            for e in range(len(x)):
-                begin = k * each + part
-                fly(worlds.key[e], arrival[e], begin, begin + 1, x[e], mode[e], here[e], system.truth_model.flight)
+            begin = k * each + part
+            fly_all(worlds.key, arrival, begin, begin + 1, x, mode, here, system.truth_model.flight)
             least = np.minimum(least, quiet[mode])
         densities.append(least)
     ever = np.any(seen, axis=0)
@@ -99,15 +98,15 @@ def rates(system: MultifunctionRadar, found: Paths) -> Rates:
     r = np.hypot(found.x[..., 0], found.x[..., 2])
     nearest = np.minimum(r, np.append(r[1:], r[-1:], axis=0))
     grid = np.geomspace(nearest.min(), nearest.max(), 400)
-    off = np.linspace(-beams.REACH, beams.REACH, NODES)
-    gain = np.exp(-beams.TWO_WAY * off**2)
-    seconds, pause = np.array(system.dwell_seconds)[:, None], system.overhead
-    on_axis = (system.reference_range / grid) ** 4 * seconds / system.beam.unit  # (dwell, range)
-    update = _power(on_axis, system.thresholds[0]) / (seconds + pause)
-    across = on_axis[..., None] * gain
-    each = (seconds + pause) * system.area.beams
-    search = np.trapezoid(_power(across, system.thresholds[1]), off) / each
-    find = np.trapezoid(-np.log(1.0 - np.exp(-system.thresholds[1] / (1.0 + across))), off) / each
+    off = np.linspace(-beams.REACH, beams.REACH, NODES)  # beam widths
+    seconds = np.array(system.dwell_seconds)[:, None]
+    in_update, in_search = system.thresholds
+    on_axis = beams.energy(grid, 0.0, seconds, system.beam)  # (dwell, range)
+    across = beams.energy(grid[:, None], off * system.beam.width, seconds[..., None], system.beam)
+    duration = seconds + system.overhead
+    update = _power(on_axis, in_update) / duration
+    search = np.trapezoid(_power(across, in_search), off) / (duration * system.area.beams)
+    find = np.trapezoid(-np.log1p(-beams.detection(across, in_search)), off) / (duration * system.area.beams)
     at = [np.interp(nearest, grid, rate.max(axis=0)) for rate in (update, search, find)]
     azimuth = np.arctan2(found.x[..., 0], found.x[..., 2])
     half = system.traffic.half_sector
@@ -117,7 +116,7 @@ def rates(system: MultifunctionRadar, found: Paths) -> Rates:
 
 def _power(S: Array, threshold: float) -> Array:
     """Mean of 2 z where z exceeds the threshold, and 0 elsewhere."""
-    result: Array = 2.0 * (threshold + 1.0 + S) * np.exp(-threshold / (1.0 + S))
+    result: Array = 2.0 * (threshold + 1.0 + S) * beams.detection(S, threshold)
     return result
 
 
@@ -193,12 +192,10 @@ class Relaxation:
         targets, sectors = self.here.shape[1], self.system.sectors
         u = (share[:, :targets] * self.count).unbind(0)
         v = share[:, targets : targets + sectors].unbind(0)
-        first = torch.tensor([1.0 / 100.0**2, 1.0 / VELOCITY**2] * 2, dtype=torch.float64)
-        errors = self.system.first_errors
-        first[::2] = 1.0 / errors[0] ** 2
-        unseen = first.clone()
-        unseen[::2] = NOWHERE
-        fresh = torch.diag_embed(torch.where(self.known[:, None], first, unseen))
+        position, velocity = self.system.first_errors
+        known = torch.tensor([position**-2, velocity**-2] * 2, dtype=torch.float64)
+        unseen = torch.tensor([NOWHERE, VELOCITY**-2] * 2, dtype=torch.float64)
+        fresh = torch.diag_embed(torch.where(self.known[:, None], known, unseen))
         L, hazard = fresh, torch.zeros(targets, dtype=torch.float64)
         total = torch.zeros(targets, dtype=torch.float64)
         c0, eye = self.system.c0, torch.eye(4, dtype=torch.float64)

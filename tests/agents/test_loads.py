@@ -56,7 +56,9 @@ def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief,
     monkeypatch.setattr(loads, "PLANNERS", ((1, 2),))
     monkeypatch.setattr(loads, "PLANNED_SECONDS", 0.6)
     monkeypatch.setattr(loads, "PLANNED_DECISIONS", 2)
-    planned = loads.planners_of(4, constants)
+    result = loads.planners_of(4, constants)
+    (brief / "planners.json").write_text(json.dumps(result))
+    planned = result["policies"]
     assert list(planned) == ["searched-dwell", "dwell-rollout:1, 2 dwells"]
     assert planned["searched-dwell"]["against"]["value"] == 0.0
     loads.renew(brief)

@@ -222,7 +222,7 @@ class SimulatedFutures(Capability, members=("scores", "simulate"), shortcut_for=
         """The score of every candidate, (env, candidate)."""
 
     @abstractmethod
-    def simulate(self, belief: Any, actions: Array, rule: DwellRule, seconds: float, futures: int, seed: int) -> Array:
+    def simulate(self, belief: Any, actions: Array, rule: DwellRule, seconds: float, futures: int) -> Array:
         """Expected cost of the next ``seconds`` that begin with a candidate, and of the time after, (env, candidate).
 
         Args:
@@ -230,8 +230,7 @@ class SimulatedFutures(Capability, members=("scores", "simulate"), shortcut_for=
             actions: the candidates, (env, candidate).
             rule: what the futures go on with.
             seconds: length of the futures.
-            futures: drawn for each candidate; the same draws for all.
-            seed: of the draws, >= 0.
+            futures: drawn for each candidate; the same draws for all, and others at each step of an episode.
         """
 
 

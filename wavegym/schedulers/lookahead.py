@@ -40,9 +40,10 @@ class Lookahead:
         self.depth, self.fused, self.most = depth, fused, most
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError where there are more than ``most`` sequences (nearest depth named).
+        """See ``Policy``.
 
-        And where steps differ in length.
+        Raises:
+            InputError: steps that differ in length, or more than ``most`` sequences (nearest depth named).
         """
         check_equal_steps("lookahead", system)
         self._system: Any = system

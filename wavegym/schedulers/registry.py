@@ -55,12 +55,11 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             ``adaptive-lagrangian-price``, ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named
             forecasts), ``cycle`` and ``best-simple``, the best of them and of ``myopic``. For one beam on a time line:
             ``round-robin-search``, ``earliest-deadline``, ``van-keuk-blackman``, ``gain-per-second``,
-            ``price-of-time``, ``delay-index``, ``frame-greedy`` and ``searched-dwell``, and the planner
-            ``dwell-rollout:N``. Planners, with the settings
-            recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H`` and
-            ``best-planner``, the best one recorded. A planner improves on the base policy recorded (``best-simple``
-            unless another is), or on the scheduler after an ``@``: ``rollout:20@myopic``. Any scheduler registered with
-            ``wavegym.register_scheduler``.
+            ``price-of-time``, ``delay-index``, ``frame-greedy`` and ``searched-dwell``. Planners, with the settings
+            recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H``,
+            ``dwell-rollout:N`` (for one beam on a time line) and ``best-planner``, the best one recorded. A planner
+            improves on the base policy recorded (``best-simple`` unless another is), or on the scheduler after an
+            ``@``: ``rollout:20@myopic``. Any scheduler registered with ``wavegym.register_scheduler``.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
         base: base policy of a planner, in place of the recorded one or the one after an ``@``.

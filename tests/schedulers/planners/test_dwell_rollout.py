@@ -34,7 +34,7 @@ def test_the_candidate_of_least_simulated_cost_is_taken():
     action, belief = first_choice(planner)
     score = np.where(SYSTEM.mask(belief), SYSTEM.scores(belief, planner.rule), -np.inf)
     tried = np.argsort(-score, axis=1)[:, :5]
-    cost = SYSTEM.simulate(belief, tried, planner.rule, 0.1, 2, 0)
+    cost = SYSTEM.simulate(belief, tried, planner.rule, 0.1, 2)
     np.testing.assert_array_equal(action, tried[np.arange(8), cost.argmin(axis=1)])
 
 

@@ -164,7 +164,7 @@ def test_simulated_futures_are_those_of_predict_and_the_rule():
     system = dataclasses.replace(system, targets=0.0)  # searches find nothing, and no draw is needed for them
     first, rng = int(system.dwells.update(0, 2)), np.random.default_rng(0)
     futures, seconds, rule = 1500, 0.15, DwellRule(**{**SEARCHED_DWELL, "ahead": 0.5, "later": 1.0, "far": 0.25})
-    got = system.simulate(belief, np.array([[first]]), rule, seconds, futures, seed=3)[0, 0]
+    got = system.simulate(belief, np.array([[first]]), rule, seconds, futures)[0, 0]
     now = trees.repeated(belief, futures)
     waits = np.full(futures, len(system.actions) - 1)
     end, action, want = now.time + seconds, np.full(futures, first), np.zeros(futures)

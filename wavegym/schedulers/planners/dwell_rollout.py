@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import SimulatedFutures, TrackSlots, UnequalSteps
 from wavegym.core.errors import InputError
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.heuristics.timeline_rules import SearchedDwell
@@ -30,7 +29,7 @@ class DwellRollout(Heuristic):
     """
 
     name = "dwell-rollout"
-    needs = (UnequalSteps, TrackSlots, SimulatedFutures)
+    needs = SearchedDwell.needs
 
     def __init__(self, base: Any, futures: int, candidates: int = 8, seconds: float = 0.1) -> None:
         if not isinstance(base, SearchedDwell):
@@ -44,6 +43,6 @@ class DwellRollout(Heuristic):
         if mask is not None:
             score = np.where(mask, score, -np.inf)
         best = np.argsort(-score, axis=1, kind="stable")[:, : self.tried]
-        cost = self.system.simulate(belief, best, self.rule, self.seconds, self.futures, int(belief.step[0]))
+        cost = self.system.simulate(belief, best, self.rule, self.seconds, self.futures)
         chosen: Array = best[np.arange(len(best)), cost.argmin(axis=1)]
         return chosen

@@ -85,7 +85,7 @@ def usual_number(b, shape, area):
 def weight_at(r, area):
     """Weight of the cost of a target at range r: linear in the range."""
     share = (area.farthest - r) / (area.farthest - area.nearest)
-    return 1.0 + (area.priority - 1.0) * min(max(share, 0.0), 1.0)
+    return 1.0 + (area.priority - 1.0) * np.minimum(np.maximum(share, 0.0), 1.0)
 
 
 @kernel
@@ -229,21 +229,35 @@ def reported_cost(e, trace, most):
     return min(e * trace + (1.0 - e) * most, e * most)
 
 
-@kernel
-def rate_of_cost(time, slots, modes, most, area):
-    """The cost per second of the tracks at ``time``.
+@inlined
+def rate_of_slot(k, time, slots, modes, most, area):
+    """The cost per second of the track in slot k at ``time``, with the weight of its range.
 
     A track that is reported costs e tr P + (1 - e) c0, one that is not e c0, and the lesser counts: the expected
-    squared GOSPA distance at the best choice of what to report. Each track has the weight of its range.
+    squared GOSPA distance at the best choice of what to report.
     """
+    xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
+    weight = 1.0 if area.priority == 1.0 else weight_at(azimuth_of(k, time, slots)[1], area)
+    return weight * reported_cost(slots.existence[k], xx + yy, most)
+
+
+@kernel
+def rate_of_cost(time, slots, modes, most, area):
+    """The cost per second of all tracks at ``time``."""
     total = 0.0
     for k in range(len(slots.existence)):
-        e = slots.existence[k]
-        if e > 0.0:
-            xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
-            weight = 1.0 if area.priority == 1.0 else weight_at(azimuth_of(k, time, slots)[1], area)
-            total += weight * reported_cost(e, xx + yy, most)
+        if slots.existence[k] > 0.0:
+            total += rate_of_slot(k, time, slots, modes, most, area)
     return total
+
+
+@kernel
+def mean_rate(start, seconds, slots, modes, most, area):
+    """The mean cost per second of all tracks over ``seconds`` in which nothing is done, by Simpson's rule."""
+    first = rate_of_cost(start, slots, modes, most, area)
+    middle = rate_of_cost(start + 0.5 * seconds, slots, modes, most, area)
+    last = rate_of_cost(start + seconds, slots, modes, most, area)
+    return (first + 4.0 * middle + last) / 6.0
 
 
 @kernel

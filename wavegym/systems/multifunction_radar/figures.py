@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from wavegym.core.arrays import Array
 from wavegym.core.capabilities import CONFIRMED
-from wavegym.systems.multifunction_radar.dwell_kernels import Area
+from wavegym.systems.multifunction_radar.dwell_kernels import Area, weight_at
 from wavegym.systems.multifunction_radar.state import Belief, Truth
 from wavegym.systems.multifunction_radar.step_kernels import estimate_slots
 from wavegym.systems.multifunction_radar.target_kernels import Flight
@@ -60,19 +60,12 @@ def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws
 
 def _gospa(x: Array, mean: Array, most: float, area: Area) -> float:
     """GOSPA distance of order 2 of targets (g, 4) and reported tracks (k, 4), each weighted by its range."""
-    counts, false = (_weights(states, area) for states in (x, mean))
+    counts, false = (weight_at(np.hypot(states[:, 0], states[:, 2]), area) for states in (x, mean))
     apart = counts[:, None] * np.square(x[:, None, [0, 2]] - mean[None, :, [0, 2]]).sum(axis=2)
     apart = np.minimum(apart, (counts[:, None] + false) * most)
     pairs = linear_sum_assignment(apart)
     alone = np.delete(counts, pairs[0]).sum() + np.delete(false, pairs[1]).sum()
     return float(np.sqrt(apart[pairs].sum() + most * alone))
-
-
-def _weights(states: Array, area: Area) -> Array:
-    """``dwell_kernels.weight_at`` of states (n, 4)."""
-    share = (area.farthest - np.hypot(states[:, 0], states[:, 2])) / (area.farthest - area.nearest)
-    weights: Array = 1.0 + (area.priority - 1.0) * np.clip(share, 0.0, 1.0)
-    return weights
 
 
 def _follow(truth: Truth, e: int, confirmed: Array, time: float) -> None:

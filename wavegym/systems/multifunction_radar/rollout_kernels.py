@@ -11,8 +11,8 @@ import numpy as np
 from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, thin, weight_at
-from wavegym.systems.multifunction_radar.gain_kernels import cost_of_window, expected_to_find, scores_of_row
+from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, rate_of_slot, thin
+from wavegym.systems.multifunction_radar.gain_kernels import expected_to_find, scores_of_row
 from wavegym.systems.multifunction_radar.step_kernels import (
     SEARCH,
     UPDATE,
@@ -21,7 +21,6 @@ from wavegym.systems.multifunction_radar.step_kernels import (
     pass_time,
     slots_of,
 )
-from wavegym.systems.multifunction_radar.track_kernels import predict_slot
 
 
 @inlined
@@ -42,17 +41,14 @@ def cost_to_come(time, slots, rule, laws):
     A tentative track counts as often as the rule has it.
     """
     modes, _, area, most = laws
-    total, aheads = 0.0, (rule.ahead, rule.later)
-    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
-    mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
+    total = 0.0
     for k in range(len(slots.existence)):
         if slots.existence[k] > 0.0:
-            predict_slot(k, time, slots, modes, x, P, mu, mean, covariance)
-            q = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
-            come = cost_of_window(slots.existence[k], covariance, q, aheads[0], modes, most)
-            come += rule.far * cost_of_window(slots.existence[k], covariance, q, aheads[1], modes, most)
-            come *= weight_at(np.hypot(mean[0, 0], mean[0, 2]), area)
-            total += come * (np.exp(rule.tentative) if slots.existence[k] < CONFIRMED else 1.0)
+            weight = np.exp(rule.tentative) if slots.existence[k] < CONFIRMED else 1.0
+            for ahead, share in ((rule.ahead, 1.0), (rule.later, rule.far)):
+                for i in range(3):  # Simpson's rule
+                    rate = rate_of_slot(k, time + 0.5 * i * ahead, slots, modes, most, area)
+                    total += weight * share * ahead / 6.0 * (4.0 if i == 1 else 1.0) * rate
     return total
 
 

@@ -26,9 +26,9 @@ from wavegym.systems.multifunction_radar.dwell_kernels import (
     drift,
     drop_tracks,
     hit,
+    mean_rate,
     middle_of,
     miss,
-    rate_of_cost,
     search,
     update,
     weighted_number,
@@ -96,19 +96,16 @@ def chosen(action, existence, menu):
 
 @kernel
 def pass_time(e, batch, dwell, modes, area, most, scratch):
-    """Let a dwell's time pass before its echo is used: the cost of it, by Simpson's rule, and the undetected.
+    """Let a dwell's time pass before its echo is used: the cost of it, and the undetected.
 
     Every undetected target costs c0 a second.
     """
     slots, undetected, start = slots_of(e, batch), batch.undetected[e], batch.time[e]
-    half = 0.5 * dwell.duration
-    first = rate_of_cost(start, slots, modes, most, area)
-    middle = rate_of_cost(start + half, slots, modes, most, area)
-    last = rate_of_cost(start + dwell.duration, slots, modes, most, area)
+    tracks = mean_rate(start, dwell.duration, slots, modes, most, area)
     before = weighted_number(undetected, area)
     drift(undetected, dwell.duration, area, scratch)
     unseen = 0.5 * most * (before + weighted_number(undetected, area))
-    batch.spent[e] = dwell.duration * ((first + 4.0 * middle + last) / 6.0 + unseen)
+    batch.spent[e] = dwell.duration * (tracks + unseen)
     batch.duration[e] = dwell.duration
     batch.time[e] = start + dwell.duration
     batch.step[e] += 1
@@ -119,11 +116,8 @@ def rest(batch, seconds, laws, out):
     """Fill out (e,) with the cost of the coming ``seconds`` if the beam rested; the undetected stay as many."""
     modes, _, area, most = laws
     for e in range(len(batch.time)):
-        slots, total = slots_of(e, batch), 0.0
-        for i in range(3):  # Simpson's rule
-            rate = rate_of_cost(batch.time[e] + 0.5 * i * seconds, slots, modes, most, area)
-            total += (4.0 if i == 1 else 1.0) * rate
-        out[e] = seconds * (total / 6.0 + most * weighted_number(batch.undetected[e], area))
+        tracks = mean_rate(batch.time[e], seconds, slots_of(e, batch), modes, most, area)
+        out[e] = seconds * (tracks + most * weighted_number(batch.undetected[e], area))
 
 
 @kernel

@@ -25,7 +25,7 @@ from wavegym.systems.multifunction_radar.figures import take_figures
 from wavegym.systems.multifunction_radar.gain_kernels import gains, scores
 from wavegym.systems.multifunction_radar.rollout_kernels import simulate
 from wavegym.systems.multifunction_radar.state import Belief, Truth, World
-from wavegym.systems.multifunction_radar.target_kernels import Flight, fly
+from wavegym.systems.multifunction_radar.target_kernels import Flight, fly_all
 from wavegym.systems.multifunction_radar.track_kernels import Modes
 from wavegym.systems.multifunction_radar.traffic import Traffic
 from wavegym.waveforms import PulseTiming, check_range_folds
@@ -176,9 +176,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         for second in range(math.ceil(self.seconds)):
             r = np.hypot(x[..., 0], x[..., 2])
             found.append(np.stack([r, (x[..., 0] * x[..., 1] + x[..., 2] * x[..., 3]) / r], axis=-1)[here])
-            for e in range(len(x)):
-                begin = second * cells
-                fly(world.key[e], arrival[e], begin, begin + cells, x[e], mode[e], here[e], self.truth_model.flight)
+            begin = second * cells
+            fly_all(world.key, arrival, begin, begin + cells, x, mode, here, self.truth_model.flight)
         return np.concatenate(found)[None]
 
     @cached_property
@@ -387,14 +386,13 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         scores(belief, self.menu, self.thresholds, self.laws, rule, out)
         return out
 
-    def simulate(
-        self, belief: Belief, actions: Array, rule: DwellRule, seconds: float, futures: int, seed: int
-    ) -> Array:
+    def simulate(self, belief: Belief, actions: Array, rule: DwellRule, seconds: float, futures: int) -> Array:
         """See ``SimulatedFutures``; m^2 s, less what the searches are worth (``rollout_kernels``)."""
         envs, count = actions.shape
         rows = trees.repeated(belief, count * futures)
         first = np.ascontiguousarray(actions.repeat(futures, axis=1).reshape(-1))
-        keys = np.tile(np.arange(futures, dtype=np.uint64) + np.uint64(seed * futures), envs * count)
+        keys = (belief.step[:, None] * futures + np.arange(futures)).astype(np.uint64)
+        keys = keys.repeat(count, axis=0).reshape(-1)
         value = np.zeros(len(first))
         simulate(rows, first, keys, seconds, self.menu, self.thresholds, self.laws, rule, value)
         mean: Array = value.reshape(envs, count, futures).mean(axis=2)
@@ -477,8 +475,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         ``position_variance`` (m^2) and ``nees``. ``gospa`` (m) of all reported tracks; ``lost``, the targets whose
         confirmed track was lost so far; ``false_tracks``, confirmed tracks of no target; ``targets`` that are there;
         ``confirm_delay`` (s), from arrival to the first confirmed track, on average so far over those that had none at
-        the beginning. And ``duration`` (s) of the
-        dwell, and whether it was ``replaced`` by a wait.
+        the beginning. And ``duration`` (s) of the dwell, and whether it was ``replaced`` by a wait.
         """
         truth, belief = state
         known = truth.confirmed > 0.0  # no NaN, and no track from the beginning

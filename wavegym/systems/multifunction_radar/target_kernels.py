@@ -72,3 +72,10 @@ def fly(key, arrival, cell, until, x, mode, here, flight):
             elif here[g]:
                 fly_one(key, k, g, x, mode, flight)
                 here[g] = in_region(x[g, 0], x[g, 2], flight)
+
+
+@kernel
+def fly_all(keys, arrival, cell, until, x, mode, here, flight):
+    """``fly`` of every environment, from the same cell; arrays (e, ...)."""
+    for e in range(len(x)):
+        fly(keys[e], arrival[e], cell, until, x[e], mode[e], here[e], flight)
