@@ -77,6 +77,11 @@ def test_types_are_those_of_the_algorithms() -> None:
         ("ppo", {"batch_size": 1}, "batch_size is 1, expected an integer >= 2 (nearest: 2)"),
         ("ppo", {"n_steps": 1, "num_envs": 1}, "n_steps times num_envs is 1, expected >= 2"),
         ("ppo", {"network": [64, -1]}, "network.1 is -1"),
+        (
+            "ppo",
+            {"num_envs": 64, "variants": [{"q": 1.0}] * 3},
+            "num_envs is 64, expected a multiple of the 3 variants (nearest: 63)",
+        ),
         ("dqn", {"activation": "tan"}, "activation is 'tan'"),
         ("pop", {}, "algorithm is 'pop', expected one of 'ppo', 'dqn'; did you mean 'ppo'"),
     ],
@@ -129,3 +134,5 @@ def test_a_missing_setting_and_a_missing_file_are_named(tmp_path: Path) -> None:
 def test_what_is_no_parameter_of_the_system_is_sent_where_it_belongs(name: str, hint: str) -> None:
     with pytest.raises(InputError, match=f"'{name}' is no parameter of an environment's system, expected {hint}"):
         load_settings(POSITION, "ppo", environment={name: 3})
+    with pytest.raises(InputError, match=f"'{name}' is no parameter of an environment's system"):
+        load_settings(POSITION, "ppo", {"variants": [{"q": 1.0}, {name: 3}]})

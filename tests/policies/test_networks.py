@@ -38,7 +38,7 @@ CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "scorer without forecasts": (SECTOR, "ppo", {**SCORER, "forecasts": False}, {}),
     "dueling scorer": (SECTOR, "dqn", SCORER, {}),
 }
-ALIKE = (RADAR, "ppo", {**SCORER, "teacher": "", "masks": True}, {"slots": 6})
+ALIKE = (RADAR, "ppo", {**SCORER, "teacher": "", "variants": (), "masks": True}, {"slots": 6})
 
 
 def untrained(name: str) -> tuple[Any, Any]:
@@ -95,7 +95,7 @@ def test_the_export_equals_the_torch_policy(name: str) -> None:
 
 
 def test_a_scorer_of_candidates_that_are_alike_plays_with_any_slots() -> None:
-    """It equals torch's policy, and with other slots chooses by the same scores, in the order of the slots."""
+    """It equals torch's policy, and scores the same dwells alike in the order of the slots and among more free ones."""
     model, shown = untrained("alike")
     policy = LearnedPolicy(Network.from_bytes(export(model.policy).to_bytes()), forecasts=True)
     own, figures = len(model.env.get_attr("system")[0].observation_fields), policy.network.inputs
@@ -107,12 +107,20 @@ def test_a_scorer_of_candidates_that_are_alike_plays_with_any_slots() -> None:
     order = np.random.default_rng(0).permutation(outputs.shape[1])
     permuted = shown[:, own:].reshape(50, -1, figures)[:, order].reshape(50, -1)
     np.testing.assert_allclose(policy.network.outputs(permuted), outputs[:, order], rtol=1e-5, atol=1e-5)
+    few, many = (scores_of(policy.network, slots) for slots in (30, 40))
+    np.testing.assert_allclose(few, many[:, [*range(120), *range(160, many.shape[1])]], rtol=1e-5, atol=1e-5)
     env = WaveformVectorEnv(MultifunctionRadar, 20, slots=40)
     bare = env.reset(seed=3)[0]
     policy.begin(env.system, 20, np.random.default_rng(0))
     chosen = policy.act(env.belief, bare, env.action_masks())
     assert env.action_masks()[np.arange(20), chosen].all()
     assert len(set(chosen.tolist())) > 3
+
+
+def scores_of(network: Network, slots: int) -> np.ndarray:
+    """Scores of the dwells at the beginning of the same 20 worlds, (env, action)."""
+    env = WaveformVectorEnv(MultifunctionRadar, 20, slots=slots, forecasts=True)
+    return network.outputs(env.reset(seed=3)[0][:, len(env.system.observation_fields) :])
 
 
 def test_forecasts_that_the_observation_lacks_are_made_of_the_belief() -> None:

@@ -14,6 +14,7 @@ import onnxruntime
 import pytest
 
 from wavegym.core.errors import InputError
+from wavegym.observations.forecasts import PRESENT
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.onnx_export import export_onnx, to_onnx
 from wavegym.policies.pretrained import FOLDER
@@ -100,7 +101,7 @@ SHAPES: dict[str, Network] = {
     "a scorer of forecasts alone": random_network("scorer", (3,), {**SCORER, "own": (8, 4)}, pairs=NO_PAIRS),
     "a scorer of targets alone": random_network("scorer", (3,), {**SCORER, **ROUND, "own": (8, 2)}, pairs=PAIRS),
     "candidates that are alike": random_network(
-        "scorer", (3,), {"own": (8, 4), "own_bias": (8,), **ROUND, "score": (1, 8)}
+        "scorer", (3,), {"own": (8, 12), "own_bias": (8,), **ROUND, "score": (1, 8)}
     ),
     "a narrower round": random_network(
         "scorer",
@@ -115,7 +116,12 @@ SHAPES: dict[str, Network] = {
 def test_every_shape_of_network_is_exported(name: str) -> None:
     network = SHAPES[name]
     elements = network.inputs * (network.heads[0] if network.is_alike else 1)
-    shown = np.random.default_rng(1).standard_normal((500, elements)).astype(np.float32)
+    rng = np.random.default_rng(1)
+    shown = rng.standard_normal((500, elements)).astype(np.float32)
+    if network.is_alike:  # some slots are free, but never all
+        shown.reshape(500, 3, -1)[..., PRESENT] = 0.0
+        shown.reshape(500, 3, -1)[:, :2, PRESENT[0]] = rng.integers(0, 2, (500, 2))
+        shown.reshape(500, 3, -1)[:, 2, PRESENT[1]] = 1.0
     assert_same_choices(network, shown)
     assert_same_choices(network, shown[:1])
 

@@ -41,7 +41,9 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 @dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
 class Settings:
-    """Settings of all algorithms. Their values stand in settings.toml; only ``environment`` has a default here.
+    """Settings of all algorithms, whose values stand in settings.toml.
+
+    Only ``environment`` and ``variants`` have defaults here.
 
     Attributes:
         steps: environment steps of a run, all environments together.
@@ -67,6 +69,7 @@ class Settings:
         critic_warm_up: rollouts after imitation (DQN: steps of the batch) in which only the critic learns. If they fill
             the run, the actor stays as imitation left it.
         environment: parameters of the environment that replace its defaults.
+        variants: further parameters, in which equal shares of the environments differ: an agent learns all of them.
     """
 
     steps: Count
@@ -88,6 +91,7 @@ class Settings:
     imitation_epochs: Count
     critic_warm_up: NonNegativeCount
     environment: dict[str, Any] = dataclasses.field(default_factory=dict)
+    variants: tuple[dict[str, Any], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, config=ConfigDict(extra="forbid"))
@@ -167,9 +171,14 @@ def load_settings(
     values = {key: value for layer in layers for key, value in layer.items()}
     parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
     values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
-    for name in SHELL.keys() & values["environment"].keys():
-        raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
     settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
+    for name in SHELL.keys() & set().union(settings.environment, *settings.variants):
+        raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
+    if settings.num_envs % (count := max(len(settings.variants), 1)):
+        nearest = count * max(round(settings.num_envs / count), 1)
+        raise InputError(
+            f"num_envs is {settings.num_envs}, expected a multiple of the {count} variants (nearest: {nearest})"
+        )
     if settings.policy == "scorer" and not settings.network:
         raise InputError("network is (), expected at least one width for a scorer (nearest: (64,))")
     if isinstance(settings, PPOSettings) and settings.n_steps * settings.num_envs < 2:

@@ -36,6 +36,7 @@ FLOOR = 1e-4  # added to gains per cost, so that their logarithm is finite
 
 AHEAD = (0.25, 0.5, 1.0, 2.0)  # seconds of the gains per second
 LEAST = 1e-5  # added to gains per second over the largest cost, so that their logarithm is finite
+PRESENT = [len(AHEAD), len(AHEAD) + 1]  # forecasts of a dwell whose sum is 1: it updates a track, or it searches
 
 
 class Forecasts:

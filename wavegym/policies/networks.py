@@ -13,7 +13,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.observations.forecasts import Forecasts
+from wavegym.observations.forecasts import PRESENT, Forecasts
 
 
 class Network(NamedTuple):
@@ -69,11 +69,10 @@ class Network(NamedTuple):
 
     def _scores(self, observation: Array, activate: Any) -> Array:
         given = self.arrays
-        hidden = self._alike(observation) if self.is_alike else self._in_context(observation, activate)
-        hidden = activate(hidden)
+        hidden = activate(self._alike(observation) if self.is_alike else self._in_context(observation, activate))
+        present = self._present(observation) if self.is_alike else None
         for n in range(self.number_of("round") // 3):
-            pooled = np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
-            others = (pooled @ given[f"round{n}_others"].T)[:, None]
+            others = (_pooled(hidden, present) @ given[f"round{n}_others"].T)[:, None]
             exchanged = activate(hidden @ given[f"round{n}"].T + given[f"round{n}_bias"] + others)
             hidden = hidden + exchanged if exchanged.shape == hidden.shape else exchanged
         return (hidden @ given["score"].T)[..., 0]
@@ -82,6 +81,11 @@ class Network(NamedTuple):
         """The first layer of candidates that are alike, (env, candidate, width)."""
         figures = observation.reshape(len(observation), -1, self.inputs)
         return np.asarray(figures @ self.arrays["own"].T + self.arrays["own_bias"])
+
+    def _present(self, observation: Array) -> Array:
+        """Whether each candidate is one, no free slot, (env, candidate, 1) bool."""
+        is_one: Array = observation.reshape(len(observation), -1, self.inputs)[..., PRESENT] > 0.0
+        return np.asarray(is_one.any(axis=2, keepdims=True))
 
     def _in_context(self, observation: Array, activate: Any) -> Array:
         """The first layer of candidates with a context, (env, candidate, width)."""
@@ -117,6 +121,14 @@ class Network(NamedTuple):
             arrays = {name: file[name] for name in file.files}
         kind, activation, heads = (arrays.pop(f"_{name}") for name in ("kind", "activation", "heads"))
         return cls(str(kind), str(activation), tuple(heads.tolist()), arrays)
+
+
+def _pooled(hidden: Array, present: Array | None) -> Array:
+    """See ``learning.policies.scorer.pooled``."""
+    if present is None:
+        return np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
+    mean = (hidden * present).sum(axis=1) / present.sum(axis=1, dtype=hidden.dtype)
+    return np.concatenate([mean, np.where(present, hidden, -np.inf).max(axis=1)], axis=1)
 
 
 def _likeliest(outputs: Array, modes: int) -> Array:

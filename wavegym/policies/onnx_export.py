@@ -11,6 +11,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.version import VERSION
+from wavegym.observations.forecasts import PRESENT
 from wavegym.policies.networks import Network
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, read_network
@@ -127,17 +128,19 @@ class _Graph:
         return hidden
 
     def _scorer(self) -> str:
-        hidden, axis = self._alike() if self.network.is_alike else self._in_context()
+        hidden, axis, present = self._alike() if self.network.is_alike else (*self._in_context(), "")
         hidden = self._add(self.activation, hidden)
         for n in range(self.network.number_of("round") // 3):
-            hidden = self._round(hidden, n, axis)
+            hidden = self._round(hidden, n, axis, present)
         return self._add("Squeeze", self._linear(hidden, "score"), self._constant([2], "score_axis"))
 
-    def _alike(self) -> tuple[str, str]:
-        """The first layer of candidates that are alike, from their forecasts alone, and the axis of the candidates."""
+    def _alike(self) -> tuple[str, str, str]:
+        """The first layer of candidates that are alike, their axis, and whether each counts (1 or 0)."""
         shape = self._constant(np.array([0, -1, self.network.inputs], np.int64))
         figures = self._add("Reshape", "observation", shape)
-        return self._linear(figures, "own", "own_bias"), self._constant([1], "candidate_axis")
+        is_one = self._add("Gather", figures, self._constant(PRESENT, "present_columns"), axis=2)
+        present = self._add("ReduceSum", is_one, self._constant([2], "figure_axis"), keepdims=1)
+        return self._linear(figures, "own", "own_bias"), self._constant([1], "candidate_axis"), present
 
     def _in_context(self) -> tuple[str, str]:
         """The first layer of candidates with a context, and the axis of the candidates."""
@@ -160,9 +163,19 @@ class _Graph:
             hidden = self._add("Add", hidden, self._linear(own, "own"))
         return hidden, axis
 
-    def _round(self, hidden: str, n: int, axis: str) -> str:
+    def _pools(self, hidden: str, axis: str, present: str) -> list[str]:
+        """Means and maxima over the candidates that count."""
+        if not present:
+            return [self._add(kind, hidden, axis, keepdims=1) for kind in ("ReduceMean", "ReduceMax")]
+        total = self._add("ReduceSum", self._add("Mul", hidden, present), axis, keepdims=1)
+        mean = self._add("Div", total, self._add("ReduceSum", present, axis, keepdims=1))
+        counts = self._add("Greater", present, self._constant(np.float32(0.0)))
+        shown = self._add("Where", counts, hidden, self._constant(np.float32(-np.inf)))
+        return [mean, self._add("ReduceMax", shown, axis, keepdims=1)]
+
+    def _round(self, hidden: str, n: int, axis: str, present: str) -> str:
         """A round in which the candidates exchange information."""
-        pools = [self._add(kind, hidden, axis, keepdims=1) for kind in ("ReduceMean", "ReduceMax")]
+        pools = self._pools(hidden, axis, present)
         others = self._linear(self._add("Concat", *pools, axis=2), f"round{n}_others")
         own = self._linear(hidden, f"round{n}", f"round{n}_bias")
         exchanged = self._add(self.activation, self._add("Add", own, others))

@@ -34,7 +34,7 @@ from wavegym.learning.training.imitation import (
     preferences,
     pretrain,
 )
-from wavegym.learning.training.models import build_model
+from wavegym.learning.training.models import build_model, systems_of
 from wavegym.learning.training.run_spec import RunSpec
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers import Fixed, Myopic
@@ -121,7 +121,7 @@ def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same
     networks = []
     for _ in range(2):
         model: Any = build_model(chosen)
-        pretrain(model, chosen.settings, SYSTEM, chosen.seed)
+        pretrain(model, chosen.settings, [SYSTEM], chosen.seed)
         networks.append(export(model.policy).to_bytes())
     assert networks[0] == networks[1]
     assert networks[0] != export(build_model(chosen).policy).to_bytes()
@@ -170,7 +170,7 @@ def test_imitation_in_a_box() -> None:
         return float(np.abs(LearnedPolicy(export(model.policy), False).act(None, seen, None) - labels).mean())
 
     before = distance()
-    pretrain(model, chosen.settings, system, chosen.seed)
+    pretrain(model, chosen.settings, [system], chosen.seed)
     assert distance() < 0.2 * before
     assert model.policy.log_std.exp().detach().numpy() == pytest.approx(NEAR)
 
@@ -251,7 +251,7 @@ def test_the_loss_is_the_cross_entropy_over_the_allowed_candidates() -> None:
 def test_training_with_a_rollout_for_a_teacher() -> None:
     chosen = spec(teacher="rollout:4", teacher_futures=2, teacher_episodes=3, imitation_rounds=2, imitation_epochs=2)
     model: Any = build_model(chosen)
-    pretrain(model, chosen.settings, SYSTEM, chosen.seed)
+    pretrain(model, chosen.settings, [SYSTEM], chosen.seed)
     assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()
 
 
@@ -273,7 +273,7 @@ def test_dqn_imitates_too(policy: str) -> None:
     chosen = RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own, **imitation}))
     model: Any = build_model(chosen)
     untrained = export(model.policy).to_bytes()
-    pretrain(model, chosen.settings, SYSTEM, chosen.seed)
+    pretrain(model, chosen.settings, [SYSTEM], chosen.seed)
     imitated = export(model.policy).to_bytes()
     assert imitated != untrained
     for online, target in zip(model.q_net.parameters(), model.q_net_target.parameters(), strict=True):
@@ -302,6 +302,22 @@ def test_a_heuristic_teaches_with_the_constants_of_the_defaults_where_the_traini
     changed = RunSpec(ID, "ppo", 3, settings)
     system = make_task(ID, dict(settings.environment)).system
     assert recorded(system) == {}
-    pretrain(build_model(changed), settings, system, 3)
+    pretrain(build_model(changed), settings, [system], 3)
     constants = records()[record_key(system)]["cost-of-delay"]
     assert {name: getattr(taught[0], name) for name in constants} == constants
+
+
+def test_each_variant_has_an_equal_share_of_the_lessons(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[tuple[Any, int]] = []
+
+    def note(system: Any, teacher: Any, actor: Any, worlds: Any, *others: Any) -> Any:
+        given.append((system.dead_steps, len(system.initial(worlds).belief.step)))
+        return demonstrations(system, teacher, actor, worlds, *others)
+
+    monkeypatch.setattr(imitation, "demonstrations", note)
+    changes = {"num_envs": 4, "teacher": "cost-of-delay", "teacher_episodes": 6, "imitation_rounds": 2}
+    variants = [{"dead_steps": 2}, {"dead_steps": 3}]
+    chosen = load_settings(ID, "ppo", {**SMALL["ppo"], **changes, "variants": variants})
+    model = build_model(RunSpec(ID, "ppo", 3, chosen))
+    pretrain(model, chosen, systems_of(model.get_env()), 3)
+    assert given == [(2, 3), (3, 3)] * 2

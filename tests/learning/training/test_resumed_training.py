@@ -67,6 +67,21 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_weights(
     assert_same_run(folder, unbroken[algo])
 
 
+def test_a_run_in_several_variants_is_resumed_in_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mixed = small_spec("ppo", variants=[{"q": q} for q in (1.0, 10.0, 100.0)])
+    train(mixed, tmp_path / "whole", EVERY["ppo"], progress=False)
+    with monkeypatch.context() as patch:
+        stop_after(patch, 50)
+        with pytest.raises(StoppedError):
+            train(mixed, tmp_path / "run", EVERY["ppo"], progress=False)
+    train(mixed, tmp_path / "run", EVERY["ppo"], resume=True, progress=False)
+    assert_same_run(tmp_path / "run", tmp_path / "whole")
+    plain = small_spec("ppo")
+    train(plain, tmp_path / "plain", EVERY["ppo"], progress=False)
+    with pytest.raises(AssertionError):
+        assert_same_run(tmp_path / "plain", tmp_path / "whole")
+
+
 def test_how_often_checkpoints_are_made_changes_nothing(unbroken: dict[str, Path], tmp_path: Path) -> None:
     train(small_spec("dqn"), tmp_path / "run", 1, progress=False)
     assert_same_run(tmp_path / "run", unbroken["dqn"])

@@ -42,7 +42,7 @@ def test_advantages_are_sums_of_errors_discounted_by_time(kind):
     rng = np.random.default_rng(0)
     buffer = filled(kind, rng)
     last, dones = rng.normal(size=ENVS), np.array([True, False, False])
-    centred = buffer.rewards - buffer.rewards.sum() / buffer.durations.sum() * buffer.durations
+    centred = buffer.rewards - buffer.rewards.sum(axis=0) / buffer.durations.sum(axis=0) * buffer.durations
     buffer.compute_returns_and_advantage(torch.as_tensor(last, dtype=torch.float32), dones)
     ends = np.concatenate([buffer.episode_starts[1:], dones[None]]).astype(bool)
     following = np.concatenate([buffer.values[1:], last[None]])
@@ -60,21 +60,29 @@ def test_advantages_are_sums_of_errors_discounted_by_time(kind):
     np.testing.assert_allclose(buffer.returns, buffer.advantages + buffer.values, rtol=1e-6)
 
 
-def test_the_centre_follows_the_mean_reward_per_second_of_the_rollouts():
+def test_the_centre_follows_each_environments_mean_reward_per_second():
     rng, rates = np.random.default_rng(1), []
     buffer = filled(TimedRolloutBuffer, rng)
     for _ in range(3):
         buffer.rewards[:], buffer.durations[:] = rng.normal(-3.0, 1.0, (STEPS, ENVS)), rng.random((STEPS, ENVS))
-        rates.append(buffer.rewards.sum() / buffer.durations.sum())
+        rates.append(buffer.rewards.sum(axis=0) / buffer.durations.sum(axis=0))
         buffer.compute_returns_and_advantage(torch.zeros(ENVS), np.zeros(ENVS))
-    want = rates[0]
+    want = rates[0].copy()
     for rate in rates[1:]:
         want += CENTRING * (rate - want)
     assert buffer.mean_rate == pytest.approx(want, rel=1e-6)
 
 
 def test_a_run_notes_the_durations_of_its_steps():
-    small = {**SMALL["ppo"], "network": (8,), "teacher": "", "n_steps": 6, "num_envs": 2, "batch_size": 4}
+    small = {
+        **SMALL["ppo"],
+        "network": (8,),
+        "teacher": "",
+        "variants": (),
+        "n_steps": 6,
+        "num_envs": 2,
+        "batch_size": 4,
+    }
     spec = RunSpec(RADAR, "ppo", 0, load_settings(RADAR, "ppo", small, {"slots": 4, "targets": 3.0}))
     model = build_model(spec)
     assert (model.gamma, model.rollout_buffer.gamma_per_second) == (1.0, spec.settings.gamma)
@@ -86,7 +94,16 @@ def test_a_run_notes_the_durations_of_its_steps():
 
 def test_a_run_that_is_resumed_keeps_its_centre(tmp_path, monkeypatch):
     """The weights of a run that was stopped in its third rollout are those of one that was not."""
-    small = {**SMALL["ppo"], "network": (8,), "teacher": "", "n_steps": 6, "num_envs": 2, "batch_size": 4, "steps": 60}
+    small = {
+        **SMALL["ppo"],
+        "network": (8,),
+        "teacher": "",
+        "variants": (),
+        "n_steps": 6,
+        "num_envs": 2,
+        "batch_size": 4,
+        "steps": 60,
+    }
     spec = RunSpec(RADAR, "ppo", 0, load_settings(RADAR, "ppo", small, {"slots": 4, "targets": 3.0}))
     train(spec, tmp_path / "whole", 12, progress=False)
     add, calls = LearningCurve.add, []

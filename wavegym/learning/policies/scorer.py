@@ -3,9 +3,10 @@
 A candidate has the features h = tanh(A f + B c + e): f are its forecasts (``observations.forecasts``) and the observed
 elements of its targets (``System.target_of_action``), c is a summary of the whole observation, e is a learned offset
 of the candidate. Where candidates are tracks in slots, none of which is special, h = tanh(A f + b) of the forecasts
-alone: such a network plays with any number of slots. In each round the candidates exchange information:
-h + tanh(M h + N m), where m are the means and maxima over all h (deep sets: Zaheer et al., 2017). A score is w'h. An
-MLP has to learn the same function once for each candidate; a scorer learns the function once for all.
+alone, and free slots do not count in m: such a network plays with any number of slots. In each round the candidates
+exchange information: h + tanh(M h + N m), where m are the means and maxima over all h (deep sets: Zaheer et al., 2017).
+A score is w'h. An MLP has to learn the same function once for each candidate; a scorer learns the function once for
+all.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from torch import Tensor, nn
 
 from wavegym.core.capabilities import TrackSlots, offers
 from wavegym.core.system import System
+from wavegym.observations.forecasts import PRESENT
+
+FAR_BELOW = -1e9  # added to features of candidates that do not count, before a maximum
 
 
 class Layout(NamedTuple):
@@ -85,16 +89,24 @@ class Trunk(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
-        elements, candidates, figures = self.layout[:3]
-        if self.layout.alike:
-            assert self.own is not None
-            return self.activation(self.own(observation[:, elements:].reshape(len(observation), candidates, figures)))
-        hidden = self.shared(self.context(observation[:, :elements]))[:, None] + self.offset
+        if self.own is not None and self.layout.alike:
+            return self.activation(self.own(self._forecasts(observation)))
+        hidden = self.shared(self.context(observation[:, : self.layout.elements]))[:, None] + self.offset
         if self.own is not None:
-            predicted = observation[:, elements:].reshape(len(observation), candidates, figures)
             of_pairs: Any = self.pairs
-            hidden = hidden + self.own(torch.cat([predicted, observation[:, of_pairs]], dim=2))
+            hidden = hidden + self.own(torch.cat([self._forecasts(observation), observation[:, of_pairs]], dim=2))
         return self.activation(hidden)
+
+    def present(self, observation: Tensor) -> Tensor | None:
+        """1 or 0 for each candidate (env, candidate, 1): whether it counts among the others; None: all count."""
+        if not self.layout.alike:
+            return None
+        return self._forecasts(observation)[..., PRESENT].sum(dim=2, keepdim=True)
+
+    def _forecasts(self, observation: Tensor) -> Tensor:
+        """(env, candidate, figure)."""
+        elements, candidates, figures = self.layout[:3]
+        return observation[:, elements:].unflatten(1, (candidates, figures))
 
 
 class Exchange(nn.Module):
@@ -105,9 +117,9 @@ class Exchange(nn.Module):
         self.own, self.others = nn.Linear(inputs, width), nn.Linear(2 * inputs, width, bias=False)
         self.activation = activation()
 
-    def forward(self, hidden: Tensor) -> Tensor:
+    def forward(self, hidden: Tensor, present: Tensor | None) -> Tensor:
         """Features (env, candidate, width) from features (env, candidate, inputs)."""
-        exchanged = self.activation(self.own(hidden) + self.others(pooled(hidden))[:, None])
+        exchanged = self.activation(self.own(hidden) + self.others(pooled(hidden, present))[:, None])
         return hidden + exchanged if exchanged.shape == hidden.shape else exchanged
 
 
@@ -123,12 +135,15 @@ class Scorer(nn.Module):
     def __init__(self, layout: Layout, widths: Sequence[int], activation: type[nn.Module]) -> None:
         super().__init__()
         self.trunk = Trunk(layout, widths[0], activation)
-        self.rounds = nn.Sequential(*(Exchange(*pair, activation) for pair in pairwise(widths)))
+        self.rounds = nn.ModuleList(Exchange(*pair, activation) for pair in pairwise(widths))
         self.score = nn.Linear(widths[-1], 1, bias=False)
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
-        return self.score(self.rounds(self.trunk(observation)))[..., 0]
+        hidden, present = self.trunk(observation), self.trunk.present(observation)
+        for exchange in self.rounds:
+            hidden = exchange(hidden, present)
+        return self.score(hidden)[..., 0]
 
 
 class Critic(nn.Module):
@@ -141,12 +156,16 @@ class Critic(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         """See above."""
-        return self.summary(pooled(self.trunk(observation)))
+        return self.summary(pooled(self.trunk(observation), self.trunk.present(observation)))
 
 
-def pooled(hidden: Tensor) -> Tensor:
-    """Means and maxima (env, 2 * width) over the candidates of features (env, candidate, width)."""
-    return torch.cat([hidden.mean(dim=1), hidden.amax(dim=1)], dim=1)
+def pooled(hidden: Tensor, present: Tensor | None) -> Tensor:
+    """Means and maxima (env, 2 * width) of features (env, candidate, width) over the candidates that count."""
+    if present is None:
+        return torch.cat([hidden.mean(dim=1), hidden.amax(dim=1)], dim=1)
+    weights = present / present.sum(dim=1, keepdim=True)
+    mean = torch.bmm(weights.transpose(1, 2), hidden)[:, 0]
+    return torch.cat([mean, (hidden + FAR_BELOW * (1.0 - present)).max(dim=1).values], dim=1)
 
 
 class ActorAndCritic(nn.Module):

@@ -47,7 +47,7 @@ NEAR = 0.02  # of a box's half width: a choice this close to the best point cost
 RATE = 3e-3  # Adam's learning rate at the start; falls linearly to 0
 
 
-def pretrain(model: BaseAlgorithm, settings: Settings, system: System, seed: int) -> None:
+def pretrain(model: BaseAlgorithm, settings: Settings, systems: list[System], seed: int) -> None:
     """Let the learner imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
 
     Where the settings change parameters of the environment, a heuristic keeps the constants of the defaults: it is a
@@ -56,25 +56,28 @@ def pretrain(model: BaseAlgorithm, settings: Settings, system: System, seed: int
     Args:
         model: PPO or DQN, untrained.
         settings: teacher, rounds and episodes of the imitation.
-        system: the closed loop.
+        systems: the closed loop of each variant; an equal share of the episodes is played in each.
         seed: training seed.
     """
     seeds = training_seeds(ROOT, seed, settings.teacher_episodes * settings.imitation_rounds)
-    tuning = draw_worlds(system, training_seeds(ROOT, seed, TUNING))
-    constants = records().get(record_key(system), {}).get(settings.teacher)
-    if settings.environment and constants is not None:
+    constants = records().get(record_key(systems[0]), {}).get(settings.teacher)
+    if (settings.environment or settings.variants) and constants is not None:
         teacher: Policy = HEURISTICS[settings.teacher].make(**constants)
     else:
-        teacher = make_policy(settings.teacher, system, tuning)
+        teacher = make_policy(settings.teacher, systems[0], draw_worlds(systems[0], training_seeds(ROOT, seed, TUNING)))
     guide = teacher
     if isinstance(teacher, RolloutPlanner):
         teacher.futures.count, guide = settings.teacher_futures, teacher.futures.base
     dataset: list[tuple[Array, Array]] = []
     for n in range(settings.imitation_rounds):
-        worlds = draw_worlds(system, seeds[n * settings.teacher_episodes : (n + 1) * settings.teacher_episodes])
+        own = seeds[n * settings.teacher_episodes : (n + 1) * settings.teacher_episodes]
         actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else guide
         rng = np.random.default_rng([seed, n])
-        dataset.append(demonstrations(system, teacher, actor, worlds, settings.forecasts, rng, settings.query_every))
+        for k, system in enumerate(systems):
+            worlds = draw_worlds(system, own[k :: len(systems)])
+            dataset.append(
+                demonstrations(system, teacher, actor, worlds, settings.forecasts, rng, settings.query_every)
+            )
         observations, labels = (np.concatenate(arrays) for arrays in zip(*dataset, strict=True))
         imitate(model, observations, labels, settings.imitation_epochs, np.random.default_rng([seed, n]))
     if isinstance(model, DQN):  # advantages of a rollout are close to differences of Q

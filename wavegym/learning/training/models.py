@@ -13,10 +13,13 @@ from sb3_contrib import MaskablePPO
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv
 
 from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError
+from wavegym.core.system import System
 from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.envs.sb3_mixed import SB3MixedVecEnv
 from wavegym.evaluation import training_seeds
 from wavegym.learning.policies.mixture import MixturePolicy
 from wavegym.learning.policies.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
@@ -24,11 +27,13 @@ from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
 
+Environments = SB3VecEnv | SB3MixedVecEnv
 ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that Stable-Baselines3 does not know.
 OURS = (
-    *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate", "environment"),
+    *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate"),
+    *("environment", "variants"),
     *(
         "masks",
         "discount",
@@ -59,7 +64,7 @@ def build_model(spec: RunSpec) -> BaseAlgorithm:
         InputError: a setting unknown to the environment, or actions that the algorithm cannot choose.
     """
     settings, algorithm = spec.settings, model_class(spec.settings)
-    env = _environments(spec, settings.num_envs)
+    env = _environments(spec, settings.num_envs // max(len(settings.variants), 1))
     own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in OURS}
     if algorithm is DQN:
         own["train_freq"] = 1
@@ -90,7 +95,7 @@ def discounts_seconds(settings: Settings) -> bool:
     return isinstance(settings, PPOSettings) and settings.discount == "second"
 
 
-def _network(settings: Settings, env: SB3VecEnv) -> tuple[Any, dict[str, Any]]:
+def _network(settings: Settings, env: Environments) -> tuple[Any, dict[str, Any]]:
     """Stable-Baselines3's policy and its keyword arguments."""
     network = {"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]}
     if settings.policy == "scorer":
@@ -106,10 +111,22 @@ def _modes(settings: Settings) -> int:
     return settings.modes if isinstance(settings, PPOSettings) else 1
 
 
-def _environments(spec: RunSpec, count: int) -> SB3VecEnv:
-    """A batch of the run's environments; InputError if the algorithm or the policy cannot choose their actions."""
+def systems_of(env: VecEnv) -> list[System]:
+    """The systems of a run's environments, one for each variant."""
+    return list({id(system): system for system in env.get_attr("system")}.values())
+
+
+def _environments(spec: RunSpec, count: int) -> Environments:
+    """``count`` of the run's environments of each variant.
+
+    Raises:
+        InputError: the algorithm or the policy cannot choose their actions; variants of unlike spaces.
+    """
     settings = spec.settings
-    env = SB3VecEnv(spec.env, count, reward=settings.reward, forecasts=settings.forecasts, **settings.environment)
+    shell = {"reward": settings.reward, "forecasts": settings.forecasts}
+    variants = [{**settings.environment, **own} for own in settings.variants or ({},)]
+    parts = [SB3VecEnv(spec.env, count, **shell, **variant) for variant in variants]
+    env: Environments = SB3MixedVecEnv(parts) if len(parts) > 1 else parts[0]
     if not isinstance(env.action_space, spaces.Discrete):
         for name, asked in (("dqn", spec.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
             if asked:
@@ -131,11 +148,11 @@ def try_out(spec: RunSpec) -> None:
     """
     settings = spec.settings
     env = _environments(spec, 1)
-    env.seed(training_seeds(ROOT, spec.seed, 1))
+    env.seed(training_seeds(ROOT, spec.seed, env.num_envs))
     env.action_space.seed(0)
     try:
         env.reset()
-        env.step(np.array([env.action_space.sample()]))
+        env.step(np.array([env.action_space.sample()] * env.num_envs))
     except NotImplementedError as error:
         missing = f"its system does not offer what reward {settings.reward!r} needs"
         raise InputError(f"{spec.env} cannot be trained in: {missing}, expected another reward") from error

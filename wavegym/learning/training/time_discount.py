@@ -4,9 +4,10 @@ A discount per step would favour actions whose steps are short, because the cost
 the factor of a step is gamma to the power of its duration, in returns and in generalised advantages alike; lambda
 stays a factor per step.
 
-Rewards are centred: each gains the mean cost per second times its duration. By time this adds the same to all returns,
-so no policy becomes better or worse by it. Without it the reward of a step grows with its duration, and as long as the
-critic is rough, short steps look good (reward centring: Naik, Wan, Tomar and Sutton, 2024).
+Rewards are centred: each gains the mean cost per second of its environment times its duration. By time this adds the
+same to all returns, so no policy becomes better or worse by it. Without it the reward of a step grows with its
+duration, and as long as the critic is rough, short steps look good (reward centring: Naik, Wan, Tomar and Sutton,
+2024).
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class _Timed:
 
     def __init__(self, *arguments: Any, gamma_per_second: float, **settings: Any) -> None:
         self.gamma_per_second = gamma_per_second
-        self.mean_rate: float | None = None  # reward per second, a running mean over rollouts
+        self.mean_rate: Array | None = None  # reward per second of each environment, a running mean over rollouts
         super().__init__(*arguments, **settings)
 
     def reset(self) -> None:
@@ -45,7 +46,7 @@ class _Timed:
     def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: Array) -> None:
         """As the base class, with one factor for each step, of centred rewards."""
         own: Any = self
-        rate = float(own.rewards.sum() / self.durations.sum())
+        rate = own.rewards.sum(axis=0, dtype=np.float64) / self.durations.sum(axis=0)
         self.mean_rate = rate if self.mean_rate is None else self.mean_rate + CENTRING * (rate - self.mean_rate)
         own.rewards -= (self.mean_rate * self.durations).astype(np.float32)
         factor = self.gamma_per_second**self.durations

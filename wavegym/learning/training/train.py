@@ -18,7 +18,7 @@ from wavegym.learning.training.callbacks import SnapshotCallback, tensorboard
 from wavegym.learning.training.checkpoints import load_checkpoint
 from wavegym.learning.training.curve import LearningCurve
 from wavegym.learning.training.imitation import WarmUp, pretrain
-from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, try_out
+from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
 from wavegym.learning.training.run_spec import RunSpec, check_same, check_unused
 from wavegym.learning.training.snapshots import restore
 from wavegym.learning.training.time_discount import NoteDurations
@@ -77,12 +77,11 @@ def _learn(
     """Learn from step ``start`` (None: the beginning) to the end, and write the results into the folder."""
     settings, env = spec.settings, model.get_env()
     assert env is not None
-    system = env.get_attr("system", 0)[0]
     callback = SnapshotCallback(spec, folder, curve, every, start, progress)
     callbacks: list[BaseCallback] = [callback, *([NoteDurations()] if discounts_seconds(settings) else [])]
     if settings.teacher:
         if start is None:
-            pretrain(model, settings, system, spec.seed)
+            pretrain(model, settings, systems_of(env), spec.seed)
         callbacks.append(WarmUp(settings.critic_warm_up * callback.rollout))
     with tensorboard(folder, start or 0) as logger, callback.bar:
         model.set_logger(logger)
@@ -98,7 +97,7 @@ def _learn(
         **spec.record(),
         "steps": model.num_timesteps,
         "policy_sha256": hashlib.sha256(policy).hexdigest(),
-        **signature(system, settings.policy),
+        **signature(systems_of(env)[0], settings.policy),
     }
     write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(run)})
 
