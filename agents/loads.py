@@ -3,8 +3,8 @@
 For each expected number of targets every rule is tuned on tuning worlds of that load (``--tune``), and then all
 policies play the same test worlds. The agents are those of the registered load, without further training. Constants
 and results go to results/loads, tables and picture to docs/multifunction_radar.md. ``--planners`` plays the planners at
-one load, in short episodes: a decision takes them up to a tenth of a second. ``--tables`` renews the page without
-playing.
+one load, in short episodes: a decision takes them up to a tenth of a second. ``--shifts`` changes the radar or the
+targets at one load; constants and agents stay as they are. ``--tables`` renews the page without playing.
 """
 
 from __future__ import annotations
@@ -60,6 +60,15 @@ BOUND_TARGETS = 720  # at most so many paths in one lower bound
 PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 6.0
 PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and dwells that are tried: about .7, 5 and 50 ms
 PLANNED_DECISIONS = 50
+SHIFTED_LOAD, SHIFTED_RULES = 16, (SIMPLE, "van-keuk-blackman", BASE)
+SHIFTS: dict[str, dict[str, Any]] = {
+    "beam of .7 deg": {"beam_width": 0.7},
+    "beam of 2 deg": {"beam_width": 2.0},
+    "half the energy": {"reference_range": 60e3 * 0.5**0.25},
+    "4, 12, 40 or 120 pulses": {"pulses": (4, 12, 40, 120)},
+    "manoeuvres of 4 times the density": {"density": (10.0, 8000.0)},
+    "manoeuvres that last .5 s": {"leave": (0.5, 2.0)},
+}
 COLOURS = {
     "random": "0.6",
     "round-robin-search": "tab:orange",
@@ -98,10 +107,14 @@ def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> di
     task = make_task(ENV_ID, {"targets": float(load)})
     policies: dict[str, list[Policy]] = {"random": [RandomChoice()]}
     policies |= {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
-    if RUNS.exists():
-        policies["ppo"] = load_policy(RUNS, ENV_ID, task.system)
+    policies |= _agents(task)
     played = _compared(task, policies, world_seeds(SEED, "test", worlds), SIMPLE, TIMED)
     return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load)}
+
+
+def _agents(task: Task) -> dict[str, list[Policy]]:
+    """The trained agents by learner, each a list of seeds."""
+    return {"ppo": load_policy(RUNS, ENV_ID, task.system)} if RUNS.exists() else {}
 
 
 def _compared(
@@ -140,6 +153,7 @@ def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]
     planners = {f"dwell-rollout:{futures}, {tried} dwells": (futures, tried) for futures, tried in PLANNERS}
     policies: dict[str, list[Policy]] = {BASE: [base]}
     policies |= {name: [DwellRollout(base, *settings)] for name, settings in planners.items()}
+    policies |= _agents(task)
     played = _compared(task, policies, world_seeds(SEED, "test", PLANNED_WORLDS), BASE, PLANNED_DECISIONS)
     return {
         "load": load,
@@ -148,6 +162,16 @@ def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]
         "shortest_dwell": float(task.system.dwells.menu[3].min()),  # type: ignore[attr-defined]
         "policies": played,
     }
+
+
+def shifts_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dict[str, Any]:
+    """Rules and agents of one load in changed environments, whose parameters the tracker and prediction know."""
+    found = {}
+    for name, changes in SHIFTS.items():
+        task = make_task(ENV_ID, {"targets": float(load), **changes})
+        policies: dict[str, list[Policy]] = {rule: [HEURISTICS[rule].make(**constants[rule])] for rule in SHIFTED_RULES}
+        found[name] = _compared(task, policies | _agents(task), world_seeds(SEED, "test", worlds), BASE, TIMED)
+    return {"load": load, "worlds": worlds, "shifts": found}
 
 
 def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[str, float]]:
@@ -240,6 +264,18 @@ def planners_table(results: Mapping[str, Any]) -> str:
     return tabulated(head, rows)
 
 
+def shifts_table(results: Mapping[str, Any]) -> str:
+    """A line for each change and policy."""
+    rows = []
+    for shift, policies in results["shifts"].items():
+        for name, policy in policies.items():
+            row = [shift, name, number(policy["belief"]["value"]), interval(policy["belief"]["ci"], number)]
+            row += [signed(policy["against"]["value"]), interval(policy["against"]["ci"], signed)]
+            rows.append([*row, number(policy["truth"]["value"]), f"{policy['nees']['value']:.2f}"])
+            shift = ""
+    return tabulated(["change", "policy", "belief", "95 %", f"% of {BASE}", "95 %", "truth", "NEES"], rows)
+
+
 def picture(results: list[dict[str, Any]]) -> bytes:
     """Cost for each target against the load, by belief and by truth, and against decision time, as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -294,6 +330,11 @@ def renew(folder: Path = FOLDER) -> None:
         planned = json.loads(file.read_text("utf-8"))
         what = f"### Planners at {planned['load']} targets, {planned['worlds']} worlds of {planned['seconds']:g} s"
         parts.append(f"{what}\n\n{planners_table(planned)}")
+    file = folder / "shifts.json"
+    if file.exists():
+        shifted = json.loads(file.read_text("utf-8"))
+        what = f"### Changed radars and targets, {shifted['load']} targets, {shifted['worlds']} worlds"
+        parts.append(f"{what}\n\n{shifts_table(shifted)}")
     blocks.renew(PAGE, START, END, "\n\n".join(parts))
     write_whole(PICTURE.parent, {PICTURE.name: picture(results)})
 
@@ -318,11 +359,14 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--tune", action="store_true", help="first tune the rules that have no constants yet")
     parser.add_argument("--planners", action="store_true", help=f"play only the planners, at {PLANNED_LOAD} targets")
+    parser.add_argument("--shifts", action="store_true", help=f"play only changed radars, at {SHIFTED_LOAD} targets")
     parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
     read = parser.read(None)
     if read.planners:
         _write("planners.json", planners_of(PLANNED_LOAD, _constants(PLANNED_LOAD)))
-    for load in () if read.tables or read.planners else read.loads or LOADS:
+    if read.shifts:
+        _write("shifts.json", shifts_of(SHIFTED_LOAD, _constants(SHIFTED_LOAD), read.worlds))
+    for load in () if read.tables or read.planners or read.shifts else read.loads or LOADS:
         constants = _constants(load)
         if read.tune:
             tune(load, constants)

@@ -61,12 +61,19 @@ def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief,
     planned = result["policies"]
     assert list(planned) == ["searched-dwell", "dwell-rollout:1, 2 dwells"]
     assert planned["searched-dwell"]["against"]["value"] == 0.0
+    monkeypatch.setattr(loads, "SHIFTS", {"a wide beam": {"beam_width": 3.0}, "far": {"reference_range": 80e3}})
+    result = loads.shifts_of(4, constants, worlds=3)
+    (brief / "shifts.json").write_text(json.dumps(result))
+    shifted = result["shifts"]
+    assert shifted["a wide beam"]["searched-dwell"]["belief"] != shifted["far"]["searched-dwell"]["belief"]
+    assert shifted["far"]["searched-dwell"]["against"]["value"] == 0.0
     loads.renew(brief)
     page = loads.PAGE.read_text()
     assert page.startswith("before\n")
     assert page.endswith("after\n")
     assert page.index("### 4 targets, 3 worlds") < page.index("### 8 targets, 3 worlds")
-    assert page.count("van-keuk-blackman") == 2
+    assert page.count("van-keuk-blackman") == 4
+    assert page.index("### Planners at 4 targets") < page.index("### Changed radars") < page.index("| far")
     assert page.count("lower bound") == 2
     assert page.index("### 8 targets, 3 worlds") < page.index("### Planners at 4 targets")
     assert loads.PICTURE.read_bytes().startswith(b"\x89PNG")

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from wavegym.core import trees
 from wavegym.core.capabilities import CONFIRMED, DwellRule
@@ -248,6 +249,30 @@ def test_beliefs_are_honest():
         assert abs(gap.mean()) < room * np.mean(want) + 3.0 * gap.std() / np.sqrt(96)
     assert 3.6 < np.concatenate(nees).mean() < 4.4
     assert CONFIRMED == 0.9
+
+
+@pytest.mark.slow
+def test_tracks_of_targets_with_one_motion_model_are_consistent():
+    """Where no mixture is left to approximate, the NEES is chi-squared: its mean and its tail beyond the .99 quantile.
+
+    Intervals are three standard errors from the spread over worlds.
+    """
+    system = MultifunctionRadar(targets=8.0, seconds=20.0, density=(400.0, 400.0))
+    worlds, choose = worlds_of(system, 96), by_gain(system)
+    state, nees, present, sampled = system.initial(worlds), [], [], 2.0
+    while state.belief.time.min() < 19.9:
+        state = system.transition(state, choose(state.belief, system.mask(state.belief)), worlds)
+        if state.belief.time.min() > sampled:
+            sampled += 1.0
+            nees.append(state.truth.nees.copy())
+            present.append(state.truth.present.copy())
+    counts = np.sum(present, axis=(0, 2))
+    for values, want in ((np.array(nees), 4.0), (np.array(nees) > chi2.ppf(0.99, 4), 0.01)):
+        totals = np.where(present, values, 0.0).sum(axis=(0, 2))
+        mean = totals.sum() / counts.sum()
+        error = np.sqrt(np.square(totals - mean * counts).sum()) / counts.sum()
+        assert abs(mean - want) < 3.0 * error, (mean, error)
+        assert error < 0.2 * want
 
 
 @pytest.mark.parametrize(
