@@ -262,9 +262,10 @@ def test_a_cost_in_targets_is_the_cost_over_c0_where_there_is_one():
     _, reward, _, _, info = envs.step(np.array([0, 40, len(envs.system.actions) - 1]))
     np.testing.assert_allclose(reward, -info["cost"] / 1e5, rtol=1e-12)
     other = WaveformVectorEnv(KershawEvansPosition, 2, reward="cost-in-targets")
-    other.reset(seed=0)
-    with pytest.raises(NotImplementedError):
-        other.step(np.array([0, 1]))
+    with pytest.raises(
+        InputError, match=r"reward is 'cost-in-targets', expected 'cost' \(nearest\): .* has no parameter c0"
+    ):
+        other.reset(seed=0)
 
 
 def test_where_steps_differ_in_length_no_reward_is_relative():

@@ -59,12 +59,16 @@ class Cost:
 class CostInTargets(Cost):
     """Minus the cost over c0: seconds of one target that nobody sees. For systems with a parameter ``c0``."""
 
+    def begin(self, system: System, world: Any) -> None:
+        """Nothing to remember. Raises an InputError where the system has no c0."""
+        if not hasattr(system, "c0"):
+            wanted = f"'cost' (nearest): {type(system).__name__} has no parameter c0"
+            raise InputError(f"reward is 'cost-in-targets', expected {wanted}")
+
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
-        """See ``Reward``. Raises NotImplementedError for a system without c0."""
-        most = getattr(transition.system, "c0", None)
-        if most is None:
-            raise NotImplementedError
-        return -transition.cost / most, {}
+        """See ``Reward``."""
+        system: Any = transition.system
+        return -transition.cost / system.c0, {}
 
 
 class Outlook(Cost):
