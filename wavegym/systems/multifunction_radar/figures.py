@@ -85,8 +85,12 @@ def _errors(truth: Truth, e: int, confirmed: Array, x: Array, mean: Array, covar
     present = confirmed & (origin >= 0) & truth.here[e][origin]
     truth.false[e] = (confirmed & ~present).sum()
     truth.present[e] = present
-    error = np.where(present[:, None], mean - x[origin], 0.0)
-    spread = np.where(present[:, None, None], covariance, np.eye(4))
-    truth.squared_error[e] = error[:, 0] ** 2 + error[:, 2] ** 2
-    truth.variance[e] = np.where(present, covariance[:, 0, 0] + covariance[:, 2, 2], 0.0)
-    truth.nees[e] = (error * np.linalg.solve(spread, error[..., None])[..., 0]).sum(axis=1)
+    error = mean[present] - x[origin[present]]
+    spread = covariance[present]
+    for figure, values in (
+        (truth.squared_error, error[:, 0] ** 2 + error[:, 2] ** 2),
+        (truth.variance, spread[:, 0, 0] + spread[:, 2, 2]),
+        (truth.nees, (error * np.linalg.solve(spread, error[..., None])[..., 0]).sum(axis=1)),
+    ):
+        figure[e] = 0.0
+        figure[e, present] = values

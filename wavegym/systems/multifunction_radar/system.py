@@ -457,9 +457,10 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         """See ``observation_fields``; what a free slot does not have is at the field's centre."""
         rows = self.slots_now(belief)
         taken = rows[..., 0] > 0.0
-        rows[..., LOGARITHMS] = np.log2(np.maximum(rows[..., LOGARITHMS], TINY))
-        centre = np.array([field.centre for field in self.observation_fields[1 : rows.shape[2]]])
-        rows[..., 1:] = np.where(taken[..., None], rows[..., 1:], centre)
+        own = rows[taken]
+        own[:, LOGARITHMS] = np.log2(np.maximum(own[:, LOGARITHMS], TINY))
+        rows[..., 1:] = [field.centre for field in self.observation_fields[1:COLUMNS]]
+        rows[taken] = own
         share = np.log2(np.clip(belief.undetected / np.maximum(self.usual_numbers, TINY), FEW, None))
         return np.concatenate([rows.reshape(len(rows), -1), share.reshape(len(rows), -1)], axis=1)
 
