@@ -89,9 +89,9 @@ def load_experiments(file: Path = FOLDER / "experiments.toml") -> dict[str, Expe
 def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
     """Train every learner of an experiment with every seed, ``jobs`` at a time."""
     # Compile the kernels once here, not in each process.
-    envs = gym.make_vec(experiment.env, num_envs=2, reward="relative", **settings(experiment.environment))
+    envs: Any = gym.make_vec(experiment.env, num_envs=2, **settings(experiment.environment))
     envs.reset(seed=0)
-    envs.step(envs.action_space.sample())
+    envs.step(envs.unwrapped.policy("myopic")())
     work = [
         delayed(_train)(experiment.env, experiment.environment, learner, seed, run_folder(name, label) / f"seed{seed}")
         for label, learner in experiment.learners.items()

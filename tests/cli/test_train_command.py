@@ -3,10 +3,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from runs_for_tests import arguments, assert_same_run
+from runs_for_tests import ID, SMALL, arguments, assert_same_run
 
 import train
 from wavegym.cli import train as command
+from wavegym.core.toml import toml_value
 from wavegym.envs.scenario import scenario_toml
 from wavegym.evaluation import full_id
 
@@ -32,6 +33,7 @@ from wavegym.evaluation import full_id
         (["KershawEvans-v0", "--algo", "ppo", "--set", "n_steps=1", "num_envs=1"], "n_steps times num_envs is 1"),
         (["KershawEvans-v0", "--algo", "ppo", "--environment", "num_envs=3"], "expected --set num_envs=N"),
         (["KershawEvans-v0", "--algo", "ppo", "--environment", "autoreset_mode=NextStep"], "training needs SameStep"),
+        (["KershawEvans-v0", "--algo", "ppo", "--settings", "no/such.toml"], "settings 'no/such.toml' cannot be read"),
         (["no/such.toml", "--algo", "ppo"], "scenario 'no/such.toml' cannot be read"),
     ],
 )
@@ -43,6 +45,22 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
     assert line.startswith("error: ")
     assert message in line
     assert not (tmp_path / "run").exists()
+
+
+def test_settings_of_a_file_stand_for_those_of_the_command_line(
+    unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, (env, *given) = tmp_path / "best.toml", arguments("ppo", tmp_path / "run")
+    at, end = given.index("--set"), given.index("--environment")
+    lines = [f"{name} = {toml_value(value)}" for name, value in SMALL["ppo"].items()]
+    file.write_text("\n".join([f'["{ID}".ppo]', *lines, "gamma = 0.5"]))
+    settings = ["--settings", str(file), "--set", "gamma=0.9"]  # --set has the last word
+    assert train.main([env, *given[:at], *settings, *given[end:]]) == 0
+    assert_same_run(tmp_path / "run", unbroken["ppo"])
+    other = [env, "--algo", "dqn", "--settings", str(file), "--out", str(tmp_path / "other")]
+    assert train.main(other) == 2
+    assert f'has no table, expected ["{ID}".dqn]' in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
 
 
 def test_a_folder_that_holds_a_run_is_not_touched(

@@ -120,8 +120,8 @@ def test_every_shape_of_network_is_exported(name: str) -> None:
     shown = rng.standard_normal((500, elements)).astype(np.float32)
     if network.is_alike:  # some slots are free, but never all
         shown.reshape(500, 3, -1)[..., PRESENT] = 0.0
-        shown.reshape(500, 3, -1)[:, :2, PRESENT[0]] = rng.integers(0, 2, (500, 2))
-        shown.reshape(500, 3, -1)[:, 2, PRESENT[1]] = 1.0
+        shown.reshape(500, 3, -1)[:, :2, PRESENT.start] = rng.integers(0, 2, (500, 2))
+        shown.reshape(500, 3, -1)[:, 2, PRESENT.start + 1] = 1.0
     assert_same_choices(network, shown)
     assert_same_choices(network, shown[:1])
 

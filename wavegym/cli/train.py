@@ -15,8 +15,9 @@ from typing import Any
 
 from wavegym.cli.environments import ENVIRONMENT, read_environment
 from wavegym.core.command_line import Parser, guarded, settings
-from wavegym.core.errors import InputError, check_choice
+from wavegym.core.errors import InputError, check_choice, nearest
 from wavegym.core.registry import import_package
+from wavegym.core.toml import read_toml
 from wavegym.core.workers import add_worker_options, workers
 
 
@@ -34,6 +35,12 @@ def parser() -> Parser:
     several: Any = {"nargs": "+", "action": "extend", "default": [], "metavar": "KEY=VALUE"}
     options.add_argument(
         "--set", **several, help="training settings that replace those of wavegym/learning/settings.toml"
+    )
+    options.add_argument(
+        "--settings",
+        type=Path,
+        metavar="FILE.toml",
+        help="training settings of a file, such as best.toml of --tune, that replace the same; --set comes after them",
     )
     options.add_argument("--environment", **several, help="parameters of the environment that replace its defaults")
     options.add_argument(
@@ -95,13 +102,25 @@ def _task(options: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
     """
     from wavegym.envs.scenario import read_scenario, scenario_differences
 
-    (env_id, environment), changes = read_environment(options.env, options.environment), settings(options.set)
+    env_id, environment = read_environment(options.env, options.environment)
+    changes = {**_settings_of(options.settings, env_id, options.algo), **settings(options.set)}
     file = environment.pop("scenario", None)
     if file:
         stated = read_scenario(file).parameters
         environment = {**scenario_differences(env_id, file), **environment}
         changes = {**{name: stated[name] for name in ("reward", "forecasts") if name in stated}, **changes}
     return env_id, environment, changes
+
+
+def _settings_of(file: Path | None, env_id: str, algo: str) -> dict[str, Any]:
+    """The settings in a file for an environment and an algorithm; none without a file."""
+    if file is None:
+        return {}
+    tables = read_toml("settings", file)
+    own = tables.get(env_id)
+    if not isinstance(own, dict) or not isinstance(own.get(algo), dict):
+        raise InputError(f'settings {str(file)!r} has no table, expected ["{env_id}".{algo}]{nearest(env_id, tables)}')
+    return dict(own[algo])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

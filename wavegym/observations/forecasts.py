@@ -17,6 +17,7 @@ from wavegym.core.capabilities import Gain, Spending, TrackSlots, delays, offers
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
+from wavegym.observations.dwell_kernels import forecast
 from wavegym.observations.scaling import ObservationScaler
 
 MOST = 256  # candidates; more take too long to predict at every step
@@ -36,7 +37,7 @@ FLOOR = 1e-4  # added to gains per cost, so that their logarithm is finite
 
 AHEAD = (0.25, 0.5, 1.0, 2.0)  # seconds of the gains per second
 LEAST = 1e-5  # added to gains per second over the largest cost, so that their logarithm is finite
-PRESENT = [len(AHEAD), len(AHEAD) + 1]  # forecasts of a dwell whose sum is 1: it updates a track, or it searches
+PRESENT = slice(len(AHEAD), len(AHEAD) + 2)  # forecasts of a dwell whose sum is 1: it updates a track, or it searches
 
 
 class Forecasts:
@@ -91,24 +92,12 @@ class Forecasts:
         return self._scaler(values.reshape(envs, -1))[0]
 
     def _of_slots(self, belief: Any) -> Array:
-        """The forecasts of dwells, (env, candidate * field); of a free slot's update all are 0 but the gains."""
-        dwells, rows = self.system.dwells, self.system.slots_now(belief)
-        updates, each = dwells.slots * dwells.each, dwells.each
-        values = np.zeros((len(rows), len(self.candidates), len(self.candidate_fields)))
-        gains = values[..., : len(AHEAD)]
-        np.divide(self.system.gain_per_second(belief, AHEAD, 1.0), self.system.c0, out=gains)
-        np.log10(np.maximum(gains, 0.0) + LEAST, out=gains)
-        known, own = values[..., len(AHEAD) :], rows.repeat(each, axis=1)
-        is_taken = own[..., 0] > 0.0
-        known[:, :updates, 0] = is_taken
-        known[:, updates:-1, 1] = 1.0
-        known[..., 2] = np.log(dwells.menu[3])
-        known[:, :updates, 3] = own[..., 0]
-        for column, of_slot in ((4, 3), (5, 4)):
-            known[:, :updates, column] = np.where(is_taken, np.log2(np.maximum(own[..., of_slot], LEAST)), 0.0)
-        known[:, :updates, 6] = own[..., 6]
-        known[..., 7] = np.log1p((rows[..., 0] > 0.0).sum(axis=1))[:, None]
-        return values.reshape(len(rows), -1)
+        """The forecasts of dwells, (env, candidate * field)."""
+        system, count = self.system, len(belief.step)
+        gains, rows = system.gain_per_second(belief, AHEAD, 1.0), system.slots_now(belief)
+        values = np.empty((count, len(self.candidates), len(self.candidate_fields)))
+        forecast(gains, rows, system.dwells.menu[3], system.dwells.each, system.c0, LEAST, values)
+        return values.reshape(count, -1)
 
     def _slot_fields(self) -> tuple[ObservationField, ...]:
         """The forecasts of one dwell."""

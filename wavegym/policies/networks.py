@@ -83,9 +83,9 @@ class Network(NamedTuple):
         return np.asarray(figures @ self.arrays["own"].T + self.arrays["own_bias"])
 
     def _present(self, observation: Array) -> Array:
-        """Whether each candidate is one, no free slot, (env, candidate, 1) bool."""
-        is_one: Array = observation.reshape(len(observation), -1, self.inputs)[..., PRESENT] > 0.0
-        return np.asarray(is_one.any(axis=2, keepdims=True))
+        """1 or 0 for each candidate: whether it is one, no free slot, (env, candidate, 1)."""
+        figures = observation.reshape(len(observation), -1, self.inputs)
+        return np.asarray(figures[..., PRESENT].sum(axis=2, keepdims=True))
 
     def _in_context(self, observation: Array, activate: Any) -> Array:
         """The first layer of candidates with a context, (env, candidate, width)."""
@@ -127,8 +127,9 @@ def _pooled(hidden: Array, present: Array | None) -> Array:
     """See ``learning.policies.scorer.pooled``."""
     if present is None:
         return np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
-    mean = (hidden * present).sum(axis=1) / present.sum(axis=1, dtype=hidden.dtype)
-    return np.concatenate([mean, np.where(present, hidden, -np.inf).max(axis=1)], axis=1)
+    weights = present / present.sum(axis=1, keepdims=True)
+    mean = (weights.transpose(0, 2, 1) @ hidden)[:, 0]
+    return np.concatenate([mean, np.where(present > 0.0, hidden, -np.inf).max(axis=1)], axis=1)
 
 
 def _likeliest(outputs: Array, modes: int) -> Array:

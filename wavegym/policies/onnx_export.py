@@ -138,7 +138,9 @@ class _Graph:
         """The first layer of candidates that are alike, their axis, and whether each counts (1 or 0)."""
         shape = self._constant(np.array([0, -1, self.network.inputs], np.int64))
         figures = self._add("Reshape", "observation", shape)
-        is_one = self._add("Gather", figures, self._constant(PRESENT, "present_columns"), axis=2)
+        is_one = self._add(
+            "Gather", figures, self._constant(np.arange(PRESENT.start, PRESENT.stop), "present_columns"), axis=2
+        )
         present = self._add("ReduceSum", is_one, self._constant([2], "figure_axis"), keepdims=1)
         return self._linear(figures, "own", "own_bias"), self._constant([1], "candidate_axis"), present
 
