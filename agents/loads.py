@@ -53,6 +53,7 @@ WORLDS, SEED = 60, 0
 TUNING, DESCENT, SEARCH = 16, 40, 80  # worlds; policies played by coordinate descent, and by CMA-ES
 TUNED_SECONDS = 30.0  # length of an episode for tuning
 SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
+FARTHEST_SHOWN = 40.0  # per cent; the legend names the cost of what lies farther
 TIMED = 300  # decisions of one environment
 SIMPLE, BASE = "gain-per-second", "searched-dwell"
 QUANTILE = 0.99  # of the chi-squared distribution
@@ -108,7 +109,7 @@ def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> di
     policies: dict[str, list[Policy]] = {"random": [RandomChoice()]}
     policies |= {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
     policies |= _agents(task)
-    played = _compared(task, policies, world_seeds(SEED, "test", worlds), SIMPLE, TIMED)
+    played = _compared(task, policies, world_seeds(SEED, "test", worlds), BASE, TIMED)
     return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load)}
 
 
@@ -228,7 +229,7 @@ def table(results: Mapping[str, Any]) -> str:
         "policy",
         "belief",
         "95 %",
-        f"% of {SIMPLE}",
+        f"% of {BASE}",
         "95 %",
         "truth",
         "95 %",
@@ -276,27 +277,41 @@ def shifts_table(results: Mapping[str, Any]) -> str:
     return tabulated(["change", "policy", "belief", "95 %", f"% of {BASE}", "95 %", "truth", "NEES"], rows)
 
 
-def picture(results: list[dict[str, Any]]) -> bytes:
+def picture(results: list[dict[str, Any]], planned: Mapping[str, Any]) -> bytes:
     """Cost for each target against the load, by belief and by truth, and against decision time, as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(12.0, 4.4), layout="constrained")
     FigureCanvasAgg(figure)
     belief, truth, spent = figure.subplots(1, 3)
     for axes, half in ((belief, "belief"), (truth, "truth")):
         _against_load(axes, results, half)
-    largest = results[-1]
-    for name, policy in largest["policies"].items():
-        spent.errorbar(
-            [policy["microseconds"]], [policy["belief"]["value"]], _bars([policy["belief"]]), fmt="o", markersize=4,
-            color=COLOURS[name], label=name,
-        )  # fmt: skip
-    spent.set(xscale="log", xlabel="time of a decision [us]", ylabel=f"cost at {largest['load']} targets [targets]")
+    load = planned.get("load", results[-1]["load"])
+    _against_time(spent, next((found for found in results if found["load"] == load), results[-1]), planned)
     figure.legend(*spent.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize="small")
     png = io.BytesIO()
     figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
     return png.getvalue()
+
+
+def _against_time(axes: Axes, result: Mapping[str, Any], planned: Mapping[str, Any]) -> None:
+    """Rules and agents, and the planners of short episodes, against the rule that the planners follow."""
+    shown = {name: (policy, COLOURS[name], "o") for name, policy in result["policies"].items()}
+    for name, policy in planned.get("policies", {}).items():
+        if name not in COLOURS:
+            shown[name] = policy, "tab:purple", "s"
+    for name, (policy, colour, marker) in shown.items():
+        against = policy["against"]
+        if against["value"] < FARTHEST_SHOWN:
+            axes.errorbar(
+                [policy["microseconds"]], [against["value"]], _bars([against]), fmt=marker, markersize=4,
+                color=colour, label=name if name in COLOURS else "dwell-rollout",
+            )  # fmt: skip
+        else:
+            axes.plot([], [], marker, markersize=4, color=colour, label=f"{name} ({signed(against['value'])} %)")
+    axes.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
+    axes.set(xscale="log", xlabel="time of a decision [us]", ylabel=f"cost at {result['load']} targets [% of {BASE}]")
 
 
 def _against_load(axes: Axes, results: list[dict[str, Any]], half: str) -> None:
@@ -323,29 +338,26 @@ def _bars(estimates: list[dict[str, Any]]) -> Array:
 
 def renew(folder: Path = FOLDER) -> None:
     """Renew the page and the picture from all results."""
-    results = [json.loads((folder / f"{load}.json").read_text("utf-8")) for load in LOADS if _file(load).exists()]
+    results = [found for load in LOADS if (found := _read(folder / f"{load}.json"))]
     parts = [f"### {found['load']} targets, {found['worlds']} worlds\n\n{table(found)}" for found in results]
-    file = folder / "planners.json"
-    if file.exists():
-        planned = json.loads(file.read_text("utf-8"))
+    planned, shifted = (_read(folder / f"{name}.json") for name in ("planners", "shifts"))
+    if planned:
         what = f"### Planners at {planned['load']} targets, {planned['worlds']} worlds of {planned['seconds']:g} s"
         parts.append(f"{what}\n\n{planners_table(planned)}")
-    file = folder / "shifts.json"
-    if file.exists():
-        shifted = json.loads(file.read_text("utf-8"))
+    if shifted:
         what = f"### Changed radars and targets, {shifted['load']} targets, {shifted['worlds']} worlds"
         parts.append(f"{what}\n\n{shifts_table(shifted)}")
     blocks.renew(PAGE, START, END, "\n\n".join(parts))
-    write_whole(PICTURE.parent, {PICTURE.name: picture(results)})
+    write_whole(PICTURE.parent, {PICTURE.name: picture(results, planned)})
 
 
 def _constants(load: int) -> dict[str, Constants]:
-    file = FOLDER / f"constants_{load}.json"
+    return _read(FOLDER / f"constants_{load}.json")
+
+
+def _read(file: Path) -> dict[str, Any]:
+    """The content of a file, {} where there is none."""
     return json.loads(file.read_text("utf-8")) if file.exists() else {}
-
-
-def _file(load: int) -> Path:
-    return FOLDER / f"{load}.json"
 
 
 def _write(name: str, content: Mapping[str, Any]) -> None:

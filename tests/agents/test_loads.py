@@ -37,7 +37,7 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     shown = found["policies"][name]
     assert shown["belief"]["value"] == pytest.approx(account.episode_cost().mean() / task.system.c0, rel=1e-12)
     assert shown["truth"]["value"] == pytest.approx((account.gospa**2).mean() / task.system.c0, rel=1e-12)
-    assert found["policies"][loads.SIMPLE]["against"]["value"] == 0.0
+    assert found["policies"][loads.BASE]["against"]["value"] == 0.0
     assert all(policy["microseconds"] > 0.0 for policy in found["policies"].values())
     assert all(0.0 <= policy["beyond"] <= 1.0 for policy in found["policies"].values())
     assert 0.0 < found["bound"]["value"] < shown["truth"]["value"]
