@@ -7,7 +7,7 @@ import pytest
 
 import wavegym
 from agents.package import sources
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.policy import Policy
 from wavegym.policies.pretrained import FILES, FOLDER, pretrained_folder
 from wavegym.policies.records import read_run
@@ -19,7 +19,7 @@ PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(FOLDER.glo
 def test_they_are_seed_0_of_every_run_in_the_results() -> None:
     copied = {file for folder in sources() for file in (folder / name for name in FILES)}
     assert {file for file in FOLDER.glob("*/*/*") if file.suffix not in (".py", ".pyc")} == copied
-    assert len(copied) == 2 * len(PACKAGED) == 48
+    assert len(copied) == 2 * len(PACKAGED) == 50
     for packaged, run in sources().items():
         assert read_run(packaged / RUN)["seed"] == 0
         for name in FILES:
@@ -39,6 +39,17 @@ def test_an_agent_plays_a_vector_environment() -> None:
     envs = gym.make_vec("wavegym/SectorSetup-v0", num_envs=3, forecasts=True)
     observations, _ = envs.reset(seed=0)
     assert envs.action_space.contains(agent.act(None, observations, None))
+
+
+@pytest.mark.parametrize("parameters", [{}, {"slots": 20}, {"targets": 12.0}, {"density": (10.0, 6000.0)}], ids=str)
+def test_an_agent_of_several_variants_is_at_home_in_all(parameters: dict, recwarn: pytest.WarningsRecorder) -> None:
+    wavegym.load_agent("MultifunctionRadar-v0", "ppo", **parameters)
+    assert not recwarn.list
+
+
+def test_where_an_agent_of_several_variants_was_not_it_says_so() -> None:
+    with pytest.warns(InputWarning, match=r"parameters that differ: beam_width=3.0 \(training: 1.0\)$"):
+        wavegym.load_agent("MultifunctionRadar-v0", "ppo", beam_width=3.0)
 
 
 @pytest.mark.parametrize(

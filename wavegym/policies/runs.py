@@ -40,7 +40,9 @@ SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "mo
 CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
 CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
 LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one learner
-ABSENT = object()  # stands for a parameter that a system does not have
+ABSENT, UNSEEN = object(), object()  # stand for a parameter that a system does not have, or a variant does not name
+ALIKE = "alike"  # form of actions that a scorer tells apart by their forecasts only
+OF_ANY_SIZE = ("slots", "horizon")  # parameters that mean nothing to such a scorer
 
 
 def signature(system: System, policy: str = "mlp") -> dict[str, Any]:
@@ -52,7 +54,7 @@ def signature(system: System, policy: str = "mlp") -> dict[str, Any]:
     fields = system.observation_fields
     form, count, names = _meaning(system.actions)
     if policy == "scorer" and offers(system, TrackSlots):
-        fields, (form, count, names) = Forecasts(system).candidate_fields, ("alike", 0, ())
+        fields, (form, count, names) = Forecasts(system).candidate_fields, (ALIKE, 0, ())
     return {
         "observation": [e.name for e in fields],
         "scaling": [[float(e.centre), float(e.scale)] for e in fields],
@@ -196,7 +198,17 @@ def _check_signature(folder: Path, run: dict[str, Any], env_id: str, system: Sys
 def _unlike_training(run: dict[str, Any], env_id: str, system: System) -> str:
     """How the environment to be played differs from that of the training, in one line; "" if it does not."""
     here, there = _parameters(system), _trained_parameters(run)
-    names = [name for name in there if not _equal(here.get(name, ABSENT), there[name])]
+    variants = [
+        {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
+        for own in run["settings"].get("variants", ())
+    ]
+    ignored = OF_ANY_SIZE if run["actions"]["form"] == ALIKE else ()
+    names = [
+        name
+        for name in there
+        if name not in ignored
+        and not any(_equal(here.get(name, ABSENT), seen.get(name, UNSEEN)) for seen in (there, *variants))
+    ]
     changes = [f"{name}={_shown(here.get(name, ABSENT))} (training: {_shown(there[name])})" for name in names]
     if run["env"] == env_id and not changes:
         return ""
