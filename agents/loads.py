@@ -38,6 +38,7 @@ from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants
 from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
 from wavegym.schedulers.heuristics.tuning import Constants, log_cost, tuned
 from wavegym.schedulers.planners.dwell_rollout import DwellRollout
+from wavegym.systems.multifunction_radar.step_kernels import SEARCH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +51,7 @@ PICTURE = ROOT / "docs" / "images" / "loads.png"
 RUNS = ROOT / "results" / "runs" / NAME / "ppo"
 LOADS = (4, 8, 16, 32, 64)
 WORLDS, SEED = 60, 0
-TUNING, DESCENT, SEARCH = 16, 40, 80  # worlds; policies played by coordinate descent, and by CMA-ES
+TUNING, DESCENT, CMA_ES = 16, 40, 80  # worlds; policies played by coordinate descent, and by CMA-ES
 TUNED_SECONDS = 30.0  # length of an episode for tuning
 SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
 FARTHEST_SHOWN = 40.0  # per cent; the legend names the cost of what lies farther
@@ -97,7 +98,7 @@ def tune(load: int, found: dict[str, Constants]) -> None:
             def cost(constants: Constants, rule: Any = rule) -> float:
                 return log_cost(system, rule.make(**constants), worlds)
 
-            found[name], _ = searched_constants(cost, rule.intervals, starts, Budget(SEARCH, None), SEED)
+            found[name], _ = searched_constants(cost, rule.intervals, starts, Budget(CMA_ES, None), SEED)
         else:
             found[name], _ = tuned(rule.make, rule.grid, rule.start, system, worlds, DESCENT)
         _write(f"constants_{load}.json", found)
@@ -178,16 +179,22 @@ def shifts_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dic
 def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[str, float]]:
     """An account, and what only the info tells.
 
-    False tracks on average over time, seconds to confirm at the end, and the share of NEES beyond the quantile of .99.
+    False tracks on average over time, seconds to confirm at the end, the share of NEES beyond the quantile of .99, and
+    the share of the time in searches.
     """
-    false, delay, beyond = [], np.zeros(len(seeds)), []
+    system: Any = task.system
+    false, delay, beyond, searched = [], np.zeros(len(seeds)), [], 0.0
+    is_search = system.dwells.menu[0] == SEARCH
     quantile = chi2.ppf(QUANTILE, task.system.nees_dimension)
 
     def watch(env: WaveformVectorEnv, info: Mapping[str, Array], running: Array) -> None:
+        nonlocal searched
         false.append(np.sum((info["false_tracks"] * info["duration"])[running]))
         delay[running] = info["confirm_delay"][running]
         nees = info["nees"][running][info["present"][running]]
         beyond.append([np.sum(nees > quantile), len(nees)])
+        if "waveform" in info:  # not after the reset
+            searched += (info["duration"] * is_search[info["waveform"]])[running].sum()
 
     account = play(task, policy, seeds, watch=watch)
     many, of_all = np.sum(beyond, axis=0)
@@ -195,6 +202,7 @@ def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[st
         "false_tracks": float(np.sum(false) / account.span.sum()),
         "confirm": float(delay.mean()),
         "beyond": float(many / of_all),
+        "searched": float(searched / account.span.sum()),
     }
 
 
@@ -238,6 +246,7 @@ def table(results: Mapping[str, Any]) -> str:
         "lost",
         "false",
         "confirm s",
+        "search",
     ]
     rows = []
     for name, policy in results["policies"].items():
@@ -247,9 +256,10 @@ def table(results: Mapping[str, Any]) -> str:
             row += [shown(policy[half]["value"]), interval(policy[half]["ci"], shown)]
         row += [f"{policy['nees']['value']:.2f}", f"{100.0 * policy['beyond']:.1f} %"]
         row += [f"{policy['lost']:.1f}", f"{policy['false_tracks']:.2f}"]
-        rows.append([*row, f"{policy['confirm']:.1f}", f"{policy['microseconds']:.0f}"])
+        row += [f"{policy['confirm']:.1f}", f"{100.0 * policy['searched']:.0f} %"]
+        rows.append([*row, f"{policy['microseconds']:.0f}"])
     bound = results["bound"]
-    rows.append(["lower bound", *[""] * 4, number(bound["value"]), interval(bound["ci"], number), *[""] * 6])
+    rows.append(["lower bound", *[""] * 4, number(bound["value"]), interval(bound["ci"], number), *[""] * 7])
     return tabulated([*head, "us"], rows)
 
 

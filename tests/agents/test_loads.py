@@ -22,7 +22,7 @@ def brief(monkeypatch, tmp_path):
         monkeypatch.setattr(loads, name, value)
     monkeypatch.setattr(loads, "PAGE", tmp_path / "page.md")
     monkeypatch.setattr(loads, "PICTURE", tmp_path / "loads.png")
-    monkeypatch.setattr(loads, "SEARCH", 6)
+    monkeypatch.setattr(loads, "CMA_ES", 6)
     loads.PAGE.write_text(f"before\n{loads.START}\n{loads.END}\nafter\n")
     return tmp_path
 
@@ -41,6 +41,7 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     assert all(policy["microseconds"] > 0.0 for policy in found["policies"].values())
     assert all(0.0 <= policy["beyond"] <= 1.0 for policy in found["policies"].values())
     assert 0.0 < found["bound"]["value"] < shown["truth"]["value"]
+    assert all(0.0 < policy["searched"] < 1.0 for policy in found["policies"].values())
     assert np.isfinite([policy["confirm"] for policy in found["policies"].values()]).all()
 
 

@@ -8,7 +8,7 @@
     curve.csv      steps, episodes, mean episode cost
     policy.npz     the trained network in plain NumPy: evaluation plays this file
     model.zip      Stable-Baselines3's own file, for further training: it can hold code, so load only trusted ones
-    run.json       the record of the finished run, written last: a folder without it holds no finished run
+    run.json       the record of the finished run and its CPU time, written last: without it no run is finished
 """
 
 from __future__ import annotations

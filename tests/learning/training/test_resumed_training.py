@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import os
 import pickle
@@ -80,6 +81,19 @@ def test_a_run_in_several_variants_is_resumed_in_all(tmp_path: Path, monkeypatch
     train(plain, tmp_path / "plain", EVERY["ppo"], progress=False)
     with pytest.raises(AssertionError):
         assert_same_run(tmp_path / "plain", tmp_path / "whole")
+
+
+def test_the_time_of_a_resumed_run_is_that_of_all_its_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that runs one second from rollout to rollout, of which there are ten; the third is played twice."""
+    clock = itertools.count()
+    monkeypatch.setattr(callback.time, "process_time", lambda: float(next(clock)))
+    spec, folder = small_spec("ppo"), tmp_path / "run"
+    with monkeypatch.context() as patch:
+        stop_after(patch, 25)
+        with pytest.raises(StoppedError):
+            train(spec, folder, 30, progress=False)
+    train(spec, folder, 30, resume=True, progress=False)
+    assert json.loads((folder / "run.json").read_text())["cpu_seconds"] == 3.0 + 8.0 + 1.0
 
 
 def test_how_often_checkpoints_are_made_changes_nothing(unbroken: dict[str, Path], tmp_path: Path) -> None:
@@ -227,6 +241,7 @@ def test_the_run_record_says_what_was_trained(unbroken: dict[str, Path]) -> None
     run = json.loads((unbroken["ppo"] / "run.json").read_text())
     assert run["env"] == "wavegym/KershawEvansPosition-v0"
     assert (run["algo"], run["seed"], run["steps"]) == ("ppo", 1, 300)
+    assert run["cpu_seconds"] > 0.0
     assert run["settings"]["environment"] == {"horizon": 7, "max_episode_steps": 6}
     assert run["observation"][0] == "snr"
     assert run["actions"]["count"] == 56

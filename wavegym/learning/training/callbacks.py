@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -44,6 +45,7 @@ class SnapshotCallback(BaseCallback):
         settings: Any = spec.settings
         self.folder, self.curve, self.every, self.saved = folder, curve, every, saved
         self.spacing = settings.steps // ROWS
+        self._noted = time.process_time()
         self.rollout = settings.num_envs * (settings.n_steps if spec.algo == "ppo" else 1)
         self.bar = tqdm(
             total=settings.steps,
@@ -55,7 +57,14 @@ class SnapshotCallback(BaseCallback):
             disable=not progress,
         )
 
+    def note_time(self) -> None:
+        """Add the CPU time since the last call, or since this was made, to that of the run."""
+        now = time.process_time()
+        self.curve.cpu_seconds += now - self._noted
+        self._noted = now
+
     def _on_rollout_start(self) -> None:
+        self.note_time()
         steps = self.model.num_timesteps
         self.curve.close_row(steps, self.spacing)
         if self.curve.rows:

@@ -18,10 +18,11 @@ class Row(NamedTuple):
 
 
 class LearningCurve:
-    """Collects episode costs. It is part of a run's snapshot, so a resumed run repeats no row."""
+    """Collects episode costs, and the CPU time of the run. A part of its snapshots: a resumed run repeats no row."""
 
     def __init__(self, num_envs: int) -> None:
         self.rows: list[Row] = []
+        self.cpu_seconds = 0.0
         self._sums, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         self._finished: list[float] = []
 

@@ -92,10 +92,12 @@ def _learn(
             reset_num_timesteps=start is None,
         )
     curve.close_row(model.num_timesteps, 1)
+    callback.note_time()
     policy = export(model.policy).to_bytes()
     run = {
         **spec.record(),
         "steps": model.num_timesteps,
+        "cpu_seconds": round(curve.cpu_seconds, 1),
         "policy_sha256": hashlib.sha256(policy).hexdigest(),
         **signature(systems_of(env)[0], settings.policy),
     }
