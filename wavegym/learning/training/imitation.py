@@ -73,7 +73,7 @@ def pretrain(model: BaseAlgorithm, settings: Settings, systems: list[System], se
         own = seeds[n * settings.teacher_episodes : (n + 1) * settings.teacher_episodes]
         actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else guide
         rng = np.random.default_rng([seed, n])
-        for k, system in enumerate(systems):
+        for k, system in enumerate(systems[: settings.teacher_episodes]):
             worlds = draw_worlds(system, own[k :: len(systems)])
             dataset.append(
                 demonstrations(system, teacher, actor, worlds, settings.forecasts, rng, settings.query_every)
