@@ -31,6 +31,7 @@ from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
+from wavegym.policies import runs
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
 from wavegym.registration import SYSTEMS, stem
@@ -70,9 +71,8 @@ def saved(env_id: str) -> dict[str, Path]:
 
 
 def environment_of(folder: Path) -> dict[str, Any]:
-    """The parameters in which the runs in a folder were trained."""
-    run = read_run(next(iter(sorted(folder.glob(f"*/{RUN}")))))
-    return dict(run["settings"]["environment"])
+    """The parameters in which the runs in a folder are played."""
+    return runs.environment_of(read_run(next(iter(sorted(folder.glob(f"*/{RUN}"))))))
 
 
 class Entry(NamedTuple):

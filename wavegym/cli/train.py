@@ -69,6 +69,8 @@ def train(arguments: Sequence[str] | None) -> None:
     # These imports take seconds; a misspelt option is reported before them.
     from wavegym.learning.settings import load_settings
     from wavegym.learning.training.run_spec import RunSpec
+    from wavegym.policies.records import read_run
+    from wavegym.policies.runs import RUN, environment_of
 
     try:
         from wavegym.learning.training.train import train as run
@@ -90,8 +92,8 @@ def train(arguments: Sequence[str] | None) -> None:
     spec = RunSpec(env_id, options.algo, options.seed, chosen)
     run(spec, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
     print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
-    if chosen.environment:
-        same = shlex.join(f"{name}={value}" for name, value in chosen.environment.items())
+    if needed := environment_of(read_run(options.out / RUN)):
+        same = shlex.join(f"{name}={value}" for name, value in needed.items())
         print(f"trained with other parameters: wavegym evaluate needs --set {same}")
 
 

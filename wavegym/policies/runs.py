@@ -202,12 +202,10 @@ def _unlike_training(run: dict[str, Any], env_id: str, system: System) -> str:
         {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
         for own in run["settings"].get("variants", ())
     ]
-    ignored = OF_ANY_SIZE if run["actions"]["form"] == ALIKE else ()
     names = [
         name
-        for name in there
-        if name not in ignored
-        and not any(_equal(here.get(name, ABSENT), seen.get(name, UNSEEN)) for seen in (there, *variants))
+        for name in _of_meaning(run, there)
+        if not any(_equal(here.get(name, ABSENT), seen.get(name, UNSEEN)) for seen in (there, *variants))
     ]
     changes = [f"{name}={_shown(here.get(name, ABSENT))} (training: {_shown(there[name])})" for name in names]
     if run["env"] == env_id and not changes:
@@ -215,6 +213,17 @@ def _unlike_training(run: dict[str, Any], env_id: str, system: System) -> str:
     other = "" if run["env"] == env_id else f", not in {env_id}"
     parameters = f"; parameters that differ: {', '.join(changes)}" if changes else ""
     return f"was trained in {run['env']}{other}{parameters}"
+
+
+def environment_of(run: dict[str, Any]) -> dict[str, Any]:
+    """The parameters of the training that replace defaults of the environment and that the policy depends on."""
+    return _of_meaning(run, run["settings"]["environment"])
+
+
+def _of_meaning(run: dict[str, Any], parameters: dict[str, Any]) -> dict[str, Any]:
+    """The parameters that mean something to the policy of a run."""
+    ignored = OF_ANY_SIZE if run["actions"]["form"] == ALIKE else ()
+    return {name: value for name, value in parameters.items() if name not in ignored}
 
 
 def _trained_parameters(run: dict[str, Any]) -> dict[str, Any]:
