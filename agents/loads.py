@@ -4,33 +4,32 @@ For each expected number of targets every rule is tuned on tuning worlds of that
 policies play the same test worlds. The agents are those of the registered load, without further training. Constants
 and results go to results/loads, tables and picture to docs/multifunction_radar.md. ``--planners`` plays the planners at
 one load, in short episodes: a decision takes them up to a tenth of a second. ``--shifts`` changes the radar or the
-targets at one load; constants and agents stay as they are. ``--tables`` renews the page without playing.
+targets at one load; constants and agents stay as they are. ``--times`` only times the decisions again, on an otherwise
+idle machine; ``--tables`` renews the page without playing.
 """
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 import time
 from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from agents.dwell_bound import Relaxation
 from agents.leaderboard import ROOT
+from agents.loads_page import BASE, FOLDER, LOADS, SIMPLE, read_results, renew
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.policy import Policy
 from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.evaluation import blocks, make_task, statistics
+from wavegym.evaluation import make_task, statistics
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import Played, play
-from wavegym.evaluation.table import interval, number, signed, tabulated
 from wavegym.evaluation.task import Task
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers import RandomChoice
@@ -40,23 +39,13 @@ from wavegym.schedulers.heuristics.tuning import Constants, log_cost, tuned
 from wavegym.schedulers.planners.dwell_rollout import DwellRollout
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 NAME = "MultifunctionRadar"
 ENV_ID = f"wavegym/{NAME}-v0"
-FOLDER, PAGE = ROOT / "results" / "loads", ROOT / "docs" / "multifunction_radar.md"
-START, END = "<!-- made by `python -m agents.loads`: -->", "<!-- loads to here -->"
-PICTURE = ROOT / "docs" / "images" / "loads.png"
 RUNS = ROOT / "results" / "runs" / NAME / "ppo"
-LOADS = (4, 8, 16, 32, 64)
 WORLDS, SEED = 60, 0
 TUNING, DESCENT, CMA_ES = 16, 40, 80  # worlds; policies played by coordinate descent, and by CMA-ES
 TUNED_SECONDS = 30.0  # length of an episode for tuning
-SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
-FARTHEST_SHOWN = 40.0  # per cent; the legend names the cost of what lies farther
 TIMED = 300  # decisions of one environment
-SIMPLE, BASE = "gain-per-second", "searched-dwell"
 QUANTILE = 0.99  # of the chi-squared distribution
 BOUND_TARGETS = 720  # at most so many paths in one lower bound
 PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 6.0
@@ -70,18 +59,6 @@ SHIFTS: dict[str, dict[str, Any]] = {
     "4, 12, 40 or 120 pulses": {"pulses": (4, 12, 40, 120)},
     "manoeuvres of 4 times the density": {"density": (10.0, 8000.0)},
     "manoeuvres that last .5 s": {"leave": (0.5, 2.0)},
-}
-COLOURS = {
-    "random": "0.6",
-    "round-robin-search": "tab:orange",
-    "earliest-deadline": "tab:olive",
-    "van-keuk-blackman": "tab:green",
-    SIMPLE: "tab:blue",
-    "price-of-time": "tab:brown",
-    "delay-index": "tab:pink",
-    "searched-dwell": "black",
-    "frame-greedy": "tab:cyan",
-    "ppo": "tab:red",
 }
 
 
@@ -107,11 +84,24 @@ def tune(load: int, found: dict[str, Constants]) -> None:
 def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dict[str, Any]:
     """All policies on the test worlds of one load."""
     task = make_task(ENV_ID, {"targets": float(load)})
-    policies: dict[str, list[Policy]] = {"random": [RandomChoice()]}
-    policies |= {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
-    policies |= _agents(task)
-    played = _compared(task, policies, world_seeds(SEED, "test", worlds), BASE, TIMED)
+    played = _compared(task, _policies(task, constants), world_seeds(SEED, "test", worlds), BASE, TIMED)
     return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load)}
+
+
+def timed_again(results: Mapping[str, Any], constants: Mapping[str, Constants]) -> dict[str, Any]:
+    """The results of one load with times of decisions that are measured now."""
+    task = make_task(ENV_ID, {"targets": float(results["load"])})
+    played = {
+        name: {**results["policies"][name], "microseconds": _microseconds(task, members, TIMED)}
+        for name, members in _policies(task, constants).items()
+    }
+    return {**results, "policies": played}
+
+
+def _policies(task: Task, constants: Mapping[str, Constants]) -> dict[str, list[Policy]]:
+    """Everything that is played at a load, each a list of members."""
+    rules: dict[str, list[Policy]] = {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
+    return {"random": [RandomChoice()], **rules, **_agents(task)}
 
 
 def _agents(task: Task) -> dict[str, list[Policy]]:
@@ -134,7 +124,7 @@ def _compared(
             "nees": _estimate(np.stack([account.nees for account, _ in watched])),
             "lost": float(np.mean([account.lost for account, _ in watched])),
             **{key: float(np.mean([figures[key] for _, figures in watched])) for key in watched[0][1]},
-            "microseconds": 1e6 * min(_decision_seconds(task, member, timed) for member in members),
+            "microseconds": _microseconds(task, members, timed),
         }
     for name, figures in played.items():
         figures["against"] = statistics.difference(costs[name], costs[reference], _rng()).percent._asdict()
@@ -206,8 +196,13 @@ def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[st
     }
 
 
+def _microseconds(task: Task, members: list[Policy], timed: int) -> float:
+    """CPU time of a decision; of the members' the least."""
+    return 1e6 * min(_decision_seconds(task, member, timed) for member in members)
+
+
 def _decision_seconds(task: Task, policy: Policy, timed: int) -> float:
-    """Mean time of a decision of one environment, after ``TIMED`` dwells of the one-step rule: there are tracks."""
+    """Mean CPU time of a decision of one environment, after ``TIMED`` dwells of the one-step rule: there are tracks."""
     env = WaveformVectorEnv(task.system, 1)
     observation, _ = env.reset(seed=SEED)
     policy.begin(task.system, 1, np.random.default_rng(0))
@@ -216,9 +211,9 @@ def _decision_seconds(task: Task, policy: Policy, timed: int) -> float:
     rule.begin(task.system, 1, np.random.default_rng(0))
     for n in range(TIMED + timed):
         belief, mask = env.belief, env.action_masks()
-        begin = time.perf_counter()
+        begin = time.process_time()
         action = (policy if n >= TIMED else rule).act(belief, observation, mask)
-        spent += (time.perf_counter() - begin) * (n >= TIMED)
+        spent += (time.process_time() - begin) * (n >= TIMED)
         observation = env.step(action)[0]
     return spent / timed
 
@@ -231,143 +226,8 @@ def _estimate(values: Array) -> dict[str, Any]:
     return statistics.mean(values, _rng())._asdict()
 
 
-def table(results: Mapping[str, Any]) -> str:
-    """A line for each policy at one load."""
-    head = [
-        "policy",
-        "belief",
-        "95 %",
-        f"% of {BASE}",
-        "95 %",
-        "truth",
-        "95 %",
-        "NEES",
-        "beyond .99",
-        "lost",
-        "false",
-        "confirm s",
-        "search",
-    ]
-    rows = []
-    for name, policy in results["policies"].items():
-        row = [name]
-        for half in ("belief", "against", "truth"):
-            shown = signed if half == "against" else number
-            row += [shown(policy[half]["value"]), interval(policy[half]["ci"], shown)]
-        row += [f"{policy['nees']['value']:.2f}", f"{100.0 * policy['beyond']:.1f} %"]
-        row += [f"{policy['lost']:.1f}", f"{policy['false_tracks']:.2f}"]
-        row += [f"{policy['confirm']:.1f}", f"{100.0 * policy['searched']:.0f} %"]
-        rows.append([*row, f"{policy['microseconds']:.0f}"])
-    bound = results["bound"]
-    rows.append(["lower bound", *[""] * 4, number(bound["value"]), interval(bound["ci"], number), *[""] * 7])
-    return tabulated([*head, "us"], rows)
-
-
-def planners_table(results: Mapping[str, Any]) -> str:
-    """A line for each planner."""
-    rows = []
-    for name, policy in results["policies"].items():
-        row = [name, number(policy["belief"]["value"]), interval(policy["belief"]["ci"], number)]
-        row += [signed(policy["against"]["value"]), interval(policy["against"]["ci"], signed)]
-        row += [number(policy["truth"]["value"]), f"{policy['microseconds'] / 1e3:.2g}"]
-        rows.append([*row, "yes" if policy["microseconds"] < 1e6 * results["shortest_dwell"] else "no"])
-    head = ["policy", "belief", "95 %", f"% of {BASE}", "95 %", "truth", "ms a decision", "real time"]
-    return tabulated(head, rows)
-
-
-def shifts_table(results: Mapping[str, Any]) -> str:
-    """A line for each change and policy."""
-    rows = []
-    for shift, policies in results["shifts"].items():
-        for name, policy in policies.items():
-            row = [shift, name, number(policy["belief"]["value"]), interval(policy["belief"]["ci"], number)]
-            row += [signed(policy["against"]["value"]), interval(policy["against"]["ci"], signed)]
-            rows.append([*row, number(policy["truth"]["value"]), f"{policy['nees']['value']:.2f}"])
-            shift = ""
-    return tabulated(["change", "policy", "belief", "95 %", f"% of {BASE}", "95 %", "truth", "NEES"], rows)
-
-
-def picture(results: list[dict[str, Any]], planned: Mapping[str, Any]) -> bytes:
-    """Cost for each target against the load, by belief and by truth, and against decision time, as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12.0, 4.4), layout="constrained")
-    FigureCanvasAgg(figure)
-    belief, truth, spent = figure.subplots(1, 3)
-    for axes, half in ((belief, "belief"), (truth, "truth")):
-        _against_load(axes, results, half)
-    load = planned.get("load", results[-1]["load"])
-    _against_time(spent, next((found for found in results if found["load"] == load), results[-1]), planned)
-    figure.legend(*spent.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize="small")
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
-    return png.getvalue()
-
-
-def _against_time(axes: Axes, result: Mapping[str, Any], planned: Mapping[str, Any]) -> None:
-    """Rules and agents, and the planners of short episodes, against the rule that the planners follow."""
-    shown = {name: (policy, COLOURS[name], "o") for name, policy in result["policies"].items()}
-    for name, policy in planned.get("policies", {}).items():
-        if name not in COLOURS:
-            shown[name] = policy, "tab:purple", "s"
-    for name, (policy, colour, marker) in shown.items():
-        against = policy["against"]
-        if against["value"] < FARTHEST_SHOWN:
-            axes.errorbar(
-                [policy["microseconds"]], [against["value"]], _bars([against]), fmt=marker, markersize=4,
-                color=colour, label=name if name in COLOURS else "dwell-rollout",
-            )  # fmt: skip
-        else:
-            axes.plot([], [], marker, markersize=4, color=colour, label=f"{name} ({signed(against['value'])} %)")
-    axes.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
-    axes.set(xscale="log", xlabel="time of a decision [us]", ylabel=f"cost at {result['load']} targets [% of {BASE}]")
-
-
-def _against_load(axes: Axes, results: list[dict[str, Any]], half: str) -> None:
-    loads = np.array([found["load"] for found in results])
-    for name in results[0]["policies"]:
-        shown = [found["policies"][name][half] for found in results]
-        values = np.array([each["value"] for each in shown]) / loads
-        axes.errorbar(loads, values, _bars(shown) / loads, fmt=".-", color=COLOURS[name], linewidth=1.0)
-    if half == "truth":
-        bounded = [found["bound"] for found in results]
-        values = np.array([bound["value"] for bound in bounded]) / loads
-        axes.errorbar(loads, values, _bars(bounded) / loads, fmt=".:", color="tab:purple")
-        axes.annotate("lower bound", (loads[0], values[0]), (0, 6), textcoords="offset points", fontsize="small")
-    axes.set(xscale="log", yscale="log", xlabel="targets", ylabel=f"cost for each target, by {half}")
-    axes.set_xticks(loads, [str(load) for load in loads])
-    axes.set_yticks(SHOWN, [f"{share:g}" for share in SHOWN])
-    axes.minorticks_off()
-
-
-def _bars(estimates: list[dict[str, Any]]) -> Array:
-    """Lengths of error bars below and above, (2, n)."""
-    return np.array([[each["value"] - each["ci"][0], each["ci"][1] - each["value"]] for each in estimates]).T
-
-
-def renew(folder: Path = FOLDER) -> None:
-    """Renew the page and the picture from all results."""
-    results = [found for load in LOADS if (found := _read(folder / f"{load}.json"))]
-    parts = [f"### {found['load']} targets, {found['worlds']} worlds\n\n{table(found)}" for found in results]
-    planned, shifted = (_read(folder / f"{name}.json") for name in ("planners", "shifts"))
-    if planned:
-        what = f"### Planners at {planned['load']} targets, {planned['worlds']} worlds of {planned['seconds']:g} s"
-        parts.append(f"{what}\n\n{planners_table(planned)}")
-    if shifted:
-        what = f"### Changed radars and targets, {shifted['load']} targets, {shifted['worlds']} worlds"
-        parts.append(f"{what}\n\n{shifts_table(shifted)}")
-    blocks.renew(PAGE, START, END, "\n\n".join(parts))
-    write_whole(PICTURE.parent, {PICTURE.name: picture(results, planned)})
-
-
 def _constants(load: int) -> dict[str, Constants]:
-    return _read(FOLDER / f"constants_{load}.json")
-
-
-def _read(file: Path) -> dict[str, Any]:
-    """The content of a file, {} where there is none."""
-    return json.loads(file.read_text("utf-8")) if file.exists() else {}
+    return read_results(FOLDER / f"constants_{load}.json")
 
 
 def _write(name: str, content: Mapping[str, Any]) -> None:
@@ -382,6 +242,7 @@ def main() -> None:
     parser.add_argument("--tune", action="store_true", help="first tune the rules that have no constants yet")
     parser.add_argument("--planners", action="store_true", help=f"play only the planners, at {PLANNED_LOAD} targets")
     parser.add_argument("--shifts", action="store_true", help=f"play only changed radars, at {SHIFTED_LOAD} targets")
+    parser.add_argument("--times", action="store_true", help="time the decisions of earlier results; play nothing")
     parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
     read = parser.read(None)
     if read.planners:
@@ -389,10 +250,13 @@ def main() -> None:
     if read.shifts:
         _write("shifts.json", shifts_of(SHIFTED_LOAD, _constants(SHIFTED_LOAD), read.worlds))
     for load in () if read.tables or read.planners or read.shifts else read.loads or LOADS:
-        constants = _constants(load)
+        constants, name = _constants(load), f"{load}.json"
+        if read.times:
+            _write(name, timed_again(read_results(FOLDER / name), constants))
+            continue
         if read.tune:
             tune(load, constants)
-        _write(f"{load}.json", results_of(load, constants, read.worlds))
+        _write(name, results_of(load, constants, read.worlds))
     renew()
 
 
