@@ -132,15 +132,15 @@ def picture(results: list[dict[str, Any]], planned: Mapping[str, Any]) -> bytes:
 def _against_time(axes: Axes, result: Mapping[str, Any], planned: Mapping[str, Any]) -> None:
     """Rules and agents, and the planners of short episodes, against the rule that the planners follow."""
     shown = {name: (policy, COLOURS[name], "o") for name, policy in result["policies"].items()}
-    for name, policy in planned.get("policies", {}).items():
-        if name not in COLOURS:
-            shown[name] = policy, "tab:purple", "s"
+    planners = (name for name in planned.get("policies", {}) if name not in COLOURS)
+    for n, name in enumerate(planners):
+        shown["dwell-rollout" if n == 0 else f"_{name}"] = planned["policies"][name], "tab:purple", "s"
     for name, (policy, colour, marker) in shown.items():
         against = policy["against"]
         if against["value"] < FARTHEST_SHOWN:
             axes.errorbar(
                 [policy["microseconds"]], [against["value"]], _bars([against]), fmt=marker, markersize=4,
-                color=colour, label=name if name in COLOURS else "dwell-rollout",
+                color=colour, label=name,
             )  # fmt: skip
         else:
             axes.plot([], [], marker, markersize=4, color=colour, label=f"{name} ({signed(against['value'])} %)")
