@@ -49,6 +49,8 @@ def test_seeds_count_on_over_the_parts() -> None:
     mixed.seed(3)
     few.seed(5)
     assert difference(mixed.reset()[2:], few.reset()) is None
+    with pytest.raises(InputError, match="seed has 2 entries, expected 5: one for each environment"):
+        mixed.seed([3, 4])
 
 
 def test_an_attribute_is_set_for_all_or_for_none() -> None:

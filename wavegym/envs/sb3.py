@@ -30,7 +30,25 @@ NESTED = ("final_obs", "final_info")
 PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
 
 
-class SB3VecEnv(VecEnv):
+class BatchedVecEnv(VecEnv):
+    """Environments that share a batch: what holds for all of them together."""
+
+    def seed(self, seed: int | Sequence[int | None] | None = None) -> Sequence[int | None]:
+        """Seeds for the next reset: s (environment i gets s + i), a list, or None (drawn from NumPy's global state)."""
+        if seed is None or isinstance(seed, (int, np.integer)):
+            return super().seed(None if seed is None else int(seed))
+        if len(seed) != self.num_envs:
+            raise InputError(f"seed has {len(seed)} entries, expected {self.num_envs}: one for each environment")
+        self._seeds = list(seed)
+        return self._seeds
+
+    def _check_all(self, attr_name: str, indices: Indices) -> None:
+        """Raise an InputError where ``indices`` leaves out environments."""
+        if set(self._get_indices(indices)) != set(range(self.num_envs)):
+            raise InputError(f"{attr_name} cannot be set for some environments, expected all: they share one batch")
+
+
+class SB3VecEnv(BatchedVecEnv):
     """A native vector environment as Stable-Baselines3 expects its environments.
 
     Args:
@@ -51,15 +69,6 @@ class SB3VecEnv(VecEnv):
         super().__init__(num_envs, self.batch.single_observation_space, self.batch.single_action_space)
         self.metadata = self.batch.metadata
         self._actions: Array = np.empty(0)
-
-    def seed(self, seed: int | Sequence[int | None] | None = None) -> Sequence[int | None]:
-        """Seeds for the next reset: s (environment i gets s + i), a list, or None (drawn from NumPy's global state)."""
-        if seed is None or isinstance(seed, (int, np.integer)):
-            return super().seed(None if seed is None else int(seed))
-        if len(seed) != self.num_envs:
-            raise InputError(f"seed has {len(seed)} entries, expected {self.num_envs}: one for each environment")
-        self._seeds = list(seed)
-        return self._seeds
 
     def reset(self) -> Array:
         """Begin new episodes with the seeds and options set before, which are used only once."""
@@ -110,8 +119,7 @@ class SB3VecEnv(VecEnv):
         Raises:
             InputError: ``indices`` leaves out environments, which share one batch.
         """
-        if set(self._get_indices(indices)) != set(range(self.num_envs)):
-            raise InputError(f"{attr_name} cannot be set for some environments, expected all: they share one batch")
+        self._check_all(attr_name, indices)
         setattr(self.batch, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any) -> list[Any]:

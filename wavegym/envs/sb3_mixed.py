@@ -11,10 +11,10 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.envs.sb3 import Indices
+from wavegym.envs.sb3 import BatchedVecEnv, Indices
 
 
-class SB3MixedVecEnv(VecEnv):
+class SB3MixedVecEnv(BatchedVecEnv):
     """Several vector environments of the same spaces, one after the other.
 
         >>> parts = [SB3VecEnv("wavegym/MultifunctionRadar-v0", 32, targets=t) for t in (8.0, 20.0)]
@@ -37,13 +37,6 @@ class SB3MixedVecEnv(VecEnv):
         self.parts = list(parts)
         self._ends = np.cumsum([part.num_envs for part in parts]).tolist()
         super().__init__(self._ends[-1], first.observation_space, first.action_space)
-
-    def seed(self, seed: int | Sequence[int | None] | None = None) -> Sequence[int | None]:
-        """Seeds for the next reset, as ``SB3VecEnv.seed``."""
-        if seed is None or isinstance(seed, (int, np.integer)):
-            return super().seed(None if seed is None else int(seed))
-        self._seeds = list(seed)
-        return self._seeds
 
     def reset(self) -> Array:
         """Begin new episodes in all parts."""
@@ -79,8 +72,7 @@ class SB3MixedVecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
         """Set an attribute in all environments. Raises an InputError where ``indices`` leaves out some."""
-        if set(self._get_indices(indices)) != set(range(self.num_envs)):
-            raise InputError(f"{attr_name} cannot be set for some environments, expected all: they share batches")
+        self._check_all(attr_name, indices)
         for part in self.parts:
             part.set_attr(attr_name, value)
 

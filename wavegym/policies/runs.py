@@ -40,7 +40,7 @@ SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "mo
 CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
 CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
 LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one learner
-ABSENT, UNSEEN = object(), object()  # stand for a parameter that a system does not have, or a variant does not name
+ABSENT = object()  # stands for a parameter that a system does not have
 ALIKE = "alike"  # form of actions that a scorer tells apart by their forecasts only
 OF_ANY_SIZE = ("slots", "horizon")  # parameters that mean nothing to such a scorer
 
@@ -197,15 +197,12 @@ def _check_signature(folder: Path, run: dict[str, Any], env_id: str, system: Sys
 
 def _unlike_training(run: dict[str, Any], env_id: str, system: System) -> str:
     """How the environment to be played differs from that of the training, in one line; "" if it does not."""
-    here, there = _parameters(system), _trained_parameters(run)
-    variants = [
-        {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
-        for own in run["settings"].get("variants", ())
-    ]
+    here = _parameters(system)
+    there, *variants = (_trained_parameters(run, own) for own in ({}, *run["settings"].get("variants", ())))
     names = [
         name
         for name in _of_meaning(run, there)
-        if not any(_equal(here.get(name, ABSENT), seen.get(name, UNSEEN)) for seen in (there, *variants))
+        if not any(_equal(here.get(name, ABSENT), seen.get(name, there[name])) for seen in (there, *variants))
     ]
     changes = [f"{name}={_shown(here.get(name, ABSENT))} (training: {_shown(there[name])})" for name in names]
     if run["env"] == env_id and not changes:
@@ -226,9 +223,9 @@ def _of_meaning(run: dict[str, Any], parameters: dict[str, Any]) -> dict[str, An
     return {name: value for name, value in parameters.items() if name not in ignored}
 
 
-def _trained_parameters(run: dict[str, Any]) -> dict[str, Any]:
-    """All parameters of the system of a run; only those on record if that system cannot be made here."""
-    recorded = dict(run["settings"].get("environment", {}))
+def _trained_parameters(run: dict[str, Any], variant: dict[str, Any]) -> dict[str, Any]:
+    """All parameters of the system of a run's variant; only those on record if that system cannot be made here."""
+    recorded = {**run["settings"].get("environment", {}), **variant}
     try:
         system, registered = registered_system(run["env"])
         given = {**registered, **recorded}

@@ -26,6 +26,13 @@ STEPS, ENVS, GAMMA, LAMBDA = 7, 3, 0.6, 0.8
 RADAR = "wavegym/MultifunctionRadar-v0"
 
 
+def small_spec(**changes):
+    """Two environments of few slots, in rollouts of six steps."""
+    sizes = {"network": (8,), "n_steps": 6, "num_envs": 2, "batch_size": 4, "teacher": "", "variants": ()}
+    settings = load_settings(RADAR, "ppo", {**SMALL["ppo"], **sizes, **changes}, {"slots": 4, "targets": 3.0})
+    return RunSpec(RADAR, "ppo", 0, settings)
+
+
 def filled(kind, rng):
     """A buffer with random content and episodes that end within it."""
     space = spaces.Box(-1.0, 1.0, (2,), np.float32), spaces.Discrete(4)
@@ -74,16 +81,7 @@ def test_the_centre_follows_each_environments_mean_reward_per_second():
 
 
 def test_a_run_notes_the_durations_of_its_steps():
-    small = {
-        **SMALL["ppo"],
-        "network": (8,),
-        "teacher": "",
-        "variants": (),
-        "n_steps": 6,
-        "num_envs": 2,
-        "batch_size": 4,
-    }
-    spec = RunSpec(RADAR, "ppo", 0, load_settings(RADAR, "ppo", small, {"slots": 4, "targets": 3.0}))
+    spec = small_spec()
     model = build_model(spec)
     assert (model.gamma, model.rollout_buffer.gamma_per_second) == (1.0, spec.settings.gamma)
     model.learn(12, callback=NoteDurations())
@@ -94,17 +92,7 @@ def test_a_run_notes_the_durations_of_its_steps():
 
 def test_a_run_that_is_resumed_keeps_its_centre(tmp_path, monkeypatch):
     """The weights of a run that was stopped in its third rollout are those of one that was not."""
-    small = {
-        **SMALL["ppo"],
-        "network": (8,),
-        "teacher": "",
-        "variants": (),
-        "n_steps": 6,
-        "num_envs": 2,
-        "batch_size": 4,
-        "steps": 60,
-    }
-    spec = RunSpec(RADAR, "ppo", 0, load_settings(RADAR, "ppo", small, {"slots": 4, "targets": 3.0}))
+    spec = small_spec(steps=60)
     train(spec, tmp_path / "whole", 12, progress=False)
     add, calls = LearningCurve.add, []
 

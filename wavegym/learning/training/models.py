@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.envs.sb3 import BatchedVecEnv, SB3VecEnv
 from wavegym.envs.sb3_mixed import SB3MixedVecEnv
 from wavegym.evaluation import training_seeds
 from wavegym.learning.policies.mixture import MixturePolicy
@@ -27,7 +27,6 @@ from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
 
-Environments = SB3VecEnv | SB3MixedVecEnv
 ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that Stable-Baselines3 does not know.
@@ -95,7 +94,7 @@ def discounts_seconds(settings: Settings) -> bool:
     return isinstance(settings, PPOSettings) and settings.discount == "second"
 
 
-def _network(settings: Settings, env: Environments) -> tuple[Any, dict[str, Any]]:
+def _network(settings: Settings, env: BatchedVecEnv) -> tuple[Any, dict[str, Any]]:
     """Stable-Baselines3's policy and its keyword arguments."""
     network = {"net_arch": list(settings.network), "activation_fn": ACTIVATIONS[settings.activation]}
     if settings.policy == "scorer":
@@ -116,7 +115,7 @@ def systems_of(env: VecEnv) -> list[System]:
     return list({id(system): system for system in env.get_attr("system")}.values())
 
 
-def _environments(spec: RunSpec, count: int) -> Environments:
+def _environments(spec: RunSpec, count: int) -> BatchedVecEnv:
     """``count`` of the run's environments of each variant.
 
     Raises:
@@ -126,7 +125,7 @@ def _environments(spec: RunSpec, count: int) -> Environments:
     shell = {"reward": settings.reward, "forecasts": settings.forecasts}
     variants = [{**settings.environment, **own} for own in settings.variants or ({},)]
     parts = [SB3VecEnv(spec.env, count, **shell, **variant) for variant in variants]
-    env: Environments = SB3MixedVecEnv(parts) if len(parts) > 1 else parts[0]
+    env: BatchedVecEnv = SB3MixedVecEnv(parts) if len(parts) > 1 else parts[0]
     if not isinstance(env.action_space, spaces.Discrete):
         for name, asked in (("dqn", spec.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
             if asked:
