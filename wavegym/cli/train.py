@@ -2,8 +2,9 @@
 
     wavegym train KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
 
-The same command with --resume continues a killed run and ends with the same weights. ``wavegym evaluate`` takes DIR as
-a policy. DIR/curve.csv holds the learning curve, DIR/tensorboard the files of TensorBoard.
+The same command with --resume continues a killed run and ends with the same weights; with more --steps it extends
+the run. ``wavegym evaluate`` takes DIR as a policy. DIR/curve.csv holds the learning curve, DIR/tensorboard the files of
+TensorBoard.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ def parser() -> Parser:
     tune = "search settings until there are N trials, instead of one training; DIR/best.toml holds the best"
     options.add_argument("--tune", type=int, metavar="N", help=tune)
     add_worker_options(options, jobs=1, what="trials of --tune at a time")
-    options.add_argument("--resume", action="store_true", help="continue the run in DIR from its last checkpoint")
+    resume = "continue the run in DIR from its last checkpoint; with more --steps than it has, extend it"
+    options.add_argument("--resume", action="store_true", help=resume)
     packages = "import a package that registers environments, schedulers, rewards or chirp laws; may be repeated"
     options.add_argument("--import", action="append", default=[], dest="packages", metavar="PACKAGE", help=packages)
     options.add_argument("--quiet", action="store_true", help="no progress bar")

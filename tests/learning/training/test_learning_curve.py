@@ -14,7 +14,7 @@ from wavegym.learning.training.curve import LearningCurve
 def test_rows_hold_the_mean_of_the_episodes_mean_costs(seed: int, num_envs: int, length: int) -> None:
     rng = np.random.default_rng(seed)
     costs, ends = rng.exponential(size=(length, num_envs)), rng.random((length, num_envs)) < 0.3
-    curve = LearningCurve(num_envs)
+    curve = LearningCurve(num_envs, 100)
     for cost, ended in zip(costs, ends, strict=True):
         curve.add(cost, ended)
     curve.close_row(length, 1)
@@ -36,7 +36,7 @@ def test_rows_hold_the_mean_of_the_episodes_mean_costs(seed: int, num_envs: int,
 
 
 def test_rows_keep_their_distance_and_read_back_exactly() -> None:
-    curve = LearningCurve(2)
+    curve = LearningCurve(2, 100)
     for steps in range(2, 21, 2):
         curve.add(np.array([1.0, steps / 3]), np.array([True, False]) if steps % 4 else np.array([True, True]))
         curve.close_row(steps, 5)

@@ -117,6 +117,33 @@ def test_a_finished_run_is_left_alone(unbroken: dict[str, Path], tmp_path: Path)
         train(small_spec("ppo"), folder, EVERY["ppo"], progress=False)
 
 
+@pytest.mark.parametrize("algo", ["ppo", "dqn"])
+def test_a_finished_run_is_extended(
+    algo: str, unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From its last checkpoint, to the same weights whether the extension is killed or not."""
+    longer = small_spec(algo, steps=600)
+    folders = [Path(shutil.copytree(unbroken[algo], tmp_path / name)) for name in ("killed", "whole")]
+    start = saved_steps(folders[0])
+    for calls in (20, 60):
+        with monkeypatch.context() as patch:
+            stop_after(patch, calls)
+            with pytest.raises(StoppedError):
+                train(longer, folders[0], EVERY[algo], resume=True, progress=False)
+        assert json.loads((folders[0] / "run.json").read_text())["steps"] == 300, "the shorter run until the end"
+    for folder in folders:
+        train(longer, folder, EVERY[algo], resume=True, progress=False)
+    assert_same_run(*folders)
+    run, before = (json.loads((folder / "run.json").read_text()) for folder in (folders[1], unbroken[algo]))
+    assert (run["steps"], run["settings"]["steps"], run["extended_from"]) == (600, 600, [300])
+    assert before["extended_from"] == []
+    assert run["policy_sha256"] != before["policy_sha256"]
+    rows, shorter = ((folder / "curve.csv").read_text().splitlines() for folder in (folders[1], unbroken[algo]))
+    early = [row for row in shorter if not row[0].isdigit() or int(row.split(",")[0]) <= start]
+    assert rows[: len(early)] == early, "what was learnt before is kept"
+    assert int(rows[-1].split(",")[0]) > 300
+
+
 def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
     (folder / "policy.npz").write_bytes(b"torn")
@@ -175,7 +202,8 @@ def test_a_torn_checkpoint_costs_one_interval_and_two_are_an_error(
         ({"algo": "dqn"}, "algo is 'dqn', but the run in"),
         ({"seed": 2}, "seed is 2, but the run in"),
         ({"gamma": 0.5}, "settings.gamma is 0.5, but the run in"),
-        ({"steps": 600}, "settings.steps is 600, but the run in"),
+        ({"steps": 270}, "settings.steps is 270, but the run in"),
+        ({"steps": 600, "seed": 2}, "seed is 2, but the run in"),
     ],
 )
 def test_another_plan_is_not_resumed(

@@ -18,11 +18,17 @@ class Row(NamedTuple):
 
 
 class LearningCurve:
-    """Collects episode costs, and the CPU time of the run. A part of its snapshots: a resumed run repeats no row."""
+    """Collects episode costs, and the CPU time of the run. A part of its snapshots: a resumed run repeats no row.
 
-    def __init__(self, num_envs: int) -> None:
+    Args:
+        num_envs: of the training.
+        planned: steps of the whole training.
+    """
+
+    def __init__(self, num_envs: int, planned: int) -> None:
         self.rows: list[Row] = []
         self.cpu_seconds = 0.0
+        self.planned, self.extended_from = planned, list[int]()
         self._sums, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         self._finished: list[float] = []
 
@@ -34,6 +40,12 @@ class LearningCurve:
             self._finished += (self._sums[ended] / self._lengths[ended]).tolist()
             self._sums[ended] = 0.0
             self._lengths[ended] = 0
+
+    def extend(self, planned: int) -> None:
+        """Plan so many steps, and note those planned before, if they were others."""
+        if planned != self.planned:
+            self.extended_from.append(self.planned)
+            self.planned = planned
 
     def close_row(self, steps: int, spacing: int) -> None:
         """Add a row at ``steps`` if episodes have ended and the last row is at least ``spacing`` steps earlier."""

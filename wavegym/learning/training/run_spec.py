@@ -52,14 +52,27 @@ def check_unused(folder: Path) -> None:
             raise InputError(f"{folder} already holds a run ({name}), expected a new folder or --resume")
 
 
-def check_same(spec: RunSpec, folder: Path) -> None:
-    """Raise an InputError if the folder holds no run, or a run of another specification (the difference named)."""
+def check_resumable(spec: RunSpec, folder: Path) -> None:
+    """Raise an InputError if the folder holds no run, or a run of another specification (the difference named).
+
+    More steps than those of the run are no difference: they extend it.
+    """
     if not (folder / SPEC).exists():
         raise InputError(f"{folder} holds no run to resume, expected {SPEC} in it")
-    unlike = difference(spec.record(), read_record(folder / SPEC))
+    there = read_record(folder / SPEC)
+    if planned_steps(there) < spec.settings.steps:
+        there["settings"]["steps"] = spec.settings.steps
+    unlike = difference(spec.record(), there)
     if unlike:
         name, here, there = unlike
         raise InputError(f"{name} is {here!r}, but the run in {folder} has {there!r}: it cannot be resumed")
+
+
+def planned_steps(record: dict[str, Any]) -> int:
+    """The steps in a record of ``RunSpec``; 0 if it is none."""
+    settings = record.get("settings")
+    steps = settings.get("steps") if isinstance(settings, dict) else 0
+    return steps if isinstance(steps, int) else 0
 
 
 def _version(package: str) -> str:

@@ -19,7 +19,7 @@ from wavegym.learning.training.checkpoints import load_checkpoint
 from wavegym.learning.training.curve import LearningCurve
 from wavegym.learning.training.imitation import WarmUp, pretrain
 from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
-from wavegym.learning.training.run_spec import RunSpec, check_same, check_unused
+from wavegym.learning.training.run_spec import RunSpec, check_resumable, check_unused, planned_steps
 from wavegym.learning.training.snapshots import restore
 from wavegym.learning.training.time_discount import NoteDurations
 from wavegym.policies.records import read_run
@@ -31,9 +31,11 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
 
     Args:
         spec: environment, algorithm, seed and settings.
-        folder: a new or empty folder; with ``resume`` the folder of a killed run of the same specification.
+        folder: a new or empty folder; with ``resume`` the folder of a run of the same specification, or of one with
+            fewer steps, which is extended.
         checkpoint_every: most environment steps that a kill may cost (or one rollout, if that is longer).
-        resume: continue a run; a finished run is checked and left as it is.
+        resume: continue a run from its last checkpoint; a finished run of as many steps is checked and left as it is.
+            Where a run is extended, the learning rate is at once that of the longer training.
         progress: show a progress bar on standard error.
 
     Raises:
@@ -48,18 +50,20 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
         try_out(spec)  # a mistake that only a step reveals must not leave a folder behind
         model = build_model(spec)
         write_whole(folder, {SPEC: _json(spec.record())})
-        _learn(spec, folder, checkpoint_every, progress, model, LearningCurve(spec.settings.num_envs), None)
+        _learn(spec, folder, checkpoint_every, progress, model, _new_curve(spec), None)
         return
-    check_same(spec, folder)
-    if (folder / RUN).exists():
-        read_policy(folder, read_run(folder / RUN))
+    check_resumable(spec, folder)
+    if (folder / RUN).exists() and planned_steps(run := read_run(folder / RUN)) == spec.settings.steps:
+        read_policy(folder, run)
         return
+    write_whole(folder, {SPEC: _json(spec.record())})  # with the steps of an extended run
     saved = load_checkpoint(folder / CHECKPOINTS)
     if saved is None:  # killed before the first checkpoint
-        model, curve, start = build_model(spec), LearningCurve(spec.settings.num_envs), None
+        model, curve, start = build_model(spec), _new_curve(spec), None
     else:
         start, content = saved
         model, curve = restore(spec, content)
+        curve.extend(spec.settings.steps)
     for half_written in folder.glob(".*.part"):
         half_written.unlink()
     _learn(spec, folder, checkpoint_every, progress, model, curve, start)
@@ -97,11 +101,16 @@ def _learn(
     run = {
         **spec.record(),
         "steps": model.num_timesteps,
+        "extended_from": curve.extended_from,
         "cpu_seconds": round(curve.cpu_seconds, 1),
         "policy_sha256": hashlib.sha256(policy).hexdigest(),
         **signature(systems_of(env)[0], settings.policy),
     }
     write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(run)})
+
+
+def _new_curve(spec: RunSpec) -> LearningCurve:
+    return LearningCurve(spec.settings.num_envs, spec.settings.steps)
 
 
 def _json(record: dict[str, Any]) -> bytes:
