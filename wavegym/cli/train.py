@@ -3,8 +3,8 @@
     wavegym train KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
 
 The same command with --resume continues a killed run and ends with the same weights; with more --steps it extends
-the run. ``wavegym evaluate`` takes DIR as a policy. DIR/curve.csv holds the learning curve, DIR/tensorboard the files of
-TensorBoard.
+the run. ``wavegym evaluate`` takes DIR as a policy. DIR/curve.csv holds the learning curve, DIR/tensorboard the files
+of TensorBoard.
 """
 
 from __future__ import annotations
