@@ -21,7 +21,7 @@ from scipy.stats import chi2
 
 from agents.dwell_bound import Relaxation
 from agents.leaderboard import ROOT
-from agents.loads_page import BASE, FOLDER, LOADS, SIMPLE, read_results, renew
+from agents.loads_page import AGENT, BASE, FOLDER, LOADS, SIMPLE, read_results, renew
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.policy import Policy
@@ -106,13 +106,13 @@ def _policies(task: Task, constants: Mapping[str, Constants]) -> dict[str, list[
 
 def _agents(task: Task) -> dict[str, list[Policy]]:
     """The trained agents by learner, each a list of seeds."""
-    return {"ppo": load_policy(RUNS, ENV_ID, task.system)} if RUNS.exists() else {}
+    return {AGENT: load_policy(RUNS, ENV_ID, task.system)} if RUNS.exists() else {}
 
 
 def _compared(
     task: Task, policies: Mapping[str, list[Policy]], seeds: list[int], reference: str, timed: int
 ) -> dict[str, Any]:
-    """What the members of each policy cost and do on the same worlds, and their cost against a reference."""
+    """What the members of each policy cost and do on the same worlds; their costs against a reference and the agent."""
     played, costs = dict[str, Any](), dict[str, Array]()
     for name, members in policies.items():
         watched = [_play(task, member, seeds) for member in members]
@@ -128,6 +128,8 @@ def _compared(
         }
     for name, figures in played.items():
         figures["against"] = statistics.difference(costs[name], costs[reference], _rng()).percent._asdict()
+        if AGENT in costs:
+            figures["agent_against"] = statistics.difference(costs[AGENT], costs[name], _rng()).percent._asdict()
     return played
 
 

@@ -49,6 +49,23 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     assert np.isfinite([policy["confirm"] for policy in found["policies"].values()]).all()
 
 
+@pytest.mark.usefixtures("brief")
+def test_the_agent_is_compared_with_every_policy(monkeypatch):
+    constants = {name: HEURISTICS[name].start for name in TIMELINE}
+    twins = [HEURISTICS["gain-per-second"].make(**constants["gain-per-second"]) for _ in range(2)]
+    monkeypatch.setattr(loads, "_agents", lambda task: {"ppo": twins})
+    results = loads.results_of(4, constants, worlds=5)
+    found = results["policies"]
+    assert found["gain-per-second"]["agent_against"] == {"value": 0.0, "ci": [0.0, 0.0]}
+    for policy in found.values():
+        assert policy["agent_against"]["value"] == pytest.approx(
+            100.0 * (found["ppo"]["belief"]["value"] / policy["belief"]["value"] - 1.0), rel=1e-9
+        )
+    lines = loads_page.agent_table([results]).splitlines()
+    assert lines[2].split("|")[2].strip() == "4 targets"
+    assert [line.split("|")[1].strip() for line in lines[4:]] == ["random", *TIMELINE]
+
+
 def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief, monkeypatch):
     for load in (4, 8):
         constants = {"earliest-deadline": HEURISTICS["earliest-deadline"].start}
