@@ -1,4 +1,4 @@
-"""The multifunction radar: dwells per second, and the time of a decision: ``python -m benchmarks.dwells``."""
+"""The multifunction radar: dwells per second, and the time of a decision; ``python -m benchmarks.dwells`` alone."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ def decisions() -> dict[str, float]:
     return {name: Loop(policy, 1, system.slots).decision_us() for name, policy in policies.items()}
 
 
-def main() -> None:
+def report() -> None:
     """Print Markdown tables."""
-    print("| multifunction radar | dwells per second |\n|---|---|")
+    print("\n| multifunction radar | dwells per second |\n|---|---|")
     for name, speed in speeds().items():
         print(f"| {name} | {speed:.0f} |")
     print("\n| decision, one environment, 64 slots | us |\n|---|---|")
@@ -88,4 +88,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    report()

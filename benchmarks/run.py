@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import torch
 
-from benchmarks import association, kalman, particle, planners, rf_eo, scheduling, training, urban
+from benchmarks import association, dwells, kalman, particle, planners, rf_eo, scheduling, training, urban
 
 PEERS = (
     ("filterpy", kalman.run),
@@ -31,6 +31,7 @@ def main() -> None:
     print("\n| urban scan | us |\n|---|---|")
     for name, us in urban.scans().items():
         print(f"| {name} | {us:.0f} |")
+    dwells.report()
     print("\n| planner | batch | us per decision | peak MiB |\n|---|---|---|---|")
     for name, decisions in (planners.run() | planners.rollouts() | rf_eo.lookaheads()).items():
         for d in decisions:
