@@ -31,7 +31,7 @@ def entry(**costs: list[float]) -> leaderboard.Entry:
 def account(cost: list[float]) -> Account:
     """With errors as believed."""
     costs, nothing = np.array([cost]), np.full((1, len(cost)), np.nan)
-    return Account(costs, np.sqrt(costs), np.sqrt(costs), nothing, 2.0 + 0.0 * costs, 0.0 * costs)
+    return Account(costs, np.sqrt(costs), np.sqrt(costs), nothing, 2.0 + 0.0 * costs, 0.0 * costs, nothing)
 
 
 @pytest.fixture
@@ -78,10 +78,11 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
     page, front = ((folders / name).read_text() for name in ("PAGE", "README"))
     assert page.startswith("before")
     assert page.endswith("after\n")
-    assert page.count("| KershawEvansPosition-v0") == 4
+    assert page.count("| KershawEvansPosition-v0") == 5
     confined = [line.split("|")[2:5] for line in page.splitlines() if line.startswith("| KershawEvansPosition ")]
     assert [[cell.strip() for cell in row] for row in confined] == [[a, "horizon=7", "0"] for a in ("PPO", "DQN")]
-    assert front.count("| KershawEvansPosition-v0") == 2
+    assert front.count("| KershawEvansPosition-v0") == 3
+    assert [cell.strip() for cell in front.splitlines()[-4].split("|")[2:4]] == ["rewards", "rewards"]
     assert page.count("By truth:") == front.count("By truth:") == 1
     assert "order by truth" in front or "No two policies" in front
     lines = [line for line in front.splitlines() if line.startswith("| KershawEvansPosition-v0")]
@@ -102,11 +103,23 @@ def test_tables_and_times_can_be_had_without_playing(
 
 def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> None:
     played = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 16.0, 4.0], ppo=[9.0, 18.0, 4.5])
-    assert played.recovered("ppo") == pytest.approx(np.log(0.9) / np.log(0.8))
+    share = played.recovered("ppo")
+    assert share.value == pytest.approx(np.log(0.9) / np.log(0.8))
+    assert share.ci == pytest.approx((share.value, share.value)), "the same in every world"
     assert played.against("ppo", "best-simple").value == pytest.approx(-10.0)
     assert played.error_against("ppo", "best-simple").value == pytest.approx(-10.0)
     nothing = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 30.0, 5.0], ppo=[9.0, 18.0, 4.5])
-    assert nothing.recovered("ppo") is None
+    assert nothing.recovered("ppo") == (None, None)
+    rng = np.random.default_rng(0)
+    simple = rng.uniform(5.0, 10.0, 400)
+    planner, ppo = (simple * np.exp(-gain + 0.05 * rng.standard_normal(400)) for gain in (0.2, 0.1))
+    share = entry(best_simple=list(simple), best_planner=list(planner), ppo=list(ppo)).recovered("ppo")
+    assert share.value is not None
+    assert share.ci is not None
+    # By the delta method: independent errors of both means, 0.05 / sqrt(400) each, over a gain of 0.2.
+    width = 1.96 * 0.05 / 20.0 / 0.2 * np.sqrt(1.0 + 0.5**2)
+    assert share.ci[1] - share.ci[0] == pytest.approx(2.0 * width, rel=0.15)
+    assert share.ci[0] < 0.5 < share.ci[1]
 
 
 def test_decisions_for_a_single_environment_are_compared() -> None:
@@ -124,7 +137,7 @@ def test_errors_orders_and_consistency_follow_from_the_accounts(monkeypatch: pyt
     played.accounts["ppo"] = flattered._replace(lost=np.full((1, 30), 0.5))
     line = leaderboard.errors([played]).splitlines()[-1]
     assert [cell.strip() for cell in line.split("|")[2:-1]] == [
-        *("0", "-20.0", "+20.0", "+20.0 to +20.0", "", "", "0.000", "0.000", "0.500", "")
+        *("0", "-20.0", "-20.0 to -20.0", "+20.0", "+20.0 to +20.0", "", "", "0.000", "0.000", "0.500", "")
     ]
     assert "best-simple against ppo +42.9 % by belief and -16.7 % by truth" in leaderboard.orders([played])
     monkeypatch.setattr(KershawEvans, "nees_dimension", 2, raising=False)

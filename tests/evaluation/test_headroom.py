@@ -58,6 +58,7 @@ def played(costs, errors=None):
             choice=np.zeros((*costs.shape, 0), int),
             options=np.zeros(count, int),
             seconds=steps * 1e-6,
+            outside=nothing,
         )
     ]
 

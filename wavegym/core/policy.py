@@ -33,3 +33,11 @@ class Clairvoyant(Policy, Protocol):
 
     def reveal(self, world: Any) -> None:
         """Receive the worlds that will be played (axis 0 = environment); called once after ``begin``."""
+
+
+@runtime_checkable
+class Trained(Policy, Protocol):
+    """A policy that knows the range of what it observed in its training."""
+
+    def is_outside_training(self) -> Array | None:
+        """Whether the observations of its last decision were outside that range, (env,) bool; None: no record."""

@@ -23,6 +23,7 @@ class Account(NamedTuple):
     gospa: Array  # root mean square GOSPA distance over steps, m
     nees: Array  # mean over steps and the targets present
     lost: Array  # tracks lost when the episode ended
+    outside: Array  # share of decisions on observations outside the range of the policy's training
 
     @property
     def in_gospa(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_int
+from wavegym.core.errors import InputError, InputWarning, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.worlds import tuning_tapes, world_seeds
 from wavegym.evaluation.account import Account, account_of
@@ -22,6 +23,7 @@ from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
 BASELINE = "myopic"
 FLOOR = "random"
+MOST_OUTSIDE = 0.1  # share of decisions on observations outside a policy's training without a warning
 CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network's last bits depend on its batch
 
 
@@ -105,6 +107,7 @@ def compare(
     played = {name: [merged([next(parts) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
     comparison = Comparison(task, root, seeds, played)
     _check_finite(comparison)
+    _warn_outside(comparison)
     return comparison
 
 
@@ -127,6 +130,17 @@ def _check_finite(comparison: Comparison) -> None:
                 f"policy {name!r} has a cost that is not finite in {broken} of {cost.shape[1]} worlds, "
                 f"expected finite costs: parameters of {comparison.task.env_id} are probably out of range"
             )
+
+
+def _warn_outside(comparison: Comparison) -> None:
+    """Warn of policies that often decide on observations unlike those of their training."""
+    for name in comparison.played:
+        share = float(comparison.account(name).outside.mean())
+        if share > MOST_OUTSIDE:
+            text = (
+                f"policy {name!r} takes {share:.0%} of its decisions on observations outside the range of its training"
+            )
+            warnings.warn(text, InputWarning, stacklevel=3)
 
 
 Members = dict[str, tuple[Task, Sequence[Policy]]]

@@ -12,7 +12,7 @@ from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.policy import Clairvoyant, Policy
+from wavegym.core.policy import Clairvoyant, Policy, Trained
 from wavegym.core.system import System
 from wavegym.core.worlds import word
 from wavegym.envs.vector import WaveformVectorEnv
@@ -35,6 +35,7 @@ class Played(NamedTuple):
     lost: Array  # (world,) tracks lost when the episode ended
     choice: Array  # (world, H, sensor) int, the waveform transmitted; -1 past an episode's end; no sensor for a box
     options: Array  # (world,) int, waveforms to choose from at each sensor; 0 for a box
+    outside: Array  # (world,) share of decisions on observations outside the range of the policy's training
     seconds: Array  # (world,) spent on decisions
 
     def episode_cost(self) -> Array:
@@ -103,6 +104,7 @@ def play(
     while account.running.any() and len(account.costs) != max_steps:
         action = policy.act(env.belief, observation, allowed(task.system, env.belief))
         account.seconds[account.running] += (perf_counter() - start) / account.running.sum()
+        account.outside += _outside_training(policy, account.running)
         try:
             observation, _, terminated, truncated, info = env.step(action)
         except InputError as error:
@@ -114,6 +116,12 @@ def play(
     return account.close()
 
 
+def _outside_training(policy: Policy, running: Array) -> Array:
+    """1 where a running world's observation is outside the policy's training, (world,); NaN where nobody knows."""
+    left = policy.is_outside_training() if isinstance(policy, Trained) else None
+    return np.full(len(running), np.nan) if left is None else 1.0 * (left & running)
+
+
 class _Account:
     """Running sums over the steps of a batch of episodes."""
 
@@ -122,6 +130,7 @@ class _Account:
         self.running = np.ones(count, np.bool_)
         self.costs: list[Array] = []
         self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
+        self.outside = np.zeros(count)
         self.span = np.zeros(count)
         self.square, self.variance, self.square_gospa = _Sum(), _Sum(), _Sum()
         self.nees_sums: list[Array] = []
@@ -165,6 +174,7 @@ class _Account:
             lost=self.lost,
             choice=np.stack(self.choices, axis=1) if self.sensors else np.zeros((*costs.shape, 0), np.int64),
             options=self.options,
+            outside=self.outside / self.steps,
             seconds=self.seconds,
         )
 

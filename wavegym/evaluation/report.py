@@ -51,7 +51,7 @@ def write_report(comparison: Comparison, folder: Path | str) -> str:
 def episodes(comparison: Comparison) -> str:
     """``episodes.csv``: a row per policy, member and world, with every digit; the same for any number of jobs.
 
-    ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``lost`` are the fields of ``Account``. ``favourite`` is
+    ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``outside`` are those of ``Account``. ``favourite`` is
     the waveform transmitted most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``,
     ``rmse_2``, ... and several sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is
     empty.

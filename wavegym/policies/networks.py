@@ -14,6 +14,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.observations.forecasts import PRESENT, Forecasts
+from wavegym.policies.training_range import TrainingRange
 
 
 class Network(NamedTuple):
@@ -148,16 +149,22 @@ class LearnedPolicy:
     Args:
         network: the trained network.
         forecasts: whether its observation holds forecasts of each candidate after the system's own elements.
+        training_range: of what it observed in its training; None: not known.
+
+    Attributes:
+        shown: what the network was given for its last decision, (env, element).
     """
 
-    def __init__(self, network: Network, forecasts: bool = False) -> None:
-        self.network, self.forecasts = network, forecasts
+    def __init__(self, network: Network, forecasts: bool = False, training_range: TrainingRange | None = None) -> None:
+        self.network, self.forecasts, self.training_range = network, forecasts, training_range
+        self.shown: Array | None = None
         self._forecasts: Forecasts | None = None
         self._elements = 0
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         self._forecasts = Forecasts(system) if self.forecasts else None
+        self.shown = None
         self._elements = len(system.observation_fields)
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
@@ -171,6 +178,7 @@ class LearnedPolicy:
             observation = np.concatenate([observation, self._forecasts(belief)], axis=1)
         if self.network.is_alike:
             observation = observation[:, self._elements :]
+        self.shown = observation
         outputs, heads = self.network.outputs(observation), self.network.heads
         if self.network.kind == "mixture":
             outputs, heads = _likeliest(outputs, *heads), ()
@@ -182,3 +190,9 @@ class LearnedPolicy:
             return outputs.argmax(axis=1)
         edges = np.cumsum(heads)[:-1]
         return np.stack([part.argmax(axis=1) for part in np.split(outputs, edges, axis=1)], axis=1)
+
+    def is_outside_training(self) -> Array | None:
+        """See ``Trained``."""
+        if self.training_range is None or self.shown is None:
+            return None
+        return self.training_range.is_left(self.shown)

@@ -34,6 +34,7 @@ from wavegym.core.system import System
 from wavegym.observations.forecasts import Forecasts
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.records import difference, read_run
+from wavegym.policies.training_range import KEY, TrainingRange
 from wavegym.registration import registered_system
 
 SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
@@ -118,12 +119,29 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
     _check_signature(folder, run, env_id, system)
     check_choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
     network, forecasts = read_network(folder, run), bool(run["settings"].get("forecasts", False))
-    shown = len(system.observation_fields) + (len(Forecasts(system).observation_fields) if forecasts else 0)
-    if network.is_alike:
-        shown = len(Forecasts(system).candidate_fields) if forecasts else 0
+    own = 0 if network.is_alike else len(system.observation_fields)
+    of_candidate, of_all = 0, 0
+    if forecasts:
+        fields = Forecasts(system)
+        of_candidate, of_all = len(fields.candidate_fields), len(fields.observation_fields)
+    shown = own + (of_candidate if network.is_alike else of_all)
     if network.inputs != shown:
         raise InputError(f"policy {str(folder)!r} observes {network.inputs} elements, but this {env_id} shows {shown}")
-    return LearnedPolicy(network, forecasts)
+    return LearnedPolicy(network, forecasts, _training_range(folder, run, own, of_candidate))
+
+
+def _training_range(folder: Path, run: dict[str, Any], own: int, forecasts: int) -> TrainingRange | None:
+    """The range on record, None where there is none. Raises an InputError if it is not one of so many elements."""
+    if KEY not in run:
+        return None
+    try:
+        found = TrainingRange.from_record(run[KEY])
+        if (found.own, found.low.shape, found.high.shape) == (own, (own + forecasts,), (own + forecasts,)):
+            return found
+    except (KeyError, TypeError, ValueError):
+        pass
+    wanted = f"own = {own} and low and high of {own + forecasts} numbers"
+    raise InputError(f"{folder / RUN} is no record of wavegym train: {KEY!r} is no range, expected {wanted}")
 
 
 def read_network(folder: Path, run: dict[str, Any]) -> Network:

@@ -19,11 +19,14 @@ from wavegym.learning.training.checkpoints import load_checkpoint
 from wavegym.learning.training.curve import LearningCurve
 from wavegym.learning.training.imitation import WarmUp, pretrain
 from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
+from wavegym.learning.training.observed import range_in_training
 from wavegym.learning.training.run_spec import RunSpec, check_resumable, check_unused, planned_steps
 from wavegym.learning.training.snapshots import restore
 from wavegym.learning.training.time_discount import NoteDurations
+from wavegym.policies.networks import LearnedPolicy
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import CHECKPOINTS, CURVE, MODEL, POLICY, RUN, SPEC, read_policy, signature
+from wavegym.policies.training_range import KEY
 
 
 def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = False, progress: bool = True) -> None:
@@ -97,7 +100,10 @@ def _learn(
         )
     curve.close_row(model.num_timesteps, 1)
     callback.note_time()
-    policy = export(model.policy).to_bytes()
+    network = export(model.policy)
+    policy = network.to_bytes()
+    learned = LearnedPolicy(network, settings.forecasts)
+    observed = range_in_training(learned, spec.env, spec.seed, settings.environment, settings.variants)
     run = {
         **spec.record(),
         "steps": model.num_timesteps,
@@ -105,6 +111,7 @@ def _learn(
         "cpu_seconds": round(curve.cpu_seconds, 1),
         "policy_sha256": hashlib.sha256(policy).hexdigest(),
         **signature(systems_of(env)[0], settings.policy),
+        KEY: observed.record(),
     }
     write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(run)})
 
