@@ -72,7 +72,12 @@ def saved(env_id: str) -> dict[str, Path]:
 
 def environment_of(folder: Path) -> dict[str, Any]:
     """The parameters in which the runs in a folder are played."""
-    return runs.environment_of(read_run(next(iter(sorted(folder.glob(f"*/{RUN}"))))))
+    return runs.environment_of(_first_run(folder))
+
+
+def _first_run(folder: Path) -> dict[str, Any]:
+    """The record of the first training seed."""
+    return read_run(min(folder.glob(f"*/{RUN}")))
 
 
 class Entry(NamedTuple):
@@ -90,13 +95,17 @@ class Entry(NamedTuple):
         """The same of the squared errors by truth."""
         return against(self.accounts[name].squared_error, self.accounts[reference].squared_error)
 
-    def recovered(self, name: str) -> float | None:
-        """The share of the planner's gain over the best simple heuristic; None if that gain is not significant."""
+    def recovered(self, name: str) -> statistics.Estimate:
+        """A policy's share of the planner's gain over the best simple heuristic; None if that is not significant.
+
+        The gains are logarithms of the ratios of costs, so a share is as good in an environment of large gains as of
+        small ones.
+        """
         gain = self.against(PLANNER, SIMPLE)
         if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > -1.0:
-            return None
-        own = self.against(name, SIMPLE).value
-        return None if own is None else float(np.log1p(own / 100.0) / np.log1p(gain.value / 100.0))
+            return statistics.Estimate(None, None)
+        own, others = (np.log(self.accounts[each].cost / self.accounts[SIMPLE].cost) for each in (name, PLANNER))
+        return statistics.ratio(own, np.broadcast_to(others, own.shape), _bootstrap())
 
 
 def names_played(env_id: str) -> dict[str, Any]:
@@ -109,8 +118,11 @@ def names_played(env_id: str) -> dict[str, Any]:
 
 def against(values: Array, reference: Array) -> statistics.Estimate:
     """Geometric mean of the paired ratios of (member, world) values, in per cent, with its interval."""
-    rng = np.random.default_rng([SEED, word("bootstrap")])
-    return statistics.difference(values, reference, rng).geometric
+    return statistics.difference(values, reference, _bootstrap()).geometric
+
+
+def _bootstrap() -> np.random.Generator:
+    return np.random.default_rng([SEED, word("bootstrap")])
 
 
 def entry(env_id: str) -> Entry:
@@ -130,6 +142,8 @@ def entry(env_id: str) -> Entry:
 Comparer = Callable[[Entry, str, str], statistics.Estimate]  # of two policies by name
 COMPARERS: tuple[Comparer, ...] = (Entry.against, Entry.error_against)
 PAIRS = ("PPO", "95 %", "DQN", "95 %")
+COMPARED = ("best planner", "95 %", *PAIRS)
+ALONE_STEPS = 1000  # a training with a teacher and no more steps is imitation alone
 
 
 def table(entries: Sequence[Entry]) -> str:
@@ -137,10 +151,11 @@ def table(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         simple = names_played(e.env_id).get(SIMPLE, SIMPLE)
-        share = e.recovered("ppo") if "ppo" in e.accounts else None
-        cells = _against_simple(e, Entry.against)
-        rows.append([_short(e), simple, *cells, "" if share is None else f"{100 * share:.0f} %"])
-    head = ["environment", "best simple heuristic", "myopic", "best planner", *PAIRS, "PPO recovers"]
+        share = e.recovered("ppo") if "ppo" in e.accounts else statistics.Estimate(None, None)
+        part = "" if share.value is None else f"{100.0 * share.value:.0f} %"
+        ends = "" if share.ci is None else " to ".join(f"{100.0 * end:.0f}" for end in share.ci)
+        rows.append([_short(e), simple, *_against_simple(e, Entry.against), part, ends])
+    head = ["environment", "best simple heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
     return tabulated(head, rows)
 
 
@@ -178,18 +193,34 @@ def errors(entries: Sequence[Entry]) -> str:
     for e in entries:
         lost = [decimal(statistics.average(e.accounts[name].lost)) if name in e.accounts else "" for name in played]
         rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
-    head = ["environment", "myopic", "best planner", *PAIRS, "lost: best simple", "planner", "PPO", "DQN"]
+    head = ["environment", "myopic", *COMPARED, "lost: best simple", "planner", "PPO", "DQN"]
     return tabulated(head, rows)
 
 
 def front(entries: Sequence[Entry]) -> str:
-    """What README shows: both tables, and the policies whose orders by belief and by truth differ."""
-    return f"{both(table(entries), errors(entries))}\n\n{orders(entries)}"
+    """What README shows: both tables, the policies whose orders by belief and by truth differ, and the teachers."""
+    return f"{both(table(entries), errors(entries))}\n\n{orders(entries)}\n\n{teachers(entries)}"
 
 
 def orders(entries: Sequence[Entry]) -> str:
     """The environments in which two policies have one order by belief and the other by truth."""
     return order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
+
+
+def teachers(entries: Sequence[Entry]) -> str:
+    """One line for each environment: what its agents learn from."""
+    rows = [[_short(e), *(learns_from(e.env_id, algo) for algo in LEARNERS)] for e in entries]
+    return tabulated(["environment", "PPO learns from", "DQN learns from"], rows)
+
+
+def learns_from(env_id: str, algo: str) -> str:
+    """Its rewards, a teacher that it imitates first, or both; "" without a saved agent."""
+    if algo not in saved(env_id):
+        return ""
+    settings = _first_run(saved(env_id)[algo])["settings"]
+    if not settings["teacher"]:
+        return "rewards"
+    return f"`{settings['teacher']}`" + (", then rewards" if settings["steps"] > ALONE_STEPS else " alone")
 
 
 def consistency_table(entries: Sequence[Entry]) -> str:
@@ -234,7 +265,7 @@ def _given(parameters: dict[str, Any]) -> str:
 
 def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
     """Myopic, the best planner and the agents against the best simple heuristic."""
-    cells = [signed(comparer(e, name, SIMPLE).value) for name in (BASELINE, PLANNER)]
+    cells = [signed(comparer(e, BASELINE, SIMPLE).value), *shown(comparer(e, PLANNER, SIMPLE))]
     for algo in LEARNERS:
         cells += shown(comparer(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
     return cells
@@ -257,7 +288,7 @@ def shown(estimate: statistics.Estimate) -> list[str]:
 def _nees(account: Account | None, dimension: int | None) -> list[str]:
     if account is None:
         return ["", ""]
-    found = consistency(account, dimension, np.random.default_rng([SEED, word("bootstrap")]))
+    found = consistency(account, dimension, _bootstrap())
     ends = interval(None if found.nees.ci is None else list(found.nees.ci), number)
     return [flagged(found.nees.value, found.flag), ends]
 
