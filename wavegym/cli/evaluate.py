@@ -24,7 +24,8 @@ delay-index, frame-greedy, searched-dwell; planners that simulate futures: rollo
 dwell-rollout:N, receding-horizon, plan-once, best-planner; a planner that improves on another policy:
 rollout:H@POLICY; a baseline that the system names, such as open-loop of Urban; a scheduler registered by a package;
 ppo and dqn, the trained agents that come with the environment; the folder of a trained run (or of several runs, one for
-each seed); with --trust, a model saved by Stable-Baselines3 (FILE.zip) or package.module:factory"""
+each seed); an ONNX file (FILE.onnx), as of wavegym export; with --trust, a model saved by Stable-Baselines3 (FILE.zip)
+or package.module:factory"""
 
 RECORDED = "KershawEvansPosition-v0"
 
@@ -108,15 +109,16 @@ def policies(names: str) -> dict[str, Any]:
     Raises:
         InputError: two policies of one name, or none at all.
     """
-    from wavegym.evaluation.saved import is_archive, is_folder
+    from wavegym.evaluation.saved import is_archive, is_folder, is_onnx
     from wavegym.schedulers.registry import is_scheduler
 
     found: dict[str, Any] = {}
     for name in filter(None, (part.strip() for part in names.split(","))):
         key, source = name, None
-        if not is_scheduler(name) and (is_archive(name) or is_folder(name)):
+        is_file = is_archive(name) or is_onnx(name)
+        if not is_scheduler(name) and (is_file or is_folder(name)):
             source = Path(name)
-            key = source.stem if is_archive(name) else source.resolve().name
+            key = source.stem if is_file else source.resolve().name
         if key in found:
             raise InputError(f"two policies are called {key!r}, expected different names (rename a folder)")
         found[key] = source

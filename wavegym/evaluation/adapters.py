@@ -58,8 +58,8 @@ def as_policy(
         given: a Policy; a function (observation) -> actions, of observations (env, fields) float32 and actions
             (env, ...); an object with ``predict``, such as a model of Stable-Baselines3, which is asked for its
             deterministic actions and given masks if it takes ``action_masks``; a Factory; the name of a scheduler; the
-            name of a saved agent, which stands for its first training run; the folder of a training run; with
-            ``trust``, a ``.zip`` file of Stable-Baselines3 or ``"package.module:factory"``.
+            name of a saved agent, which stands for its first training run; the folder of a training run; an ``.onnx``
+            file; with ``trust``, a ``.zip`` file of Stable-Baselines3 or ``"package.module:factory"``.
         env: id or Task of the environment to be played; needed for a Factory, a name, a folder and a file.
         name: of the policy, in error messages.
         trust: whether code in files and modules may run.
@@ -126,6 +126,8 @@ def _from_source(source: str | Path, task: Task, trust: bool, tapes: Any) -> lis
             return [make_policy(text, system, _tapes(task, tapes))]
         if text in saved.LEARNERS:
             return saved.load_folder(saved.saved_agent(text, task.env_id), task.env_id, system)
+    if saved.is_onnx(text):
+        return [saved.load_onnx(Path(source))]
     if saved.is_archive(text):
         return as_policies(saved.load_archive(Path(source), trust), task, text)
     if isinstance(source, Path) or saved.is_folder(text):

@@ -52,6 +52,18 @@ def is_archive(source: str) -> bool:
     return source.endswith(".zip")
 
 
+def is_onnx(source: str) -> bool:
+    """Whether ``source`` is meant as a policy in an ONNX file."""
+    return source.endswith(".onnx")
+
+
+def load_onnx(path: Path) -> Policy:
+    """The policy in an ONNX file; runs no code of it. Raises an InputError for any other file."""
+    from wavegym.policies.onnx_policy import OnnxPolicy
+
+    return OnnxPolicy(path)
+
+
 def is_code(source: str) -> bool:
     """Whether ``source`` is ``package.module:factory`` of an installed package. Imports nothing."""
     return bool(CODE.fullmatch(source)) and importlib.util.find_spec(source.partition(":")[0].split(".")[0]) is not None
