@@ -33,6 +33,7 @@ COMMANDS = {
     "play": Command("play one episode with a policy; optionally write a GIF", "play", "play"),
     "train": Command("train an agent (extra: agents)", "train", "train"),
     "evaluate": Command("compare policies on the same worlds", "evaluate", "evaluate"),
+    "submit": Command("play a submission to the board", "submit", "submit"),
     "tracks": Command("show what is in a recording of targets", "tracks", "tracks"),
     "dataset": Command("write episodes of a policy as a Minari dataset (extra: minari)", "dataset", "dataset"),
     "export": Command("write a trained policy as an ONNX file (extra: onnx)", "export", "export"),

@@ -1,0 +1,90 @@
+"""The board: tables and picture of several submissions that played the same worlds."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavegym.core.arrays import Array
+from wavegym.core.worlds import word
+from wavegym.evaluation import statistics
+from wavegym.evaluation.statistics import Estimate
+from wavegym.evaluation.submission import suite
+from wavegym.evaluation.suite_score import over_suite, profile, suite_score
+from wavegym.evaluation.table import interval, signed, tabulated
+
+Record = Mapping[str, Any]  # of ``submission.play_submission``
+FARTHEST = 50.0  # per cent, of the picture
+
+
+def table(record: Record) -> str:
+    """A line for each environment of one submission: cost by belief and squared error by truth against best-simple."""
+    rows = []
+    for env_id, found in record["environments"].items():
+        cells = [env_id.rpartition("/")[2]]
+        for figure in ("cost", "error"):
+            estimate = statistics.difference(*_pair(found, figure), _bootstrap(record)).geometric
+            cells += [signed(estimate.value), interval(_ends(estimate), signed)]
+        spent = found["cpu_seconds"]
+        rows.append([*cells, f"{found['microseconds']:g}", f"{found['steps']}", "" if spent is None else f"{spent:g}"])
+    head = ["environment", "cost %", "95 %", "squared error by truth %", "95 %", "us", "steps", "CPU seconds"]
+    return tabulated(head, rows)
+
+
+def scores(records: Sequence[Record]) -> str:
+    """A line for each submission over the whole suite, the cheapest first."""
+    known, lines = suite(), list[tuple[float, list[str]]]()
+    for record in records:
+        found = suite_score(_logs(record), known, _bootstrap(record))
+        cells = [record["name"], f"{len(record['environments'])} of {len(known)}"]
+        for estimate in (found.mean, found.interquartile):
+            cells += [signed(estimate.value), interval(_ends(estimate), signed)]
+        ends = _ends(found.improvement) or []
+        cells += [f"{found.improvement.value:.2f}", " to ".join(f"{end:.2f}" for end in ends), record["code"]]
+        lines.append((found.mean.value or 0.0, cells))
+    head = ["submission", "plays", "geometric mean %", "95 %", "interquartile mean %", "95 %"]
+    ordered = [cells for _, cells in sorted(lines, key=lambda line: line[0])]
+    return tabulated([*head, "probability of improvement", "95 %", "code"], ordered)
+
+
+def picture(records: Sequence[Record]) -> bytes:
+    """Performance profiles as PNG: the share of worlds that cost at most so much more than under best-simple."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes, known = figure.subplots(), suite()
+    percents = np.linspace(-FARTHEST, FARTHEST, 401)
+    for record in records:
+        axes.plot(percents, profile(over_suite(_logs(record), known), percents), label=record["name"])
+    axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
+    axes.set(xlabel="cost above that of the best simple heuristic [%]", ylabel="share of environments and worlds")
+    axes.set(xlim=(-FARTHEST, FARTHEST), ylim=(0.0, 1.0))
+    axes.legend(fontsize="small")
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
+    return png.getvalue()
+
+
+def _logs(record: Record) -> dict[str, Array]:
+    """ln of the ratios of the costs, (world,), by environment."""
+    pairs = {env_id: _pair(found, "cost") for env_id, found in record["environments"].items()}
+    return {env_id: np.log(own / simple)[0] for env_id, (own, simple) in pairs.items()}
+
+
+def _pair(found: Mapping[str, Any], figure: str) -> tuple[Array, Array]:
+    """A figure of the submission and of the best simple heuristic, (1, world) each."""
+    own, simple = (np.array([found[name]], np.float64) for name in (figure, f"simple_{figure}"))
+    return own, simple
+
+
+def _bootstrap(record: Record) -> np.random.Generator:
+    return np.random.default_rng([record["root"], word("bootstrap")])
+
+
+def _ends(estimate: Estimate) -> list[float] | None:
+    return None if estimate.ci is None else list(estimate.ci)

@@ -1,0 +1,186 @@
+"""Submissions to the board: policies in files that run no code, played on worlds of a root drawn after they were made.
+
+A submission is a folder with ``submission.toml`` and the files that it names::
+
+    name = "mine"
+    code = "https://example.org/mine, version 3"
+
+    [policies.KershawEvansPosition-v0]
+    file = "kershaw.onnx"      # or the folder of a run
+    steps = 640_000            # of all its training, trials not counted
+    cpu_seconds = 900.0        # of the same; leave it out if it is not known
+
+    [policies.AgileClutter-v0]
+    file = "agile.onnx"
+    steps = 640_000
+    settings = { action = "joint" }
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Iterator
+from dataclasses import field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ConfigDict, NonNegativeFloat, NonNegativeInt, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from wavegym.core.errors import InputError, check_choice
+from wavegym.core.version import VERSION
+from wavegym.evaluation.comparison import compare
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.saved import is_onnx
+from wavegym.evaluation.summary import us_per_decision
+from wavegym.evaluation.task import make_task
+from wavegym.registration import SYSTEMS, full_id
+from wavegym.schedulers.tuned_constants import SIMPLE, recorded
+
+FILE = "submission.toml"
+SETTINGS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
+DIGITS = 6  # of a cost
+CLOSED = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True, config=CLOSED)
+class Entry:
+    """A policy for one environment.
+
+    Attributes:
+        file: an ONNX file or the folder of a run, relative to the submission.
+        steps: of its training.
+        cpu_seconds: of its training; None: not known.
+        settings: of the environment's action set.
+    """
+
+    file: Path
+    steps: NonNegativeInt
+    cpu_seconds: NonNegativeFloat | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, config=CLOSED)
+class Submission:
+    """What ``submission.toml`` says.
+
+    Attributes:
+        name: of the entrant; letters, digits, - and _.
+        code: where the code of the training is, and which version.
+        policies: by environment, with or without ``wavegym/``.
+    """
+
+    name: str
+    code: str
+    policies: dict[str, Entry]
+
+
+def suite() -> list[str]:
+    """The environments of the board: those of the suite that have a best simple heuristic on record."""
+    return [env_id for env_id in SYSTEMS if SIMPLE in recorded(make_task(env_id, {}).system)]
+
+
+def read_submission(folder: Path) -> Submission:
+    """The submission in a folder, with full ids and whole paths.
+
+    Raises:
+        InputError: no or an invalid file, an environment that is not on the board, settings that are not allowed, or
+            a file that may hold code.
+    """
+    path = folder / FILE
+    try:
+        found = TypeAdapter(Submission).validate_python(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValidationError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {' '.join(str(error).split())}") from None
+    if not found.name.replace("-", "").replace("_", "").isalnum():
+        raise InputError(f"{path}: name is {found.name!r}, expected letters, digits, - and _")
+    if not found.policies:
+        raise InputError(f"{path}: there is no policy, expected [policies.KershawEvansPosition-v0] or another id")
+    known, policies = suite(), {}
+    for name, entry in found.policies.items():
+        env_id = check_choice(f"{path}: environment", full_id(name), known)
+        for setting in entry.settings:
+            check_choice(f"{path}: setting of {name}", setting, SETTINGS)
+        file = folder / entry.file
+        if not (is_onnx(str(file)) and file.is_file()) and not file.is_dir():
+            raise InputError(f"{path}: file of {name} is {str(entry.file)!r}, expected an .onnx file or a run's folder")
+        policies[env_id] = Entry(file, entry.steps, entry.cpu_seconds, entry.settings)
+    return Submission(found.name, found.code, policies)
+
+
+def play_submission(
+    submission: Submission, out: Path, *, root: int, worlds: int, jobs: int = -1, progress: bool = True
+) -> Iterator[str]:
+    """Play every policy and the best simple heuristic; write ``out``/NAME.json after each environment; yield its id.
+
+    What the file already has of the same policy, root, worlds and version is not played again.
+
+    Args:
+        submission: what to play.
+        out: folder of the record.
+        root: of the worlds.
+        worlds: in each environment.
+        jobs: processes; -1 = one for each core.
+        progress: show a bar on a terminal.
+
+    Raises:
+        InputError: see ``compare``.
+    """
+    file = out / f"{submission.name}.json"
+    about = {"name": submission.name, "code": submission.code, "version": VERSION, "root": root, "worlds": worlds}
+    earlier = read_record(file) if file.exists() else {}
+    same = all(earlier.get(key) == about[key] for key in ("version", "root", "worlds"))
+    kept = earlier.get("environments", {}) if same else {}
+    played: dict[str, Any] = {}
+    for env_id, entry in submission.policies.items():
+        content = _sha256(entry.file)
+        if kept.get(env_id, {}).get("sha256") != content:
+            figures = _play(env_id, submission.name, entry, {"worlds": worlds, "root": root, "jobs": jobs}, progress)
+            kept = {**kept, env_id: {**figures, "sha256": content}}
+        declared = {"steps": entry.steps, "cpu_seconds": entry.cpu_seconds, "settings": entry.settings}
+        played[env_id] = {**kept[env_id], **declared}
+        write_whole(out, {file.name: (json.dumps({**about, "environments": played}, indent=1) + "\n").encode()})
+        yield env_id
+
+
+def read_record(file: Path) -> dict[str, Any]:
+    """A record of ``play_submission``. Raises an InputError for any other file."""
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+        if {"name", "version", "root", "worlds", "environments"} <= set(found):
+            return dict(found)
+    except (OSError, ValueError, TypeError):
+        pass
+    raise InputError(f"{file} is no record of a submission, expected one that wavegym submit wrote")
+
+
+def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress: bool) -> dict[str, Any]:
+    """Costs and squared errors of the policy and of the best simple heuristic, which plays with its own actions."""
+    own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.settings)
+    simple = compare(env_id, {SIMPLE: None}, progress=progress, **common)
+    figures: dict[str, Any] = {}
+    for prefix, comparison, policy in (("", own, name), ("simple_", simple, SIMPLE)):
+        account = comparison.account(policy)
+        figures[f"{prefix}cost"] = _rounded(account.cost.mean(axis=0))
+        figures[f"{prefix}error"] = _rounded(account.squared_error.mean(axis=0))
+    return {**figures, "microseconds": float(f"{us_per_decision(own, name):.3g}")}
+
+
+def _rounded(values: Any) -> list[float | None]:
+    """To significant digits, None where there is no value."""
+    return [None if math.isnan(value) else float(f"{value:.{DIGITS}g}") for value in np.asarray(values).tolist()]
+
+
+def _sha256(path: Path) -> str:
+    """Of a file, or of all files in a folder with their names."""
+    digest = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            digest.update(str(file.relative_to(path.parent)).encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
