@@ -56,7 +56,7 @@ def test_the_page_holds_every_record_of_the_latest_release(folder: Path) -> None
     environments = {"wavegym/KershawEvans-v0": {"microseconds": 3.0, "steps": 5, "cpu_seconds": 7.0}}
     for name in ("error", "simple_error", "simple_cost"):
         environments["wavegym/KershawEvans-v0"][name] = [1.0, 2.0]  # type: ignore[assignment]
-    for name, ratio in (("first", 0.9), ("second", 0.8)):
+    for name, ratio in (("plum", 0.9), ("pear", 0.8)):
         costs = {"wavegym/KershawEvans-v0": {**environments["wavegym/KershawEvans-v0"], "cost": [ratio, 2.0 * ratio]}}
         about = {"name": name, "code": "here", "version": VERSION, "root": 1, "worlds": 2, "environments": costs}
         (folder / VERSION / f"{name}.json").write_text(json.dumps(about))
@@ -64,8 +64,8 @@ def test_the_page_holds_every_record_of_the_latest_release(folder: Path) -> None
     page = (folder / "page.md").read_text()
     assert page.startswith("before\n")
     assert page.endswith("after\n")
-    rows = [line for line in page.splitlines() if line.startswith("|") and ("first" in line or "second" in line)]
-    assert ["second" in row for row in rows] == [True, False], "the cheaper one first"
+    rows = [line for line in page.splitlines() if line.startswith("|") and ("plum" in line or "pear" in line)]
+    assert ["pear" in row for row in rows] == [True, False], "the cheaper one first"
     assert page.count("| KershawEvans-v0 |") == 2
-    assert np.all([f"### {name}" in page for name in ("first", "second")])
+    assert np.all([f"### {name}" in page for name in ("plum", "pear")])
     assert (folder / "images" / "board.png").exists()
