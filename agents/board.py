@@ -62,9 +62,11 @@ def own(algo: str) -> Submission:
 
 
 def renew() -> None:
-    """Renew the page and the picture."""
+    """Renew the page and the picture, if there is a record."""
     folder, about = latest()
     records = [read_record(file) for file in sorted(folder.glob("*.json")) if file.name != RELEASE]
+    if not records:
+        return
     parts = [
         f"Release {about['version']}, {about['worlds']} worlds of the root {about['root']}.",
         board.scores(records),

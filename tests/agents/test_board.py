@@ -53,6 +53,8 @@ def test_the_agents_of_the_suite_are_those_whose_actions_the_board_admits() -> N
 
 def test_the_page_holds_every_record_of_the_latest_release(folder: Path) -> None:
     board.release()
+    board.renew()
+    assert (folder / "page.md").read_text().startswith("before"), "without a record nothing changes"
     environments = {"wavegym/KershawEvans-v0": {"microseconds": 3.0, "steps": 5, "cpu_seconds": 7.0}}
     for name in ("error", "simple_error", "simple_cost"):
         environments["wavegym/KershawEvans-v0"][name] = [1.0, 2.0]  # type: ignore[assignment]
