@@ -234,6 +234,17 @@ def consistency_table(entries: Sequence[Entry]) -> str:
     return tabulated(head, rows)
 
 
+def medians(entries: Sequence[Entry]) -> str:
+    """One line for each environment: medians of the ratios of the costs, which a few worlds cannot decide."""
+    rows = []
+    for e in entries:
+        simple = e.accounts[SIMPLE].cost
+        ratios = {name: e.accounts[name].cost / simple for name in (PLANNER, *LEARNERS) if name in e.accounts}
+        found = {name: statistics.median(100.0 * (ratio - 1.0)) for name, ratio in ratios.items()}
+        rows.append([_short(e), *(signed(found[name]) if name in found else "" for name in (PLANNER, *LEARNERS))])
+    return tabulated(["environment", "median: best planner", "PPO", "DQN"], rows)
+
+
 def details(entries: Sequence[Entry]) -> str:
     """One line for each environment: training seeds and time per decision."""
     rows = []
@@ -297,7 +308,7 @@ def renew(env_ids: Sequence[str]) -> None:
     """Renew the tables in docs/learned.md and README."""
     entries = [entry(env_id) for env_id in env_ids]
     first = front(entries)
-    page = "\n\n".join([first, consistency_table(entries), details(entries), libraries(entries)])
+    page = "\n\n".join([first, medians(entries), consistency_table(entries), details(entries), libraries(entries)])
     for file, text in ((PAGE, page), (README, first)):
         blocks.renew(file, START, END, text)
 

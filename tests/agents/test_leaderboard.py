@@ -78,7 +78,7 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
     page, front = ((folders / name).read_text() for name in ("PAGE", "README"))
     assert page.startswith("before")
     assert page.endswith("after\n")
-    assert page.count("| KershawEvansPosition-v0") == 5
+    assert page.count("| KershawEvansPosition-v0") == 6
     confined = [line.split("|")[2:5] for line in page.splitlines() if line.startswith("| KershawEvansPosition ")]
     assert [[cell.strip() for cell in row] for row in confined] == [[a, "horizon=7", "0"] for a in ("PPO", "DQN")]
     assert front.count("| KershawEvansPosition-v0") == 3
@@ -120,6 +120,12 @@ def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> 
     width = 1.96 * 0.05 / 20.0 / 0.2 * np.sqrt(1.0 + 0.5**2)
     assert share.ci[1] - share.ci[0] == pytest.approx(2.0 * width, rel=0.15)
     assert share.ci[0] < 0.5 < share.ci[1]
+
+
+def test_medians_are_of_all_worlds_and_seeds() -> None:
+    played = entry(best_simple=[10.0, 20.0, 30.0], best_planner=[9.0, 10.0, 27.0], ppo=[8.0, 20.0, 33.0])
+    line = leaderboard.medians([played]).splitlines()[-1]
+    assert [cell.strip() for cell in line.split("|")[2:-1]] == ["-10.0", "0", ""]
 
 
 def test_decisions_for_a_single_environment_are_compared() -> None:
