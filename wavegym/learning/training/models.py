@@ -26,6 +26,8 @@ from wavegym.learning.policies.scorer import Layout, MaskableScorerPolicy, Score
 from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.training.run_spec import RunSpec
 from wavegym.learning.training.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
+from wavegym.policies.records import difference
+from wavegym.policies.runs import signature
 
 ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
@@ -119,12 +121,14 @@ def _environments(spec: RunSpec, count: int) -> BatchedVecEnv:
     """``count`` of the run's environments of each variant.
 
     Raises:
-        InputError: the algorithm or the policy cannot choose their actions; variants of unlike spaces.
+        InputError: the algorithm or the policy cannot choose their actions; variants whose observations or actions
+            differ in their meaning.
     """
     settings = spec.settings
     shell = {"reward": settings.reward, "forecasts": settings.forecasts}
     variants = [{**settings.environment, **own} for own in settings.variants or ({},)]
     parts = [SB3VecEnv(spec.env, count, **shell, **variant) for variant in variants]
+    _check_alike(parts, variants, settings.policy)
     env: BatchedVecEnv = SB3MixedVecEnv(parts) if len(parts) > 1 else parts[0]
     if not isinstance(env.action_space, spaces.Discrete):
         for name, asked in (("dqn", spec.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
@@ -136,6 +140,17 @@ def _environments(spec: RunSpec, count: int) -> BatchedVecEnv:
     if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):
         raise InputError(f"modes is {modes}, expected 1: the actions of {spec.env} are {env.action_space}, no box")
     return env
+
+
+def _check_alike(parts: list[SB3VecEnv], variants: list[dict[str, Any]], policy: str) -> None:
+    """Raise an InputError if an element of the observations, or an action, means different things in two variants."""
+    first, *others = (signature(part.get_attr("system", 0)[0], policy) for part in parts)
+    for own, variant in zip(others, variants[1:], strict=True):
+        if unlike := difference(own, first):
+            raise InputError(
+                f"variants differ in what an agent sees or does: with {variant}, {unlike.name} is {unlike.here}, "
+                f"expected that of {variants[0] or 'the defaults'}, {unlike.there}"
+            )
 
 
 def try_out(spec: RunSpec) -> None:
