@@ -43,7 +43,8 @@ COLOURS = {
 def renew(folder: Path = FOLDER) -> None:
     """Renew the page and the picture from all results."""
     results = [found for load in LOADS if (found := read_results(folder / f"{load}.json"))]
-    parts = [agent_table(results)] if AGENT in results[0]["policies"] else []
+    with_agent = [found for found in results if "agent_against" in found["policies"][BASE]]
+    parts = [agent_table(with_agent)] if with_agent else []
     parts += [f"### {found['load']} targets, {found['worlds']} worlds\n\n{table(found)}" for found in results]
     planned, shifted = (read_results(folder / f"{name}.json") for name in ("planners", "shifts"))
     if planned:
@@ -57,7 +58,7 @@ def renew(folder: Path = FOLDER) -> None:
 
 
 def agent_table(results: list[dict[str, Any]]) -> str:
-    """The agent's cost by belief against that of each policy, in per cent, at each load."""
+    """The agent's cost by belief against that of each policy, in per cent, at each load where that was noted."""
     head = ["policy", *(cell for found in results for cell in (f"{found['load']} targets", "95 %"))]
     rows = []
     for name in (name for name in results[0]["policies"] if name != AGENT):

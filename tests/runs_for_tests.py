@@ -17,7 +17,15 @@ from wavegym.learning.training.run_spec import RunSpec
 ID = "wavegym/KershawEvansPosition-v0"
 ENVIRONMENT = {"horizon": 7, "max_episode_steps": 6}
 SMALL: dict[str, dict[str, Any]] = {
-    "ppo": {"num_envs": 3, "n_steps": 10, "batch_size": 15, "n_epochs": 2, "network": [8, 8], "steps": 300},
+    "ppo": {
+        "num_envs": 3,
+        "n_steps": 10,
+        "batch_size": 15,
+        "n_epochs": 2,
+        "network": [8, 8],
+        "steps": 300,
+        "variants": [],
+    },
     "dqn": {
         "num_envs": 3,
         "buffer_size": 90,  # wraps around
@@ -28,6 +36,7 @@ SMALL: dict[str, dict[str, Any]] = {
         "network": [8, 8],
         "exploration_fraction": 0.8,
         "steps": 300,
+        "variants": [],
     },
 }
 EVERY = {"ppo": 60, "dqn": 50}

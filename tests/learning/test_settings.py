@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,6 +35,23 @@ def test_layers_override_each_other(tmp_path: Path) -> None:
     assert changed.gamma == 0.0
     assert changed.environment == {"q": 2.0, "horizon": 5}
     assert load_settings("wavegym/KershawEvans-v0", "dqn", file=file).environment == {}
+
+
+def test_parameters_that_are_given_hold_in_all_variants(tmp_path: Path) -> None:
+    file = tmp_path / "settings.toml"
+    variants = "variants = [{ q = 1.0 }, { q = 4.0, horizon = 9 }]"
+    own = f'["{POSITION}".ppo]\nnum_envs = 4\n{variants}\n["{POSITION}".ppo.environment]\nhorizon = 5\n'
+    file.write_text(own + FILE.read_text().partition('["wavegym/')[0])
+
+    def loaded(*given: dict[str, Any]) -> tuple[dict[str, Any], tuple[dict[str, Any], ...]]:
+        settings = load_settings(POSITION, "ppo", *given, file=file)
+        return settings.environment, settings.variants
+
+    assert loaded() == ({"horizon": 5}, ({"q": 1.0}, {"q": 4.0, "horizon": 9}))
+    assert loaded({}, {"q": 2.0}) == ({"horizon": 5, "q": 2.0}, ({}, {"horizon": 9}))
+    assert loaded({"environment": {"horizon": 3}}) == ({"horizon": 3}, ({"q": 1.0}, {"q": 4.0}))
+    assert loaded({}, {"q": 2.0, "horizon": 3}) == ({"horizon": 3, "q": 2.0}, ()), "nothing differs any more"
+    assert loaded({"variants": [{"q": 8.0}, {}]}, {"q": 2.0})[1] == ({"q": 8.0}, {}), "variants that are asked for"
 
 
 def test_a_table_that_is_like_another_takes_its_settings_and_keeps_its_own(tmp_path: Path) -> None:
@@ -75,7 +93,7 @@ def test_types_are_those_of_the_algorithms() -> None:
         ("ppo", {"learning_rate": float("nan")}, "learning_rate is nan"),
         ("ppo", {"num_envs": 0}, "num_envs is 0"),
         ("ppo", {"batch_size": 1}, "batch_size is 1, expected an integer >= 2 (nearest: 2)"),
-        ("ppo", {"n_steps": 1, "num_envs": 1}, "n_steps times num_envs is 1, expected >= 2"),
+        ("ppo", {"n_steps": 1, "num_envs": 1, "variants": []}, "n_steps times num_envs is 1, expected >= 2"),
         ("ppo", {"network": [64, -1]}, "network.1 is -1"),
         (
             "ppo",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -153,7 +153,7 @@ def load_settings(
         env_id: a registered id; without a table of its own it takes the algorithm's settings.
         algo: "ppo" or "dqn".
         changes: further settings by name.
-        environment: further parameters of the environment by name.
+        environment: further parameters of the environment by name. They hold in all variants of the file.
         file: the settings file.
 
     Raises:
@@ -171,6 +171,8 @@ def load_settings(
     values = {key: value for layer in layers for key, value in layer.items()}
     parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
     values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
+    if "variants" not in (changes or {}):
+        values["variants"] = _without(values.get("variants", ()), {**parameters[-2], **parameters[-1]})
     settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
     for name in SHELL.keys() & set().union(settings.environment, *settings.variants):
         raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
@@ -184,6 +186,12 @@ def load_settings(
     if isinstance(settings, PPOSettings) and settings.n_steps * settings.num_envs < 2:
         raise InputError("n_steps times num_envs is 1, expected >= 2 transitions in a rollout (nearest: n_steps=2)")
     return settings
+
+
+def _without(variants: Sequence[Mapping[str, Any]], given: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The variants without the parameters that are given; none if nothing is left that differs."""
+    left = [{name: value for name, value in variant.items() if name not in given} for variant in variants]
+    return left if any(left) else []
 
 
 def _tables(file: Path) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from scipy.special import softmax
 from scipy.stats import binomtest, entropy
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 
+from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, training_seeds
 from wavegym.learning.policies.export import export
@@ -311,13 +312,22 @@ def test_each_variant_has_an_equal_share_of_the_lessons(monkeypatch: pytest.Monk
     given: list[tuple[Any, int]] = []
 
     def note(system: Any, teacher: Any, actor: Any, worlds: Any, *others: Any) -> Any:
-        given.append((system.dead_steps, len(system.initial(worlds).belief.step)))
+        given.append((system.reference_range, len(system.initial(worlds).belief.step)))
         return demonstrations(system, teacher, actor, worlds, *others)
 
     monkeypatch.setattr(imitation, "demonstrations", note)
     changes = {"num_envs": 4, "teacher": "cost-of-delay", "teacher_episodes": 6, "imitation_rounds": 2}
-    variants = [{"dead_steps": 2}, {"dead_steps": 3}]
+    variants = [{"reference_range": 4e3}, {"reference_range": 5e3}]
     chosen = load_settings(ID, "ppo", {**SMALL["ppo"], **changes, "variants": variants})
     model = build_model(RunSpec(ID, "ppo", 3, chosen))
     pretrain(model, chosen, systems_of(model.get_env()), 3)
-    assert given == [(2, 3), (3, 3)] * 2
+    assert given == [(4e3, 3), (5e3, 3)] * 2
+
+
+def test_variants_in_which_an_agent_sees_other_things_are_an_error() -> None:
+    """The scaling of the delays of looks depends on the dead steps."""
+    variants = [{"dead_steps": 2}, {"dead_steps": 3}]
+    spec = RunSpec(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], "num_envs": 4, "variants": variants}))
+    wanted = r"variants differ in what an agent sees or does: scaling with \{'dead_steps': 3\}, expected as with"
+    with pytest.raises(InputError, match=wanted):
+        build_model(spec)

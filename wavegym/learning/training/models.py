@@ -147,10 +147,8 @@ def _check_alike(parts: list[SB3VecEnv], variants: list[dict[str, Any]], policy:
     first, *others = (signature(part.get_attr("system", 0)[0], policy) for part in parts)
     for own, variant in zip(others, variants[1:], strict=True):
         if unlike := difference(own, first):
-            raise InputError(
-                f"variants differ in what an agent sees or does: with {variant}, {unlike.name} is {unlike.here}, "
-                f"expected that of {variants[0] or 'the defaults'}, {unlike.there}"
-            )
+            known = f"expected as with {variants[0] or 'the defaults'}"
+            raise InputError(f"variants differ in what an agent sees or does: {unlike.name} with {variant}, {known}")
 
 
 def try_out(spec: RunSpec) -> None:
