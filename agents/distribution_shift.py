@@ -3,7 +3,8 @@
 ``results/distribution_shifts.toml`` lists the changed parameters. Agents and tuned constants stay those of the
 original parameters. Each shift is played twice: the tracker, and therefore prediction, knows the new parameters; and,
 where the truth may differ in all of them, the tracker does not. There the best planner plays too, on the first
-``PLANNED`` of the worlds. Results go to results/distribution_shift, their tables to docs/learned.md. ``--tables``
+``PLANNED`` of the worlds. Results go to results/distribution_shift, their tables to docs/learned.md. ``--outside`` only
+counts, in a few worlds, how often the observations of the agents are outside the range of their training; ``--tables``
 renews the tables without playing.
 """
 
@@ -41,6 +42,7 @@ from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
 FILE, FOLDER = ROOT / "results" / "distribution_shifts.toml", ROOT / "results" / "distribution_shift"
 START, END = "<!-- made by `python -m agents.distribution_shift`: -->", "<!-- shifts to here -->"
 WORLDS = 200
+COUNTED = 50  # worlds of ``--outside``
 PLANNED = 32  # worlds of the planner, which takes most of the time
 KNOWN, UNKNOWN = "known", "unknown"  # to the tracker
 
@@ -58,12 +60,7 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
     """The figures of every shift where the tracker knows it (``known``) and where it does not (``unknown``)."""
     env_id = full_id(f"{name}-v0")
     original = make_task(env_id, {}).system
-    policies: dict[str, Any] = {SIMPLE: ({}, make_policy(SIMPLE, original, None))}
-    for algo in LEARNERS:
-        folder = SAVED / name / algo
-        if folder.is_dir():
-            own = environment_of(folder)
-            policies[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
+    policies = {SIMPLE: ({}, make_policy(SIMPLE, original, None)), **_agents(name)}
     planner = make_policy(PLANNER, original, None)
     return {
         shift: {
@@ -72,6 +69,29 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
         }
         for shift, given in shifts.items()
     }
+
+
+def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str, Any], jobs: int) -> None:
+    """Add to the figures of ``play`` how often the agents' observations are outside the range of their training."""
+    env_id = full_id(f"{name}-v0")
+    original = make_task(env_id, {}).system
+    for shift, given in shifts.items():
+        for half, changes in halves(original, given).items():
+            for algo, (own, policy) in _agents(name).items():
+                comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, **own, **changes)
+                row = found[shift][half]["policies"][algo]
+                row["outside"] = statistics.average(comparison.account(algo).outside)
+
+
+def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
+    """The saved agents of an environment by algorithm: the parameters in which they play, and all training seeds."""
+    env_id, found = full_id(f"{name}-v0"), {}
+    for algo in LEARNERS:
+        folder = SAVED / name / algo
+        if folder.is_dir():
+            own = environment_of(folder)
+            found[algo] = own, load_policy(folder, env_id, make_task(env_id, own).system)
+    return found
 
 
 def halves(system: System, parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -108,6 +128,7 @@ def _against_simple(account: Account, simple: Account, dimension: int | None) ->
         "truth": named("percent", "ci", against(account.squared_error, simple.squared_error)),
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag},
         "lost": statistics.average(account.lost),
+        "outside": statistics.average(account.outside),
     }
 
 
@@ -120,12 +141,17 @@ def tables(results: dict[str, dict[str, Any]]) -> str:
 
 
 def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
-    """Every policy against the best simple heuristic; beside the errors by truth also NEES and tracks lost."""
+    """Every policy against the best simple heuristic.
+
+    Beside the costs: how often observations are outside the agents' training; beside the errors: NEES and lost tracks.
+    """
     compared = (*((PLANNER,) if half == UNKNOWN else ()), *LEARNERS)
     head = ["environment", "shift", "myopic"]
     for name in compared:
         head += [name.upper() if name in LEARNERS else "best planner", "95 %"]
-    if by == "truth":
+    if by == "belief":
+        head += ["outside: PPO", "DQN"]
+    else:
         head += ["NEES: best simple", "95 %", "lost: best simple", "PPO", "DQN"]
     rows = []
     for env, shift, found in _played(results, half):
@@ -134,12 +160,18 @@ def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
         for name in compared:
             row = policies.get(name)
             cells += [signed(row[by]["percent"]), interval(row[by]["ci"], signed)] if row else ["", ""]
-        if by == "truth":
+        if by == "belief":
+            cells += [_share(policies.get(name, {}).get("outside")) for name in LEARNERS]
+        else:
             nees = policies[SIMPLE]["nees"]
             cells += [flagged(nees["mean"], nees["flag"]), interval(nees["ci"], number)]
             cells += [decimal(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *LEARNERS)]
         rows.append(cells)
     return tabulated(head, rows)
+
+
+def _share(outside: float | None) -> str:
+    return "" if outside is None else f"{100.0 * outside:.0f} %"
 
 
 def _orders(results: dict[str, dict[str, Any]], half: str) -> str:
@@ -178,11 +210,17 @@ def main() -> None:
         "names", nargs="*", metavar="ENVIRONMENT", help="names in results/distribution_shifts.toml (default: all)"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    parser.add_argument("--outside", action="store_true", help="count observations outside the training; play no more")
     parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
     read = parser.read(None)
     shifts = load_shifts()
     for name in () if read.tables else read.names or shifts:
-        found = play(check_choice("environment", name, shifts), shifts[name], read.jobs)
+        changes = shifts[check_choice("environment", name, shifts)]
+        if read.outside:
+            found = _read(FOLDER / f"{name}.json")
+            count_outside(name, changes, found, read.jobs)
+        else:
+            found = play(name, changes, read.jobs)
         write_whole(FOLDER, {f"{name}.json": (json.dumps(found, indent=2) + "\n").encode()})
     renew(list(shifts))
 

@@ -144,6 +144,14 @@ def test_a_finished_run_is_extended(
     assert int(rows[-1].split(",")[0]) > 300
 
 
+def test_a_finished_run_without_checkpoints_is_not_extended(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(unbroken["ppo"], tmp_path / "run", ignore=shutil.ignore_patterns("*.ckpt")))
+    before = (folder / "run_spec.json").read_text()
+    with pytest.raises(InputError, match="holds no checkpoint, expected one to extend the run from"):
+        train(small_spec("ppo", steps=600), folder, EVERY["ppo"], resume=True, progress=False)
+    assert (folder / "run_spec.json").read_text() == before
+
+
 def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
     (folder / "policy.npz").write_bytes(b"torn")

@@ -11,7 +11,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
-from wavegym.core.errors import check_int
+from wavegym.core.errors import InputError, check_int
 from wavegym.evaluation.files import write_whole
 from wavegym.learning.policies.export import export
 from wavegym.learning.training.callbacks import SnapshotCallback, tensorboard
@@ -56,11 +56,14 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
         _learn(spec, folder, checkpoint_every, progress, model, _new_curve(spec), None)
         return
     check_resumable(spec, folder)
-    if (folder / RUN).exists() and planned_steps(run := read_run(folder / RUN)) == spec.settings.steps:
+    is_finished = (folder / RUN).exists()
+    if is_finished and planned_steps(run := read_run(folder / RUN)) == spec.settings.steps:
         read_policy(folder, run)
         return
-    write_whole(folder, {SPEC: _json(spec.record())})  # with the steps of an extended run
     saved = load_checkpoint(folder / CHECKPOINTS)
+    if saved is None and is_finished:
+        raise InputError(f"{folder} holds no checkpoint, expected one to extend the run from")
+    write_whole(folder, {SPEC: _json(spec.record())})  # with the steps of an extended run
     if saved is None:  # killed before the first checkpoint
         model, curve, start = build_model(spec), _new_curve(spec), None
     else:
