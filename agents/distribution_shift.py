@@ -74,10 +74,10 @@ def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, A
 def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str, Any], jobs: int) -> None:
     """Add to the figures of ``play`` how often the agents' observations are outside the range of their training."""
     env_id = full_id(f"{name}-v0")
-    original = make_task(env_id, {}).system
+    original, agents = make_task(env_id, {}).system, _agents(name)
     for shift, given in shifts.items():
         for half, changes in halves(original, given).items():
-            for algo, (own, policy) in _agents(name).items():
+            for algo, (own, policy) in agents.items():
                 comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, **own, **changes)
                 row = found[shift][half]["policies"][algo]
                 row["outside"] = statistics.average(comparison.account(algo).outside)

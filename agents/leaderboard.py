@@ -30,7 +30,7 @@ from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED
-from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
+from wavegym.evaluation.table import both, decimal, estimated, flagged, interval, number, order_list, signed, tabulated
 from wavegym.policies import runs
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
@@ -168,7 +168,7 @@ def scores(e: Entry) -> str:
     rows = []
     for name in order:
         mean = number(statistics.average(e.accounts[name].cost))
-        rows.append([shown_as[name], mean, *shown(by_belief[name]), *shown(e.error_against(name, SIMPLE))])
+        rows.append([shown_as[name], mean, *estimated(by_belief[name]), *estimated(e.error_against(name, SIMPLE))])
     head = ["policy", "mean cost", "cost %", "95 %", "squared error by truth %", "95 %"]
     best = shown_as[next(iter(better), SIMPLE)]
     against_what = f"the best simple heuristic, {shown_as[SIMPLE]}, in the same {WORLDS} worlds"
@@ -265,7 +265,7 @@ def libraries(entries: Sequence[Entry]) -> str:
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
                 shown_parameters = _given(parameters)
                 there = signed(e.against(_rival(algo), SIMPLE).value)
-                own = [cell for comparer in COMPARERS for cell in shown(comparer(e, algo, _rival(algo)))]
+                own = [cell for comparer in COMPARERS for cell in estimated(comparer(e, algo, _rival(algo)))]
                 rows.append([stem(e.env_id), algo.upper(), shown_parameters, there, *own])
     return tabulated(head, rows)
 
@@ -276,9 +276,9 @@ def _given(parameters: dict[str, Any]) -> str:
 
 def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
     """Myopic, the best planner and the agents against the best simple heuristic."""
-    cells = [signed(comparer(e, BASELINE, SIMPLE).value), *shown(comparer(e, PLANNER, SIMPLE))]
+    cells = [signed(comparer(e, BASELINE, SIMPLE).value), *estimated(comparer(e, PLANNER, SIMPLE))]
     for algo in LEARNERS:
-        cells += shown(comparer(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
+        cells += estimated(comparer(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
     return cells
 
 
@@ -291,17 +291,11 @@ def _rival(algo: str) -> str:
     return f"{BASELINE} for {algo}"
 
 
-def shown(estimate: statistics.Estimate) -> list[str]:
-    """An estimate's value and interval, for a table."""
-    return [signed(estimate.value), interval(None if estimate.ci is None else list(estimate.ci), signed)]
-
-
 def _nees(account: Account | None, dimension: int | None) -> list[str]:
     if account is None:
         return ["", ""]
     found = consistency(account, dimension, _bootstrap())
-    ends = interval(None if found.nees.ci is None else list(found.nees.ci), number)
-    return [flagged(found.nees.value, found.flag), ends]
+    return [flagged(found.nees.value, found.flag), interval(found.nees.ci, number)]
 
 
 def renew(env_ids: Sequence[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from agents.leaderboard import ROOT
 from wavegym.core.arrays import Array
 from wavegym.evaluation import blocks
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.table import interval, number, signed, tabulated
 
 if TYPE_CHECKING:
@@ -138,9 +138,7 @@ def picture(results: list[dict[str, Any]], planned: Mapping[str, Any]) -> bytes:
     load = planned.get("load", results[-1]["load"])
     _against_time(spent, next((found for found in results if found["load"] == load), results[-1]), planned)
     figure.legend(*spent.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize="small")
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
-    return png.getvalue()
+    return as_png(figure)
 
 
 def _against_time(axes: Axes, result: Mapping[str, Any], planned: Mapping[str, Any]) -> None:

@@ -9,7 +9,6 @@ their tables and picture to docs/process_noise.md. ``--tables`` renews the page 
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,6 +25,7 @@ from wavegym.core.worlds import word
 from wavegym.evaluation import blocks, compare, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.saved import SAVED
 from wavegym.evaluation.table import interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy
@@ -214,9 +214,7 @@ def picture(results: Mapping[str, Any]) -> bytes:
         axes.set_ylabel(label)
     handles = {line.get_label(): line for axes in grid[:, 0] for line in axes.get_lines() if line.get_label()[0] != "_"}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3, fontsize="small")
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
-    return png.getvalue()
+    return as_png(figure)
 
 
 def _draw(axes: Axes, found: Mapping[str, Any], policy: str, colour: str, value: Any) -> None:

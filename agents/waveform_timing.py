@@ -5,7 +5,6 @@ Everything is computed from ``wavegym.waveforms`` and ``wavegym.sensors``, in se
 
 from __future__ import annotations
 
-import io
 import math
 import sys
 
@@ -18,6 +17,7 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.core.units import quantity
 from wavegym.evaluation import blocks
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.table import tabulated
 from wavegym.sensors import EclipsedPulse, combined_interval
 from wavegym.waveforms import GaussianChirp, PulseTiming, TrapezoidChirp, Waveform, transmitted_interval
@@ -122,9 +122,7 @@ def picture() -> bytes:
     left.set(xlabel="range [km]", ylabel="visible share of the energy")
     right.set(xlabel="range [km]", ylabel="sd of range / sd of the whole pulse", yscale="log", ylim=(0.5, 300.0))
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize="small")
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
-    return png.getvalue()
+    return as_png(figure)
 
 
 def tables() -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,10 +10,10 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.statistics import Estimate
+from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.submission import suite
 from wavegym.evaluation.suite_score import over_suite, profile, suite_score
-from wavegym.evaluation.table import interval, signed, tabulated
+from wavegym.evaluation.table import estimated, interval, tabulated
 
 Record = Mapping[str, Any]  # of ``submission.play_submission``
 FARTHEST = 50.0  # per cent, of the picture
@@ -27,7 +26,7 @@ def table(record: Record) -> str:
         cells = [env_id.rpartition("/")[2]]
         for figure in ("cost", "error"):
             estimate = statistics.difference(*_pair(found, figure), _bootstrap(record)).geometric
-            cells += [signed(estimate.value), interval(_ends(estimate), signed)]
+            cells += estimated(estimate)
         spent = found["cpu_seconds"]
         rows.append([*cells, f"{found['microseconds']:g}", f"{found['steps']}", "" if spent is None else f"{spent:g}"])
     head = ["environment", "cost %", "95 %", "squared error by truth %", "95 %", "us", "steps", "CPU seconds"]
@@ -41,9 +40,9 @@ def scores(records: Sequence[Record]) -> str:
         found = suite_score(_logs(record), known, _bootstrap(record))
         cells = [record["name"], f"{len(record['environments'])} of {len(known)}"]
         for estimate in (found.mean, found.interquartile):
-            cells += [signed(estimate.value), interval(_ends(estimate), signed)]
-        ends = _ends(found.improvement) or []
-        cells += [f"{found.improvement.value:.2f}", " to ".join(f"{end:.2f}" for end in ends), record["code"]]
+            cells += estimated(estimate)
+        ends = interval(found.improvement.ci, "{:.2f}".format)
+        cells += [f"{found.improvement.value:.2f}", ends, record["code"]]
         lines.append((found.mean.value or 0.0, cells))
     head = ["submission", "plays", "geometric mean %", "95 %", "interquartile mean %", "95 %"]
     ordered = [cells for _, cells in sorted(lines, key=lambda line: line[0])]
@@ -65,9 +64,7 @@ def picture(records: Sequence[Record]) -> bytes:
     axes.set(xlabel="cost above that of the best simple heuristic [%]", ylabel="share of environments and worlds")
     axes.set(xlim=(-FARTHEST, FARTHEST), ylim=(0.0, 1.0))
     axes.legend(fontsize="small")
-    png = io.BytesIO()
-    figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
-    return png.getvalue()
+    return as_png(figure)
 
 
 def _logs(record: Record) -> dict[str, Array]:
@@ -84,7 +81,3 @@ def _pair(found: Mapping[str, Any], figure: str) -> tuple[Array, Array]:
 
 def _bootstrap(record: Record) -> np.random.Generator:
     return np.random.default_rng([record["root"], word("bootstrap")])
-
-
-def _ends(estimate: Estimate) -> list[float] | None:
-    return None if estimate.ci is None else list(estimate.ci)

@@ -134,8 +134,8 @@ def _check_finite(comparison: Comparison) -> None:
 
 def _warn_outside(comparison: Comparison) -> None:
     """Warn of policies that often decide on observations unlike those of their training."""
-    for name in comparison.played:
-        share = float(comparison.account(name).outside.mean())
+    for name, members in comparison.played.items():
+        share = float(np.mean([member.outside for member in members]))
         if share > MOST_OUTSIDE:
             text = (
                 f"policy {name!r} takes {share:.0%} of its decisions on observations outside the range of its training"

@@ -15,6 +15,7 @@ from wavegym.evaluation.table import signed
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
 Colours = dict[str, Any]
 
@@ -46,6 +47,11 @@ def draw(comparison: Comparison, summary: dict[str, Any]) -> bytes:
     settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
     worlds = f"{len(comparison.seeds)} world{'s' * (len(comparison.seeds) > 1)}, the same for every policy"
     figure.suptitle(f"{comparison.task.env_id}{settings}: {worlds}", fontsize="medium")
+    return as_png(figure)
+
+
+def as_png(figure: Figure) -> bytes:
+    """A figure as PNG; equal figures give equal bytes."""
     png = io.BytesIO()
     figure.savefig(png, format="png", dpi=110, metadata={"Software": None})
     return png.getvalue()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from wavegym.evaluation.statistics import Estimate
+
 BELIEF = (
     "policy",
     "mean cost",
@@ -192,7 +194,12 @@ def signed(percent: float | None) -> str:
     return f"{rounded:+.{digits}f}" if rounded else "0"
 
 
-def interval(ci: list[float] | None, shown: Any) -> str:
+def estimated(estimate: Estimate) -> list[str]:
+    """A difference in per cent and its interval."""
+    return [signed(estimate.value), interval(estimate.ci, signed)]
+
+
+def interval(ci: Sequence[float] | None, shown: Any) -> str:
     """Both ends, each as ``shown`` writes it; empty without an interval."""
     return "" if ci is None else f"{shown(ci[0])} to {shown(ci[1])}"
 
