@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import gymnasium as gym
@@ -159,6 +160,30 @@ def test_the_ladder_holds_what_the_system_admits(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(headroom, "_made", lambda name, system, tuning: headroom_made(name, system))
     comparison = headroom.ladder(DELAY, 4, 0, 1, progress=False)
     assert set(comparison.played) == {"random", "gain:2", "rollout:2", "myopic"}
+
+
+def test_policies_played_again_join_those_on_file(monkeypatch, tmp_path):
+    """The files are those of a ladder played at once, but for times; the rows of a plan are compared in any order."""
+    monkeypatch.setattr(headroom, "LADDER", ("random", "myopic", "gain", "best-simple", "best-planner"))
+
+    def ladder(*options, to):
+        headroom.main(
+            ["KershawEvansPosition-v0", "--worlds", "4", "--jobs", "1", *options, "--out", str(tmp_path / to)]
+        )
+        found = json.loads((tmp_path / to / "KershawEvansPosition-v0.json").read_text())
+        for row in found["policies"].values():
+            del row["us_per_decision"]
+        return found, sorted((tmp_path / to / "KershawEvansPosition-v0.csv").read_text().splitlines())
+
+    whole = ladder(to="whole")
+    shutil.copytree(tmp_path / "whole", tmp_path / "again")
+    for file in (tmp_path / "again").iterdir():  # a figure on file that is wrong must be played anew
+        file.write_text(file.read_text().replace("gain,0,0,", "gain,0,9,"))
+    assert ladder("--policies", "gain", to="again") == whole
+    with pytest.raises(InputError, match=re.escape("has (seed, worlds) = (0, 4), expected (0, 5)")):
+        headroom.main(
+            ["KershawEvansPosition-v0", "--worlds", "5", "--policies", "gain", "--out", str(tmp_path / "again")]
+        )
 
 
 def headroom_made(name, system):

@@ -12,17 +12,18 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core.command_line import Parser, guarded
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, check_choice
 from wavegym.core.system import System
 from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.comparison import Comparison, compare
+from wavegym.evaluation.account import Account, read_accounts
+from wavegym.evaluation.comparison import BASELINE, Comparison, compare
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
@@ -38,6 +39,7 @@ LADDER = (
     "best-fixed",
     "cycle",
     "myopic",
+    "weighted-myopic",
     "lagrangian-price",
     "constant-pace",
     "adaptive-lagrangian-price",
@@ -55,12 +57,45 @@ WORLDS = 300
 LONGEST = 100  # greatest horizon for plan-once
 
 
-def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True) -> Comparison:
+class Kept(NamedTuple):
+    """What is on file of policies that are not played again."""
+
+    accounts: dict[str, Account]
+    rows: dict[str, Any]  # of ID.json, by policy
+    lines: str  # of ID.csv, without its header
+
+    @classmethod
+    def of(cls, folder: Path, name: str, again: Sequence[str], root: int, worlds: int) -> Kept:
+        """The policies in a folder's ``name.json`` and ``name.csv`` but for ``again``.
+
+        Raises:
+            InputError: a missing file, or one of other worlds.
+        """
+        accounts = read_accounts(folder / f"{name}.csv")
+        found = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+        if (on_file := (found["seed"], found["worlds"])) != (root, worlds):
+            raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(root, worlds)}")
+        others = [policy for policy in accounts if policy not in again]
+        lines = (folder / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)[1:]
+        return cls(
+            {policy: accounts[policy] for policy in others},
+            {policy: found["policies"][policy] for policy in others},
+            "".join(line for line in lines if line.partition(",")[0] in others),
+        )
+
+
+NOTHING = Kept({}, {}, "")
+
+
+def ladder(
+    env_id: str, worlds: int, root: int, jobs: int, progress: bool = True, names: Sequence[str] | None = None
+) -> Comparison:
     """Every policy of the ladder that the environment admits, on the same worlds.
 
     Args:
         env_id: a registered id.
         worlds, root, jobs, progress: see ``wavegym.evaluation.compare``.
+        names: of the policies; all by default.
 
     Raises:
         InputError: an unknown id, a number out of range, a searched rule on record for other features.
@@ -70,7 +105,9 @@ def ladder(env_id: str, worlds: int, root: int, jobs: int, progress: bool = True
     policies: dict[str, Any] = {}
     simple = recorded(system).get(SIMPLE)
     for name in LADDER:
-        if (name == SIMPLE and simple in policies) or (name == "plan-once" and system.horizon > LONGEST):
+        is_left_out = names is not None and name not in names
+        is_again = name == SIMPLE and simple in policies
+        if is_left_out or is_again or (name == "plan-once" and system.horizon > LONGEST):
             continue
         try:
             policies[name] = _made(name, system, tuning)
@@ -90,23 +127,31 @@ def _made(name: str, system: System, tuning: Any) -> Any:
     return policy
 
 
-def figures(comparison: Comparison) -> dict[str, Any]:
-    """The figures of a comparison for the page, as plain types."""
+def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
+    """The figures of a comparison for the page, as plain types.
+
+    Args:
+        comparison: of the policies that were played.
+        kept: of other policies on the same worlds.
+    """
     system = comparison.task.system
-    accounts = {name: comparison.account(name) for name in comparison.played}
+    accounts = {**kept.accounts, **{name: comparison.account(name) for name in comparison.played}}
     rows = {}
     for name, account in accounts.items():
         rng = np.random.default_rng([comparison.root, word("bootstrap")])
         mean = statistics.mean(account.cost, rng)
         ratio = statistics.difference(account.cost, accounts[SIMPLE].cost, rng).geometric
+        truth = by_truth(account, accounts[SIMPLE], rng)
+        own = kept.rows.get(name, {})
+        if name in comparison.played:
+            own = {**by_consistency(comparison, name, rng), "us_per_decision": us_per_decision(comparison, name)}
         rows[name] = {
+            **own,
             "mean": mean.value,
             "ci": mean.ci,
             "vs_simple_percent": ratio.value,
             "vs_simple_ci": ratio.ci,
-            "truth": by_truth(account, accounts[SIMPLE], rng),
-            **by_consistency(comparison, name, rng),
-            "us_per_decision": us_per_decision(comparison, name),
+            "truth": truth,
         }
     return {
         "env": comparison.task.env_id,
@@ -130,17 +175,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
+    parser.add_argument("--policies", default="", help="play these alone; the others keep what is on file in --out")
     add_worker_options(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder for ID.json and ID.csv")
     read = parser.read(arguments)
+    again = tuple(check_choice("policy", name, LADDER) for name in read.policies.split(",") if name)
     tasks = [make_task(env_id, {}) for env_id in read.ids]
     for task in tasks:
-        with workers(read):
-            comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs)
         name = task.env_id.rpartition("/")[2]
-        found = figures(comparison)
+        names = (*again, BASELINE, SIMPLE) if again else LADDER
+        kept = Kept.of(read.out, name, names, read.seed, read.worlds) if again else NOTHING
+        with workers(read):
+            comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs, names=names)
+        found = figures(comparison, kept)
         text = json.dumps(found, indent=2, allow_nan=False) + "\n"
-        files = {f"{name}.json": text.encode(), f"{name}.csv": episodes(comparison).encode()}
+        files = {f"{name}.json": text.encode(), f"{name}.csv": (episodes(comparison) + kept.lines).encode()}
         write_whole(read.out, files)
         best = found["policies"]["best-planner"]["vs_simple_percent"]
         print(f"{name}: the best planner costs {best:+.1f} % of the best simple rule's cost")

@@ -25,8 +25,7 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.planner_sweep import LIMITS, Setting, Swept, as_csv, best_within, sweep
 from wavegym.evaluation.task import make_task
-from wavegym.schedulers.heuristics.registry import HEURISTICS, QUICK, Search, Simple, best_simple
-from wavegym.schedulers.heuristics.searched_rule import SearchedRule
+from wavegym.schedulers.heuristics.registry import HEURISTICS, QUICK, SEARCHED, Search, Simple, best_simple
 from wavegym.schedulers.heuristics.tuning import Constants, log_cost
 from wavegym.schedulers.registry import PLANNERS, PLANS, planner_builder
 from wavegym.schedulers.tuned_constants import BASE, FILE, PLANNER, SIMPLE, as_toml, record_key
@@ -36,7 +35,6 @@ CPU_SECONDS, SEARCH_WORLDS, SWEEP_WORLDS = 60.0, 64, 16
 BASES = 2  # best heuristics that planners of a sweep follow, beside the recorded base
 SWEEPS = Path("results/baselines")
 NONE = "none"  # in place of the name of a heuristic
-SEARCHED = tuple(name for name, rule in HEURISTICS.items() if rule.intervals or name == SearchedRule.name)
 
 
 def tuned_record(
@@ -84,15 +82,14 @@ def tuned_record(
     chosen: dict[str, Any] = (
         {PLANNER: min(found, key=lambda name: found[name]), "planner_costs": found} if found else {}
     )
-    spent = _searches(simple, search, before if only else {})
+    spent = _searches(simple, before if only else {})
     return {SIMPLE: best, **kept, **chosen, **constants, "costs": costs, **spent}
 
 
-def _searches(simple: Simple, search: Search, before: Mapping[str, Any]) -> dict[str, Any]:
+def _searches(simple: Simple, before: Mapping[str, Any]) -> dict[str, Any]:
     """The entry ``searches``: those of now, and those on record of heuristics that were not searched again."""
-    own = {name: {**spent, "worlds": search.worlds} for name, spent in simple.searches.items()}
     kept = {name: spent for name, spent in before.get("searches", {}).items() if name in simple.constants}
-    return {"searches": {**kept, **own}} if kept or own else {}
+    return {"searches": {**kept, **simple.searches}} if kept or simple.searches else {}
 
 
 def swept_record(
@@ -191,7 +188,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         searched = [rule for rule in SEARCHED if not only or rule in only]
         limit = f"{search.evaluations} evaluations" if search.evaluations else f"{search.seconds:g} CPU seconds"
         if searched:
-            print(f"{name}: CMA-ES has {limit} on {search.worlds} worlds for each of {', '.join(searched)}", flush=True)
+            print(
+                f"{name}: CMA-ES has {limit} on at most {search.worlds} worlds for each of {', '.join(searched)}",
+                flush=True,
+            )
         record = table[name] = tuned_record(system, worlds, planners, before, search, only)
         _print_record(name, record, only)
         if read.sweep is not None:

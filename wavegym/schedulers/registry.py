@@ -50,10 +50,11 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             ``:polish``), ``myopic-margin:M`` (the predicted position stays M standard deviations inside the field of
             view), ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum``
             (clairvoyant). Heuristics, with the constants recorded for the suite's systems
-            (``schedulers.tuned_constants``) and otherwise tuned on ``tuning_worlds``: ``gain:L``, ``greedy``,
-            ``aware-greedy``, ``cost-of-delay``, ``hold-until-detected``, ``lagrangian-price``,
-            ``adaptive-lagrangian-price``, ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named
-            forecasts), ``cycle`` and ``best-simple``, the best of them and of ``myopic``. For one beam on a time line:
+            (``schedulers.tuned_constants``) and otherwise tuned on ``tuning_worlds``: ``weighted-myopic`` (one step
+            ahead, with weights of its own on the elements of the state), ``gain:L``, ``greedy``, ``aware-greedy``,
+            ``cost-of-delay``, ``hold-until-detected``, ``lagrangian-price``, ``adaptive-lagrangian-price``,
+            ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named forecasts), ``cycle`` and
+            ``best-simple``, the best of them and of ``myopic``. For one beam on a time line:
             ``round-robin-search``, ``earliest-deadline``, ``van-keuk-blackman``, ``gain-per-second``,
             ``price-of-time``, ``delay-index``, ``frame-greedy`` and ``searched-dwell``. Planners, with the settings
             recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H``,

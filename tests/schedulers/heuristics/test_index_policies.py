@@ -235,7 +235,7 @@ def test_best_simple_is_the_best_of_all(monkeypatch):
     system = DelaySystem(horizon=6)
     worlds = delay_worlds(system, 8)
     best, constants, costs, searches = best_simple(system, worlds, Search(evaluations=20))
-    assert set(constants) == set(costs) == set(HEURISTICS) - set(TIMELINE)
+    assert set(constants) == set(costs) == set(HEURISTICS) - {*TIMELINE, "weighted-myopic"}  # looks have delays
     assert {name: found["evaluations"] for name, found in searches.items()} == {
         "clear-slot-price": 20,
         "searched-rule": 20,

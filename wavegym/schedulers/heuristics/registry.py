@@ -28,6 +28,7 @@ from wavegym.schedulers.heuristics.timeline_grids import (
 )
 from wavegym.schedulers.heuristics.timeline_rules import SearchedDwell
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
+from wavegym.schedulers.heuristics.weighted_myopic import WeightedMyopic, search_weights
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.rollout import allowed, check_equal_steps
 from wavegym.schedulers.simple import Cycle
@@ -37,7 +38,7 @@ FAR = (1, 2, 4, 6, 8, 11, 14, 20, 25, 32, 40, 60)  # for accounts that must last
 MOST = 50_000  # beliefs predicted in an episode, so that tuning "gain" takes a reasonable time
 CLEAR_SLOT = {"price": 100.0, "power": 1.0, "cushion": 1.0, "ahead": 4.0, "reach": 1.0, "scale": 0.0}
 TIMELINE_WORLDS = 16  # an episode has thousands of dwells
-FEW_WORLDS = 16  # for a heuristic that predicts to the episode's end
+FEW_WORLDS = 16  # for a heuristic that predicts to the episode's end, or searches a box
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Search(NamedTuple):
         evaluations: largest number of policies played; None for any number.
         seconds: CPU seconds; None for any number. With it the result depends on the machine.
         seed: of the random numbers, >= 0.
-        worlds: number of worlds, the first of those for tuning.
+        worlds: largest number of worlds, the first of those for tuning.
     """
 
     evaluations: int | None = 300
@@ -89,7 +90,7 @@ class Simple(NamedTuple):
     best: str
     constants: dict[str, Constants]
     costs: dict[str, float]  # ``log_cost`` on all worlds
-    searches: dict[str, dict[str, Any]]  # evaluations and CPU seconds of those that CMA-ES found
+    searches: dict[str, dict[str, Any]]  # evaluations, CPU seconds and worlds of those that CMA-ES found
 
 
 def _cycle(actions: Any) -> Heuristic:
@@ -172,8 +173,12 @@ HEURISTICS: dict[str, TunableHeuristic] = {
         also=({**SEARCHED_DWELL, "ahead": 1.0, "worth": 2.0},),
         intervals=SEARCHED_DWELL_INTERVALS,
     ),
+    WeightedMyopic.name: TunableHeuristic(WeightedMyopic, {}, {}, worlds=FEW_WORLDS),
     SearchedRule.name: TunableHeuristic(SearchedRule, {}, {}),
 }
+SEARCHED = tuple(  # those whose constants CMA-ES finds
+    name for name, rule in HEURISTICS.items() if rule.intervals or name in (WeightedMyopic.name, SearchedRule.name)
+)
 
 
 def tune_heuristic(
@@ -199,32 +204,35 @@ def _tuned(
 ) -> tuple[Constants, dict[str, Any]]:
     """The constants, and what CMA-ES spent on them, if it did."""
     heuristic = HEURISTICS[name]
-    if name in ("cycle", SearchedRule.name):
+    if name in ("cycle", WeightedMyopic.name, SearchedRule.name):
         check_equal_steps(f"heuristic {name!r}", system)
     if name == "cycle":
         return {"actions": best_dwell(system, worlds).tolist()}, {}
+    most = min(check_int("worlds", search.worlds, 1), heuristic.worlds or search.worlds)
     if name == SearchedRule.name:
-        few = trees.first(worlds, check_int("worlds", search.worlds, 1))
-        rule = search_rule(system, worlds, search.budget(), search.seed, reference, few)
-        return rule.constants, _spent(rule.evaluations, rule.cpu_seconds)
+        rule = search_rule(system, worlds, search.budget(), search.seed, reference, trees.first(worlds, most))
+        return rule.constants, _spent(rule.evaluations, rule.cpu_seconds, most)
+    if name == WeightedMyopic.name:
+        budget = search.budget()
+        weights = search_weights(system, trees.first(worlds, most), budget, search.seed)
+        return weights, _spent(budget.evaluations, budget.used, most)
     check(name, system, worlds)
     starts = (heuristic.start, *heuristic.also)
     if heuristic.intervals:
-        most = min(check_int("worlds", search.worlds, 1), heuristic.worlds or search.worlds)
         few, budget = trees.first(worlds, most), search.budget()
 
         def cost(constants: Constants) -> float:
             return log_cost(system, heuristic.make(**constants), few)
 
         found, _ = searched_constants(cost, heuristic.intervals, starts, budget, search.seed)
-        return found, _spent(budget.evaluations, budget.used)
+        return found, _spent(budget.evaluations, budget.used, most)
     few = trees.first(worlds, heuristic.worlds)
     ends = [tuned(heuristic.make, heuristic.grid, start, system, few, heuristic.budget) for start in starts]
     return min(ends, key=lambda end: end[1])[0], {}
 
 
-def _spent(evaluations: int, seconds: float) -> dict[str, Any]:
-    return {"evaluations": evaluations, "cpu_seconds": round(seconds, 1)}
+def _spent(evaluations: int, seconds: float, worlds: int) -> dict[str, Any]:
+    return {"evaluations": evaluations, "cpu_seconds": round(seconds, 1), "worlds": worlds}
 
 
 def check(name: str, system: System, worlds: Any) -> None:
