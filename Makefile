@@ -9,7 +9,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint test-oldest test-learners site docs tutorial animations results leaderboard papers headroom benchmarks clean
+.PHONY: demo test lint test-oldest test-learners site docs tutorial animations results leaderboard league papers headroom \
+	benchmarks clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -99,6 +100,16 @@ ifdef PAGE
 	for f in $(OUT)/$*/figure*.png; do cp $$f docs/images/$*_$$(basename $$f) || exit; done
 	$(BIN)/python -m papers.page results/$*/summary.json docs/papers/$*.md
 endif
+
+# Everything about some environments: trains missing agents, plays ladders, agents and changed environments, and renews the
+# tables; NAMES="KershawEvansPosition SectorSetup", all of results/distribution_shifts.toml without it.
+NAMES ?= $(shell sed -n 's/^\[\(.*\)\]$$/\1/p' results/distribution_shifts.toml)
+league: $(READY)
+	$(BIN)/python -m agents.experiment --train $(NAMES)
+	$(BIN)/python -m agents.package
+	$(MAKE) headroom IDS="$(addsuffix -v0,$(NAMES))"
+	$(BIN)/python -m agents.leaderboard $(addsuffix -v0,$(NAMES))
+	$(BIN)/python -m agents.distribution_shift $(NAMES)
 
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
 headroom: $(READY)

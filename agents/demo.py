@@ -16,7 +16,7 @@ from pathlib import Path
 from wavegym.core.command_line import Parser, guarded
 
 ENV = "wavegym/KershawEvansPosition-v0"
-SCHEDULERS = "best-fixed,myopic,lookahead:2,lookahead:3,random"
+SCHEDULERS = "best-fixed,myopic,weighted-myopic,lookahead:2,lookahead:3,random"
 CHECKPOINT_EVERY = 100_000
 
 

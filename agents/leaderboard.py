@@ -72,10 +72,10 @@ def saved(env_id: str) -> dict[str, Path]:
 
 def environment_of(folder: Path) -> dict[str, Any]:
     """The parameters in which the runs in a folder are played."""
-    return runs.environment_of(_first_run(folder))
+    return runs.environment_of(first_run(folder))
 
 
-def _first_run(folder: Path) -> dict[str, Any]:
+def first_run(folder: Path) -> dict[str, Any]:
     """The record of the first training seed."""
     return read_run(min(folder.glob(f"*/{RUN}")))
 
@@ -217,10 +217,15 @@ def learns_from(env_id: str, algo: str) -> str:
     """Its rewards, a teacher that it imitates first, or both; "" without a saved agent."""
     if algo not in saved(env_id):
         return ""
-    settings = _first_run(saved(env_id)[algo])["settings"]
+    settings = first_run(saved(env_id)[algo])["settings"]
     if not settings["teacher"]:
         return "rewards"
-    return f"`{settings['teacher']}`" + (", then rewards" if settings["steps"] > ALONE_STEPS else " alone")
+    return f"`{settings['teacher']}`" + (" alone" if learns_alone(settings) else ", then rewards")
+
+
+def learns_alone(settings: dict[str, Any]) -> bool:
+    """Whether a training with a teacher takes no further steps that change the agent."""
+    return bool(settings["steps"] <= ALONE_STEPS)
 
 
 def consistency_table(entries: Sequence[Entry]) -> str:

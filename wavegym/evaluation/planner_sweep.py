@@ -53,8 +53,9 @@ class Setting(NamedTuple):
     def work(self) -> float:
         """What a decision takes, in units that depend on the family."""
         plans = len(self.settings.get("holds", (1,))) * max(self.settings.get("rounds", 1), 1)
-        steps = float(self.depth or 1) * plans * self.settings.get("futures", 1)
-        return 2.0 ** (self.depth or 1) if self.planner.startswith("lookahead") else steps
+        depth = float(self.depth or 1)
+        # A system's own plan grows so with its depth; where all sequences are tried, few depths are possible at all.
+        return depth * depth if self.planner.startswith("lookahead") else depth * plans * self.settings.get("futures", 1)
 
 
 class Swept(NamedTuple):

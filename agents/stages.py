@@ -1,0 +1,103 @@
+"""What agents learn from rewards, from a teacher, and from both: ``python -m agents.stages [ENVIRONMENT ...]``.
+
+Plays the learners ``ppo-scratch``, ``ppo-imitation`` and ``ppo-both`` of results/experiments.toml, and the same of DQN,
+on the worlds of `make leaderboard`. One of the three may be the saved agent itself, ``ppo``, whose settings say which.
+Episodes go to results/leaderboard, the tables to docs/learned.md. ``--tables`` renews the tables without playing.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, first_run, learns_alone
+from wavegym.core.command_line import Parser, guarded
+from wavegym.core.errors import check_choice
+from wavegym.core.workers import add_worker_options, workers
+from wavegym.evaluation import blocks, compare, full_id
+from wavegym.evaluation.account import read_accounts
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.headroom import WORLDS
+from wavegym.evaluation.report import episodes
+from wavegym.evaluation.saved import LEARNERS, SAVED
+from wavegym.evaluation.table import estimated, tabulated
+from wavegym.schedulers.tuned_constants import SIMPLE
+
+START, END = "<!-- made by `python -m agents.stages`: -->", "<!-- stages to here -->"
+STAGES = {"scratch": "from rewards alone", "imitation": "from the teacher alone", "both": "from both"}
+
+
+def learner(name: str, algo: str, stage: str) -> str | None:
+    """The learner of an environment that is this stage: one of its own, or the saved agent; None if there is none."""
+    own = f"{algo}-{stage}"
+    if (SAVED / name / own).is_dir():
+        return own
+    return algo if (SAVED / name / algo).is_dir() and stage_of(SAVED / name / algo) == stage else None
+
+
+def stage_of(folder: Path) -> str:
+    """The stage that the runs in a folder are, by their settings."""
+    settings = first_run(folder)["settings"]
+    if not settings["teacher"]:
+        return "scratch"
+    return "imitation" if learns_alone(settings) else "both"
+
+
+def play(name: str, jobs: int) -> None:
+    """Play the learners of an environment that are no saved agents; the episodes go to results/leaderboard."""
+    files = {}
+    for algo in LEARNERS:
+        for stage in STAGES:
+            own = learner(name, algo, stage)
+            if own is not None and own != algo:
+                folder = SAVED / name / own
+                played = compare(
+                    full_id(f"{name}-v0"), {own: folder}, worlds=WORLDS, jobs=jobs, **environment_of(folder)
+                )
+                files[f"{name}-{own}.csv"] = episodes(played).encode()
+    write_whole(LEADERBOARD, files)
+
+
+def table(algo: str, names: Sequence[str]) -> str:
+    """One line for each environment: the cost of each stage against the best simple rule, and the training seeds."""
+    rows = []
+    for name in names:
+        simple = read_accounts(HEADROOM / f"{name}-v0.csv")[SIMPLE].cost
+        cells, seeds = [], []
+        for stage in STAGES:
+            own = learner(name, algo, stage)
+            file = LEADERBOARD / f"{name}-{own}.csv"
+            cost = read_accounts(file)[own].cost if own is not None and file.exists() else None
+            cells += ["", ""] if cost is None else estimated(against(cost, simple))
+            seeds.append("" if cost is None else str(len(cost)))
+        rows.append([name, *cells, ", ".join(seeds)])
+    head = ["environment"]
+    for title in STAGES.values():
+        head += [f"{algo.upper()} {title}", "95 %"]
+    return tabulated([*head, "seeds"], rows)
+
+
+def renew(names: Sequence[str]) -> None:
+    """Renew the tables in docs/learned.md."""
+    blocks.renew(PAGE, START, END, "\n\n".join(table(algo, names) for algo in LEARNERS))
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m agents.stages", description="What agents learn from rewards, a teacher, and both.")
+    known = sorted(file.stem.removesuffix("-v0") for file in HEADROOM.glob("*.csv"))
+    parser.add_argument(
+        "names", nargs="*", metavar="ENVIRONMENT", help="which (default: those that `make headroom` played)"
+    )
+    add_worker_options(parser, jobs=2)
+    parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
+    read = parser.read(None)
+    for name in () if read.tables else read.names or known:
+        with workers(read):
+            play(check_choice("environment", name, known), read.jobs)
+    renew(known)
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))
