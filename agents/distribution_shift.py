@@ -3,9 +3,9 @@
 ``results/distribution_shifts.toml`` lists the changed parameters. Agents and tuned constants stay those of the
 original parameters. Each shift is played twice: the tracker, and therefore prediction, knows the new parameters; and,
 where the truth may differ in all of them, the tracker does not. There the best planner plays too, on the first
-``PLANNED`` of the worlds. Results go to results/distribution_shift, their tables to docs/learned.md. ``--outside`` only
-counts, in a few worlds, how often the observations of the agents are outside the range of their training; ``--tables``
-renews the tables without playing.
+``PLANNED`` of the worlds. Results go to results/distribution_shift, their tables to docs/learned.md. ``--agents`` does
+not play the planner, whose figures stay; ``--outside`` only counts, in a few worlds, how often the observations of the
+agents are outside the range of their training; ``--tables`` renews the tables without playing.
 """
 
 from __future__ import annotations
@@ -56,19 +56,26 @@ def load_shifts(file: Path = FILE) -> dict[str, dict[str, dict[str, Any]]]:
         raise InputError(f"{file} cannot be read: {error}") from None
 
 
-def play(name: str, shifts: dict[str, dict[str, Any]], jobs: int) -> dict[str, Any]:
-    """The figures of every shift where the tracker knows it (``known``) and where it does not (``unknown``)."""
+def play(
+    name: str, shifts: dict[str, dict[str, Any]], jobs: int, before: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """The figures of every shift where the tracker knows it (``known``) and where it does not (``unknown``).
+
+    With figures ``before``, of the same best simple heuristic, the planner keeps its own and is not played.
+    """
     env_id = full_id(f"{name}-v0")
     original = make_task(env_id, {}).system
     policies = {SIMPLE: ({}, make_policy(SIMPLE, original, None)), **_agents(name)}
-    planner = make_policy(PLANNER, original, None)
-    return {
-        shift: {
+    planner = None if before else make_policy(PLANNER, original, None)
+    found: dict[str, Any] = {}
+    for shift, given in shifts.items():
+        found[shift] = {
             half: _figures(env_id, policies, planner if half == UNKNOWN else None, changes, jobs)
             for half, changes in halves(original, given).items()
         }
-        for shift, given in shifts.items()
-    }
+        if before and UNKNOWN in found[shift]:
+            found[shift][UNKNOWN]["policies"][PLANNER] = before[shift][UNKNOWN]["policies"][PLANNER]
+    return found
 
 
 def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str, Any], jobs: int) -> None:
@@ -210,6 +217,7 @@ def main() -> None:
         "names", nargs="*", metavar="ENVIRONMENT", help="names in results/distribution_shifts.toml (default: all)"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
+    parser.add_argument("--agents", action="store_true", help="do not play the planner; its figures stay")
     parser.add_argument("--outside", action="store_true", help="count observations outside the training; play no more")
     parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
     read = parser.read(None)
@@ -220,7 +228,7 @@ def main() -> None:
             found = _read(FOLDER / f"{name}.json")
             count_outside(name, changes, found, read.jobs)
         else:
-            found = play(name, changes, read.jobs)
+            found = play(name, changes, read.jobs, _read(FOLDER / f"{name}.json") if read.agents else None)
         write_whole(FOLDER, {f"{name}.json": (json.dumps(found, indent=2) + "\n").encode()})
     renew(list(shifts))
 

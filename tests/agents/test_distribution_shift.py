@@ -58,6 +58,9 @@ def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.Monke
     planner = found["none"][shift.UNKNOWN]["policies"]["best-planner"]
     assert planner["belief"]["percent"] < 0.0  # on the first of the same worlds
     assert found["none"][shift.KNOWN]["policies"].keys() == {"myopic", "best-simple"}
+    kept = {name: {**halves, shift.UNKNOWN: {"policies": {"best-planner": "kept"}}} for name, halves in found.items()}
+    again = shift.play("SectorSetup", {"none": {}}, jobs=1, before=kept)["none"][shift.UNKNOWN]["policies"]
+    assert again == {**found["none"][shift.UNKNOWN]["policies"], "best-planner": "kept"}
     known, unknown = shift.tables({"SectorSetup": found}).split("The tracker does not know it.")
     assert known.startswith("The tracker knows the change. By belief:")
     assert "best planner" in unknown
