@@ -114,7 +114,7 @@ league: $(READY)
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
 headroom: $(READY)
 	$(BIN)/python -m wavegym.evaluation.headroom $(IDS) --out results/headroom
-	$(BIN)/python -m wavegym.evaluation.headroom_page results/headroom docs/headroom.md
+	$(BIN)/python -m wavegym.evaluation.headroom_page results/headroom docs/headroom.md results/baselines
 
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run

@@ -12,7 +12,7 @@ from delay_systems import DelaySystem
 
 import wavegym
 from wavegym.core.errors import InputError
-from wavegym.evaluation import compare, headroom, headroom_page
+from wavegym.evaluation import compare, headroom, headroom_page, planner_sweep
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.play import Played
 from wavegym.schedulers import tuned_constants
@@ -125,7 +125,7 @@ def test_results_of_an_earlier_version_are_to_be_played_again(tmp_path, capsys):
     found.pop("reversals")
     (tmp_path / "CameraSlew-v0.json").write_text(json.dumps(found))
     (tmp_path / "page.md").write_text("")
-    assert headroom_page.main([str(tmp_path), str(tmp_path / "page.md")]) == 2
+    assert headroom_page.main([str(tmp_path), str(tmp_path / "page.md"), str(tmp_path)]) == 2
     assert "has no figures by truth, expected it from `make headroom IDS=CameraSlew-v0`" in capsys.readouterr().err
 
 
@@ -144,6 +144,19 @@ def test_the_page_keeps_what_is_written_by_hand():
     assert "old" not in fresh
     with pytest.raises(InputError, match="has no lines"):
         headroom_page.renewed("nothing", [])
+
+
+def test_the_page_shows_what_time_buys(tmp_path):
+    """A sweep in which a rule is the best within 1 ms and a planner beyond: both are named with what they cost."""
+    header = ",".join(planner_sweep.COLUMNS)
+    rule, planner = ",greedy,,,,8,0.000,0.000,0.01,1,", "rollout:5,greedy,5,4,,8,-12.34,1.26,7.0,10;100;unlimited,"
+    (tmp_path / "CameraSlew-v0.csv").write_text("\n".join([header, rule, planner]) + "\n")
+    page = tmp_path / "page.md"
+    page.write_text(f"{headroom_page.START}\n{headroom_page.END}\n")
+    assert headroom_page.main([str(tmp_path / "none"), str(page), str(tmp_path)]) == 0
+    (line,) = [line for line in page.read_text().splitlines() if line.startswith("| CameraSlew-v0")]
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells == ["CameraSlew-v0", "`greedy` 0", *["`rollout:5@greedy` -12.3 ± 1.3"] * 3]
 
 
 def test_a_searched_rule_on_record_for_other_features_is_not_left_out_in_silence(monkeypatch):

@@ -10,7 +10,16 @@ from delay_systems import DelaySystem, delay_worlds
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation import planner_sweep
-from wavegym.evaluation.planner_sweep import SKIPPED, Setting, Swept, as_csv, best_within, settings_to_sweep, sweep
+from wavegym.evaluation.planner_sweep import (
+    SKIPPED,
+    Setting,
+    Swept,
+    as_csv,
+    best_by_limit,
+    best_within,
+    settings_to_sweep,
+    sweep,
+)
 from wavegym.schedulers import RandomChoice, rollout
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, Greedy
 from wavegym.schedulers.registry import planner_builder
@@ -80,6 +89,12 @@ def test_the_best_within_each_limit_is_marked():
     assert best_within(rows, 100.0) is best_within(rows, np.inf) is rows[2]
     lines = list(csv.DictReader(io.StringIO(as_csv(rows))))
     assert [line["best_within_ms"] for line in lines] == ["1", "10", "100;unlimited", "", ""]
+    assert {limit: best["cpu_ms_per_decision"] for limit, best in best_by_limit(as_csv(rows)).items()} == {
+        "1": "0.01",
+        "10": "5",
+        "100": "50",
+        "unlimited": "50",
+    }
     assert float(lines[2]["cost_vs_best_simple_percent"]) == pytest.approx(100 * np.expm1(-0.2), abs=1e-3)
     assert json.loads(lines[2]["settings"]) == {"futures": 4}
     with pytest.raises(InputError, match=r"limit is 0.001 ms, expected at least 0.01 ms"):

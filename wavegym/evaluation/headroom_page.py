@@ -1,11 +1,11 @@
-"""The page "How much is there to gain": ``python -m wavegym.evaluation.headroom_page RESULTS PAGE``."""
+"""The page "How much is there to gain": ``python -m wavegym.evaluation.headroom_page RESULTS PAGE SWEEPS``."""
 
 from __future__ import annotations
 
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.planner_sweep import LIMITS, best_by_limit, limit_name
 from wavegym.evaluation.table import (
     CONSISTENCY,
     Table,
@@ -41,9 +42,36 @@ STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")
 TITLES = {"random": "random", SIMPLE: "best simple", BASELINE: "myopic", PLANNER: "best planner"}  # of its third table
 
 
-def block(results: list[dict[str, Any]]) -> str:
-    """What stands between the markers: the overview, and each environment's ladder."""
-    return "\n\n".join([overview(results), *(chapter(result) for result in results)])
+Sweeps = Mapping[str, Mapping[str, Mapping[str, str]]]  # by environment: ``best_by_limit``
+
+
+def block(results: list[dict[str, Any]], sweeps: Sweeps | None = None) -> str:
+    """What stands between the markers: the overview, what time buys, and each environment's ladder."""
+    bought = [_what_time_buys(sweeps)] if sweeps else []
+    return "\n\n".join([overview(results), *bought, *(chapter(result) for result in results)])
+
+
+def _what_time_buys(sweeps: Sweeps) -> str:
+    """The best policy of each sweep within each time for a decision."""
+    rows = []
+    for name, best in sweeps.items():
+        cells = []
+        for limit in map(limit_name, LIMITS):
+            row = best.get(limit)
+            cells.append("" if row is None else _swept(row))
+        rows.append([name, *cells])
+    head = ["environment", *(f"{limit:g} ms" for limit in LIMITS[:-1]), "unlimited"]
+    title = "The best policy within a CPU time for each decision, in per cent against the best simple heuristic"
+    return f"{title} (on tuning worlds, ± standard error):\n\n{tabulated(head, rows)}"
+
+
+def _swept(row: Mapping[str, str]) -> str:
+    policy = "@".join(filter(None, (row["planner"], row["base"])))
+    if not row["planner"]:
+        return f"`{policy}` {signed(float(row['cost_vs_best_simple_percent']))}"
+    return (
+        f"`{policy}` {signed(float(row['cost_vs_best_simple_percent']))} ± {float(row['standard_error_percent']):.1f}"
+    )
 
 
 def overview(results: list[dict[str, Any]]) -> str:
@@ -152,9 +180,9 @@ def _short(result: dict[str, Any]) -> str:
     return str(result["env"]).rpartition("/")[2]
 
 
-def renewed(page: str, results: list[dict[str, Any]]) -> str:
+def renewed(page: str, results: list[dict[str, Any]], sweeps: Sweeps | None = None) -> str:
     """The page with its block made afresh; InputError where it has none."""
-    return blocks.renewed(page, START, END, block(results))
+    return blocks.renewed(page, START, END, block(results, sweeps))
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -169,12 +197,15 @@ def main(arguments: list[str]) -> int:
     """The command; returns its exit status."""
 
     def renew() -> None:
-        if len(arguments) != 2:
-            raise InputError("expected two arguments: python -m wavegym.evaluation.headroom_page RESULTS PAGE")
-        folder, page = (Path(argument) for argument in arguments)
-        files = [folder / f"{env_id.rpartition('/')[2]}.json" for env_id in SYSTEMS]
+        if len(arguments) != 3:
+            raise InputError("expected three arguments: python -m wavegym.evaluation.headroom_page RESULTS PAGE SWEEPS")
+        folder, page, swept = (Path(argument) for argument in arguments)
+        names = [env_id.rpartition("/")[2] for env_id in SYSTEMS]
+        on_file = {name: swept / f"{name}.csv" for name in names if (swept / f"{name}.csv").exists()}
+        sweeps = {name: best_by_limit(file.read_text(encoding="utf-8")) for name, file in on_file.items()}
+        files = [folder / f"{name}.json" for name in names]
         results = [_read(file) for file in files if file.exists()]
-        write_whole(page.parent, {page.name: renewed(page.read_text(encoding="utf-8"), results).encode()})
+        write_whole(page.parent, {page.name: renewed(page.read_text(encoding="utf-8"), results, sweeps).encode()})
 
     return guarded(renew)
 

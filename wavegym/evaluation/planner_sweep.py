@@ -55,7 +55,9 @@ class Setting(NamedTuple):
         plans = len(self.settings.get("holds", (1,))) * max(self.settings.get("rounds", 1), 1)
         depth = float(self.depth or 1)
         # A system's own plan grows so with its depth; where all sequences are tried, few depths are possible at all.
-        return depth * depth if self.planner.startswith("lookahead") else depth * plans * self.settings.get("futures", 1)
+        return (
+            depth * depth if self.planner.startswith("lookahead") else depth * plans * self.settings.get("futures", 1)
+        )
 
 
 class Swept(NamedTuple):
@@ -228,7 +230,7 @@ def as_csv(rows: Sequence[Swept]) -> str:
     for limit in LIMITS:
         with suppress(InputError):
             chosen = best_within(rows, limit)
-            best.setdefault(id(chosen), []).append("unlimited" if np.isinf(limit) else f"{limit:g}")
+            best.setdefault(id(chosen), []).append(limit_name(limit))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -241,6 +243,17 @@ def as_csv(rows: Sequence[Swept]) -> str:
         what = json.dumps(dict(setting.settings)) if setting.settings else ""
         writer.writerow([*own, what, row.worlds, *cells, ";".join(best.get(id(row), [])), row.note])
     return text.getvalue()
+
+
+def limit_name(limit: float) -> str:
+    """A limit in milliseconds as the file names it."""
+    return "unlimited" if np.isinf(limit) else f"{limit:g}"
+
+
+def best_by_limit(text: str) -> dict[str, dict[str, str]]:
+    """The row of ``as_csv`` that is the best within each limit, in milliseconds or "unlimited"."""
+    rows = list(csv.DictReader(io.StringIO(text)))
+    return {limit: row for row in rows for limit in row["best_within_ms"].split(";") if limit}
 
 
 def _percent(log: float) -> float:
