@@ -218,7 +218,9 @@ def picture(results: Mapping[str, Any]) -> bytes:
 
 
 def _draw(axes: Axes, found: Mapping[str, Any], policy: str, colour: str, value: Any) -> None:
-    """One policy: a line over the Kalman filters' densities, and the IMM dashed, constant on a recording."""
+    """One policy, if it was played: a line over the Kalman filters' densities; the IMM dashed, level on a recording."""
+    if policy not in found["cases"][0]["policies"]:
+        return
     for tracker, label, style in (("kalman", "Kalman filter", "o-"), ("imm", "IMM", "--")):
         cases = [case for case in found["cases"] if case["tracker"] == tracker]
         densities = [case["q"] for case in cases] if cases[0]["q"] is not None else [DENSITIES[0], DENSITIES[-1]]
