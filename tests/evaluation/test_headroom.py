@@ -199,6 +199,11 @@ def test_policies_played_again_join_those_on_file(monkeypatch, tmp_path):
         )
 
 
+def test_episodes_on_file_may_lack_a_column():
+    kept = headroom.Kept({}, {}, [{"policy": "old", "cost": "1.5"}])
+    assert kept.joined("policy,outside,cost\nnew,0.5,2\n") == "policy,outside,cost\nnew,0.5,2\nold,,1.5\n"
+
+
 def headroom_made(name, system):
     """Without tuning, which is tested elsewhere."""
     if name == "rollout:2":

@@ -7,6 +7,8 @@ are compared in pairs, against the best heuristic.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import sys
 from collections.abc import Sequence
@@ -24,7 +26,7 @@ from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE, Comparison, compare
-from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
@@ -62,7 +64,7 @@ class Kept(NamedTuple):
 
     accounts: dict[str, Account]
     rows: dict[str, Any]  # of ID.json, by policy
-    lines: str  # of ID.csv, without its header
+    episodes: list[dict[str, str]]  # rows of ID.csv
 
     @classmethod
     def of(cls, folder: Path, name: str, again: Sequence[str], root: int, worlds: int) -> Kept:
@@ -76,15 +78,21 @@ class Kept(NamedTuple):
         if (on_file := (found["seed"], found["worlds"])) != (root, worlds):
             raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(root, worlds)}")
         others = [policy for policy in accounts if policy not in again]
-        lines = (folder / f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)[1:]
+        lines = io.StringIO((folder / f"{name}.csv").read_text(encoding="utf-8"))
         return cls(
             {policy: accounts[policy] for policy in others},
             {policy: found["policies"][policy] for policy in others},
-            "".join(line for line in lines if line.partition(",")[0] in others),
+            [row for row in csv.DictReader(lines) if row["policy"] in others],
         )
 
+    def joined(self, text: str) -> str:
+        """The episodes ``text`` and those on file, in the columns of ``text``; an older file may lack some."""
+        rows = csv.reader(io.StringIO(text))
+        columns = next(rows)
+        return csv_text(columns, [*rows, *([row.get(name, "") for name in columns] for row in self.episodes)])
 
-NOTHING = Kept({}, {}, "")
+
+NOTHING = Kept({}, {}, [])
 
 
 def ladder(
@@ -189,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs, names=names)
         found = figures(comparison, kept)
         text = json.dumps(found, indent=2, allow_nan=False) + "\n"
-        files = {f"{name}.json": text.encode(), f"{name}.csv": (episodes(comparison) + kept.lines).encode()}
+        files = {f"{name}.json": text.encode(), f"{name}.csv": kept.joined(episodes(comparison)).encode()}
         write_whole(read.out, files)
         best = found["policies"]["best-planner"]["vs_simple_percent"]
         print(f"{name}: the best planner costs {best:+.1f} % of the best simple rule's cost")
