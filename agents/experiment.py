@@ -37,11 +37,13 @@ class Learner:
         algo: "ppo" or "dqn".
         set: settings that replace those of wavegym/learning/settings.toml, ``["gamma=0"]``.
         environment: parameters of the environment in training, ``["q=1"]``.
+        seeds: training seeds; those of the experiment where none are given.
     """
 
     algo: str
     set: tuple[str, ...] = ()
     environment: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, config=CLOSED)
@@ -95,7 +97,7 @@ def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
     work = [
         delayed(_train)(experiment.env, experiment.environment, learner, seed, run_folder(name, label) / f"seed{seed}")
         for label, learner in experiment.learners.items()
-        for seed in experiment.seeds
+        for seed in learner.seeds or experiment.seeds
     ]
     Parallel(n_jobs=jobs)(work)
 
