@@ -72,7 +72,7 @@ def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.Monke
 def test_observations_outside_the_training_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shift, "WORLDS", 6)
     monkeypatch.setattr(shift, "COUNTED", 5)
-    shifts = {"near": {"start_range": (50e3, 60e3)}, "none": {}}
+    shifts = {"near": {"start_range": (900e3, 950e3)}, "none": {}}
     found = shift.play("KershawEvansPosition", shifts, jobs=1)
     for half in (shift.KNOWN, shift.UNKNOWN):
         near, none = (found[name][half]["policies"] for name in ("near", "none"))
