@@ -70,7 +70,7 @@ def table(algo: str, names: Sequence[str]) -> str:
             file = LEADERBOARD / f"{name}-{own}.csv"
             cost = read_accounts(file)[own].cost if own is not None and file.exists() else None
             cells += ["", ""] if cost is None else estimated(against(cost, simple))
-            seeds.append("" if cost is None else str(len(cost)))
+            seeds.append("-" if cost is None else str(len(cost)))
         rows.append([name, *cells, ", ".join(seeds)])
     head = ["environment"]
     for title in STAGES.values():

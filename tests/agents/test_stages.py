@@ -72,4 +72,4 @@ def test_each_stage_is_compared_with_the_best_simple_rule(folders: Path) -> None
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert float(cells[5]) == pytest.approx(percent, rel=0.05)
     assert cells[1] == ""  # the saved agent was not played
-    assert cells[-1] == ", 1, 1"
+    assert cells[-1] == "-, 1, 1"
