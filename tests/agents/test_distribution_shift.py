@@ -72,19 +72,19 @@ def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.Monke
 def test_observations_outside_the_training_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shift, "WORLDS", 6)
     monkeypatch.setattr(shift, "COUNTED", 5)
-    shifts = {"near": {"start_range": (900e3, 950e3)}, "none": {}}
+    shifts = {"far": {"start_range": (900e3, 950e3)}, "none": {}}
     found = shift.play("KershawEvansPosition", shifts, jobs=1)
     for half in (shift.KNOWN, shift.UNKNOWN):
-        near, none = (found[name][half]["policies"] for name in ("near", "none"))
-        assert near["ppo"]["outside"] > 0.9
+        far, none = (found[name][half]["policies"] for name in ("far", "none"))
+        assert far["ppo"]["outside"] > 0.9
         assert none["ppo"]["outside"] < 0.1
-        assert near["best-simple"]["outside"] is None
-    line = next(line for line in shift.tables({"KershawEvansPosition": found}).splitlines() if " near |" in line)
-    assert line.split("|")[-3].strip() == f"{100.0 * found['near'][shift.KNOWN]['policies']['ppo']['outside']:.0f} %"
-    before = found["near"][shift.KNOWN]["policies"]["ppo"].pop("belief")
-    found["near"][shift.KNOWN]["policies"]["ppo"]["outside"] = None
+        assert far["best-simple"]["outside"] is None
+    line = next(line for line in shift.tables({"KershawEvansPosition": found}).splitlines() if " far |" in line)
+    assert line.split("|")[-3].strip() == f"{100.0 * found['far'][shift.KNOWN]['policies']['ppo']['outside']:.0f} %"
+    before = found["far"][shift.KNOWN]["policies"]["ppo"].pop("belief")
+    found["far"][shift.KNOWN]["policies"]["ppo"]["outside"] = None
     shift.count_outside("KershawEvansPosition", shifts, found, jobs=1)
-    again = found["near"][shift.KNOWN]["policies"]["ppo"]
+    again = found["far"][shift.KNOWN]["policies"]["ppo"]
     assert again["outside"] > 0.9
     assert "belief" not in again, "nothing else is played"
     assert before
