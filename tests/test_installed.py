@@ -122,7 +122,7 @@ def test_agents_and_settings_are_found(installed: Installed) -> None:
         "wavegym.load_agent('RfEoFar-v0', 'ppo');"
         "print(load_settings('wavegym/RfEo-v0', 'ppo').teacher)"
     )
-    assert installed.python(code) == "myopic"
+    assert installed.python(code) == "lookahead:10"
 
 
 def test_training_without_torch_names_the_extra(installed: Installed) -> None:
@@ -133,7 +133,7 @@ def test_training_without_torch_names_the_extra(installed: Installed) -> None:
 
 
 def test_with_torch_an_agent_is_trained_and_then_compared_without(installed: Installed) -> None:
-    small = ["--steps", "300", "--set", "num_envs=3", "n_steps=10", "batch_size=15", "n_epochs=2"]
+    small = ["--steps", "300", "--set", "num_envs=8", "n_steps=10", "batch_size=16", "n_epochs=2"]
     train = ["train", "KershawEvansPosition-v0", "--algo", "ppo", "--out", "runs/small", "--quiet", *small]
     done = installed.run("wavegym", *train, WITH_TORCH="1")
     assert done.returncode == 0, done.stderr

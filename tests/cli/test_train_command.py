@@ -30,7 +30,7 @@ from wavegym.evaluation import full_id
         (["KershawEvans-v0", "--algo", "ppo", "--resume"], "holds no run to resume"),
         (["KershawEvans-v0"], "--algo"),
         (["KershawEvans-v0", "--algo", "ppo", "--set", "batch_size=1"], "batch_size is 1"),
-        (["KershawEvans-v0", "--algo", "ppo", "--set", "n_steps=1", "num_envs=1"], "n_steps times num_envs is 1"),
+        (["Urban-v0", "--algo", "ppo", "--set", "n_steps=1", "num_envs=1"], "n_steps times num_envs is 1"),
         (["KershawEvans-v0", "--algo", "ppo", "--environment", "num_envs=3"], "expected --set num_envs=N"),
         (["KershawEvans-v0", "--algo", "ppo", "--environment", "autoreset_mode=NextStep"], "training needs SameStep"),
         (["KershawEvans-v0", "--algo", "ppo", "--settings", "no/such.toml"], "settings 'no/such.toml' cannot be read"),
@@ -108,7 +108,7 @@ def test_a_scenario_changes_the_environment_and_keeps_the_recipe(tmp_path: Path)
 def test_a_run_of_a_scenario_is_the_run_of_its_parameters(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text('id = "wavegym/KershawEvansPosition-v0"\nhorizon = 5\n')
-    rest = ["--algo", "ppo", "--steps", "64", "--set", "num_envs=4", "n_steps=8", "batch_size=16", "--quiet"]
+    rest = ["--algo", "ppo", "--steps", "64", "--set", "num_envs=8", "n_steps=8", "batch_size=16", "--quiet"]
     assert train.main([str(file), *rest, "--out", str(tmp_path / "a")]) == 0
     words = ["--environment", "horizon=5", "--out", str(tmp_path / "b")]
     assert train.main(["KershawEvansPosition-v0", *rest, *words]) == 0

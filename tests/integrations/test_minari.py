@@ -140,11 +140,11 @@ def test_a_dataset_is_not_overwritten_and_a_missing_one_is_named(tmp_path):
 
 @pytest.mark.slow
 def test_off_policy_evaluation_finds_the_order(monkeypatch, capsys):
-    """Costs of the seven policies span three decades; the estimated order is nearly the true one."""
+    """Three policies cost decades more than the others. These four are within 15 %: in any order, .64 is the least."""
     examples = Path(__file__).parents[2] / "examples" / "offline"
     monkeypatch.syspath_prepend(str(examples))
     monkeypatch.setattr(sys, "argv", ["off_policy_evaluation.py", "--episodes", "200", "--worlds", "50"])
     import off_policy_evaluation
 
     off_policy_evaluation.main()
-    assert float(capsys.readouterr().out.rsplit(":", 1)[1]) > 0.75
+    assert float(capsys.readouterr().out.rsplit(":", 1)[1]) > 0.64

@@ -121,7 +121,7 @@ def test_a_bad_setting_is_named_in_one_line(algo: str, changes: dict[str, object
 )
 def test_a_bad_file_is_named_in_one_line(tmp_path: Path, line: str, message: str) -> None:
     file = tmp_path / "settings.toml"
-    original = re.sub(r'(?m)^\["wavegym/KershawEvans-v0".*\n.*\n', "", FILE.read_text())
+    original = re.sub(r'(?ms)^\["wavegym/KershawEvans-v0".*?\n\n', "", FILE.read_text())
     file.write_text(original + line)
     with pytest.raises(InputError, match=re.escape(message)) as caught:
         load_settings(POSITION, "ppo", file=file)
