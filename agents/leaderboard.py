@@ -217,15 +217,19 @@ def learns_from(env_id: str, algo: str) -> str:
     """Its rewards, a teacher that it imitates first, or both; "" without a saved agent."""
     if algo not in saved(env_id):
         return ""
-    settings = first_run(saved(env_id)[algo])["settings"]
+    folder = saved(env_id)[algo]
+    teacher = first_run(folder)["settings"]["teacher"]
+    return {"scratch": "rewards", "imitation": f"`{teacher}` alone", "both": f"`{teacher}`, then rewards"}[
+        stage_of(folder)
+    ]
+
+
+def stage_of(folder: Path) -> str:
+    """What the runs in a folder learn from: rewards ("scratch"), a teacher ("imitation") or "both"."""
+    settings = first_run(folder)["settings"]
     if not settings["teacher"]:
-        return "rewards"
-    return f"`{settings['teacher']}`" + (" alone" if learns_alone(settings) else ", then rewards")
-
-
-def learns_alone(settings: dict[str, Any]) -> bool:
-    """Whether a training with a teacher takes no further steps that change the agent."""
-    return bool(settings["steps"] <= ALONE_STEPS)
+        return "scratch"
+    return "imitation" if settings["steps"] <= ALONE_STEPS else "both"
 
 
 def consistency_table(entries: Sequence[Entry]) -> str:

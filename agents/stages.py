@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, first_run, learns_alone
+from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, stage_of
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.workers import add_worker_options, workers
@@ -34,14 +33,6 @@ def learner(name: str, algo: str, stage: str) -> str | None:
     if (SAVED / name / own).is_dir():
         return own
     return algo if (SAVED / name / algo).is_dir() and stage_of(SAVED / name / algo) == stage else None
-
-
-def stage_of(folder: Path) -> str:
-    """The stage that the runs in a folder are, by their settings."""
-    settings = first_run(folder)["settings"]
-    if not settings["teacher"]:
-        return "scratch"
-    return "imitation" if learns_alone(settings) else "both"
 
 
 def play(name: str, jobs: int) -> None:

@@ -55,23 +55,18 @@ def _what_time_buys(sweeps: Sweeps) -> str:
     """The best policy of each sweep within each time for a decision."""
     rows = []
     for name, best in sweeps.items():
-        cells = []
-        for limit in map(limit_name, LIMITS):
-            row = best.get(limit)
-            cells.append("" if row is None else _swept(row))
-        rows.append([name, *cells])
+        within = [best.get(limit_name(limit)) for limit in LIMITS]
+        rows.append([name, *("" if row is None else _swept(row) for row in within)])
     head = ["environment", *(f"{limit:g} ms" for limit in LIMITS[:-1]), "unlimited"]
     title = "The best policy within a CPU time for each decision, in per cent against the best simple heuristic"
     return f"{title} (on tuning worlds, ± standard error):\n\n{tabulated(head, rows)}"
 
 
 def _swept(row: Mapping[str, str]) -> str:
+    """A policy and what it costs; without a planner it is a rule, whose standard error is left out."""
     policy = "@".join(filter(None, (row["planner"], row["base"])))
-    if not row["planner"]:
-        return f"`{policy}` {signed(float(row['cost_vs_best_simple_percent']))}"
-    return (
-        f"`{policy}` {signed(float(row['cost_vs_best_simple_percent']))} ± {float(row['standard_error_percent']):.1f}"
-    )
+    error = f" ± {float(row['standard_error_percent']):.1f}" if row["planner"] else ""
+    return f"`{policy}` {signed(float(row['cost_vs_best_simple_percent']))}{error}"
 
 
 def overview(results: list[dict[str, Any]]) -> str:

@@ -52,12 +52,11 @@ class Setting(NamedTuple):
     @property
     def work(self) -> float:
         """What a decision takes, in units that depend on the family."""
-        plans = len(self.settings.get("holds", (1,))) * max(self.settings.get("rounds", 1), 1)
         depth = float(self.depth or 1)
-        # A system's own plan grows so with its depth; where all sequences are tried, few depths are possible at all.
-        return (
-            depth * depth if self.planner.startswith("lookahead") else depth * plans * self.settings.get("futures", 1)
-        )
+        if self.planner.startswith("lookahead"):  # as a system's own plan grows; sequences are tried for few depths
+            return depth * depth
+        plans = len(self.settings.get("holds", (1,))) * max(self.settings.get("rounds", 1), 1)
+        return depth * plans * self.settings.get("futures", 1)
 
 
 class Swept(NamedTuple):
