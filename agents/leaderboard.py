@@ -30,7 +30,7 @@ from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED
-from wavegym.evaluation.table import both, decimal, estimated, flagged, interval, number, order_list, signed, tabulated
+from wavegym.evaluation.table import both, decimal, estimated, flagged, interval, number, order_list, shared, signed, tabulated
 from wavegym.policies import runs
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy
@@ -152,9 +152,7 @@ def table(entries: Sequence[Entry]) -> str:
     for e in entries:
         simple = names_played(e.env_id).get(SIMPLE, SIMPLE)
         share = e.recovered("ppo") if "ppo" in e.accounts else statistics.Estimate(None, None)
-        part = "" if share.value is None else f"{100.0 * share.value:.0f} %"
-        ends = "" if share.ci is None else " to ".join(f"{100.0 * end:.0f}" for end in share.ci)
-        rows.append([_short(e), simple, *_against_simple(e, Entry.against), part, ends])
+        rows.append([_short(e), simple, *_against_simple(e, Entry.against), *shared(share)])
     head = ["environment", "best simple heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
     return tabulated(head, rows)
 

@@ -17,6 +17,7 @@ from wavegym.evaluation.planner_sweep import (
     as_csv,
     best_by_limit,
     best_within,
+    read_sweep,
     settings_to_sweep,
     sweep,
 )
@@ -99,6 +100,21 @@ def test_the_best_within_each_limit_is_marked():
     assert json.loads(lines[2]["settings"]) == {"futures": 4}
     with pytest.raises(InputError, match=r"limit is 0.001 ms, expected at least 0.01 ms"):
         best_within(rows, 0.001)
+
+
+def test_a_file_gives_the_rows_that_were_played():
+    rows = [
+        row(0.0, 0.25, ""),
+        row(-0.125, 5.0),
+        Swept(Setting("lookahead:2", "", {}), 0, np.nan, np.nan, np.nan, SKIPPED),
+    ]
+    played = read_sweep(as_csv(rows))
+    assert [found.setting for found in played] == [row.setting for row in rows[:2]]
+    assert [found.cpu_ms for found in played] == [0.25, 5.0]
+    assert [found.log_ratio for found in played] == pytest.approx(
+        [0.0, -0.125], abs=1e-5
+    )  # percent with three decimals
+    assert [(found.worlds, found.error) for found in played] == [(8, 0.01)] * 2
 
 
 def test_only_decisions_are_timed():

@@ -43,6 +43,7 @@ def test_the_board_lists_the_cheapest_first_and_draws_all() -> None:
     def record(name: str, ratio: float) -> dict[str, object]:
         simple = [1.0, 2.0, 4.0]
         own = {"cost": [ratio * cost for cost in simple], "simple_cost": simple}
+        own["bound"] = [0.8**2 * cost for cost in simple]
         found = {**own, "error": [None] * 3, "simple_error": [None] * 3, "microseconds": 5.0}
         declared = {"steps": 10, "cpu_seconds": None}
         environments = {"wavegym/KershawEvans-v0": {**found, **declared}}
@@ -53,5 +54,5 @@ def test_the_board_lists_the_cheapest_first_and_draws_all() -> None:
     assert [line.split("|")[1].strip() for line in lines[2:]] == ["cheap", "dear"]
     (own,) = board.table(records[1]).splitlines()[2:]
     cells = [cell.strip() for cell in own.split("|")[1:-1]]
-    assert cells == ["KershawEvans-v0", "-20.0", "-20.0 to -20.0", "", "", "5", "10", ""]
+    assert cells == ["KershawEvans-v0", "-20.0", "-20.0 to -20.0", "", "", "-36.0", "50 %", "50 to 50", "5", "10", ""]
     assert board.picture(records).startswith(b"\x89PNG")

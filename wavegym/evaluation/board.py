@@ -13,23 +13,28 @@ from wavegym.evaluation import statistics
 from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.submission import suite
 from wavegym.evaluation.suite_score import over_suite, profile, suite_score
-from wavegym.evaluation.table import estimated, interval, tabulated
+from wavegym.evaluation.table import estimated, interval, shared, signed, tabulated
 
 Record = Mapping[str, Any]  # of ``submission.play_submission``
 FARTHEST = 50.0  # per cent, of the picture
 
 
 def table(record: Record) -> str:
-    """A line for each environment of one submission: cost by belief and squared error by truth against best-simple."""
+    """A line for each environment of one submission: cost by belief and squared error by truth against best-simple.
+
+    *Share of the gap* is the submission's gain over best-simple, in logarithms, over that of the lower bound.
+    """
     rows = []
     for env_id, found in record["environments"].items():
         cells = [env_id.rpartition("/")[2]]
         for figure in ("cost", "error"):
             estimate = statistics.difference(*_pair(found, figure), _bootstrap(record)).geometric
             cells += estimated(estimate)
+        cells += _share_of_gap(found, record)
         spent = found["cpu_seconds"]
         rows.append([*cells, f"{found['microseconds']:g}", f"{found['steps']}", "" if spent is None else f"{spent:g}"])
-    head = ["environment", "cost %", "95 %", "squared error by truth %", "95 %", "us", "steps", "CPU seconds"]
+    head = ["environment", "cost %", "95 %", "squared error by truth %", "95 %"]
+    head += ["bound %", "share of the gap", "95 %", "us", "steps", "CPU seconds"]
     return tabulated(head, rows)
 
 
@@ -71,6 +76,16 @@ def _logs(record: Record) -> dict[str, Array]:
     """ln of the ratios of the costs, (world,), by environment."""
     pairs = {env_id: _pair(found, "cost") for env_id, found in record["environments"].items()}
     return {env_id: np.log(own / simple)[0] for env_id, (own, simple) in pairs.items()}
+
+
+def _share_of_gap(found: Mapping[str, Any], record: Record) -> list[str]:
+    """The lower bound against best-simple and the share of the gap to it; empty where no bound is known."""
+    if "bound" not in found:
+        return ["", "", ""]
+    cost, simple = _pair(found, "cost")
+    bound = np.array([found["bound"]], np.float64)
+    share = statistics.ratio(np.log(cost / simple), np.log(bound / simple), _bootstrap(record))
+    return [signed(statistics.difference(bound, simple, _bootstrap(record)).geometric.value), *shared(share)]
 
 
 def _pair(found: Mapping[str, Any], figure: str) -> tuple[Array, Array]:

@@ -255,5 +255,20 @@ def best_by_limit(text: str) -> dict[str, dict[str, str]]:
     return {limit: row for row in rows for limit in row["best_within_ms"].split(";") if limit}
 
 
+def read_sweep(text: str) -> list[Swept]:
+    """The rows of ``as_csv`` that were played."""
+    rows = [row for row in csv.DictReader(io.StringIO(text)) if not row["note"]]
+    return [
+        Swept(
+            Setting(row["planner"], row["base"], json.loads(row["settings"] or "{}")),
+            int(row["worlds"]),
+            float(np.log1p(float(row["cost_vs_best_simple_percent"]) / 100.0)),
+            float(row["standard_error_percent"]) / 100.0,
+            float(row["cpu_ms_per_decision"]),
+        )
+        for row in rows
+    ]
+
+
 def _percent(log: float) -> float:
     return 100.0 * float(np.expm1(log))

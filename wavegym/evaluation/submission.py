@@ -33,6 +33,7 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.version import VERSION
+from wavegym.evaluation.bounds import lower_bound
 from wavegym.evaluation.comparison import compare
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.saved import is_onnx
@@ -161,7 +162,7 @@ def read_record(file: Path) -> dict[str, Any]:
 
 
 def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress: bool) -> dict[str, Any]:
-    """Costs and squared errors of the policy and of the best simple heuristic, which plays with its own actions."""
+    """Costs and squared errors of the policy and of the best simple heuristic, and a lower bound where one is known."""
     own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.settings)
     simple = compare(env_id, {SIMPLE: None}, progress=progress, **common)
     figures: dict[str, Any] = {}
@@ -169,6 +170,9 @@ def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress
         account = comparison.account(policy)
         figures[f"{prefix}cost"] = _rounded(account.cost.mean(axis=0))
         figures[f"{prefix}error"] = _rounded(account.squared_error.mean(axis=0))
+    bound = lower_bound(env_id, progress=progress, **common)
+    if bound is not None:
+        figures["bound"] = _rounded(bound)
     return {**figures, "microseconds": float(f"{us_per_decision(own, name):.3g}")}
 
 

@@ -199,6 +199,12 @@ def estimated(estimate: Estimate) -> list[str]:
     return [signed(estimate.value), interval(estimate.ci, signed)]
 
 
+def shared(estimate: Estimate) -> list[str]:
+    """A share in per cent and its interval."""
+    value = "" if estimate.value is None else f"{100.0 * estimate.value:.0f} %"
+    return [value, interval(estimate.ci, lambda end: f"{100.0 * end:.0f}")]
+
+
 def interval(ci: Sequence[float] | None, shown: Any) -> str:
     """Both ends, each as ``shown`` writes it; empty without an interval."""
     return "" if ci is None else f"{shown(ci[0])} to {shown(ci[1])}"
