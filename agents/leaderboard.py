@@ -30,7 +30,18 @@ from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED
-from wavegym.evaluation.table import both, decimal, estimated, flagged, interval, number, order_list, shared, signed, tabulated
+from wavegym.evaluation.table import (
+    both,
+    decimal,
+    estimated,
+    flagged,
+    interval,
+    number,
+    order_list,
+    shared,
+    signed,
+    tabulated,
+)
 from wavegym.policies import runs
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, load_policy

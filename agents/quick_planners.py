@@ -1,7 +1,7 @@
 """PPO beside the best planner that decides within 10 ms: ``python -m agents.quick_planners [ENVIRONMENT ...]``.
 
-The planner is the one of least cost on tuning worlds among those of results/baselines that take at most 10 ms of CPU time
-for a decision. It plays the worlds of `make leaderboard`. Episodes go to results/leaderboard, the table to
+The planner is the one of least cost on tuning worlds among those of results/baselines that take at most 10 ms of CPU
+time for a decision. It plays the worlds of `make leaderboard`. Episodes go to results/leaderboard, the table to
 docs/learned.md. ``--tables`` renews the table without playing.
 """
 

@@ -38,6 +38,33 @@ def stack(trees: Sequence[Any]) -> Any:
     return tree_map(join, *trees)
 
 
+def leaves(tree: Any) -> list[Any]:
+    """The arrays of a tree, from left to right."""
+    found: list[Any] = []
+    tree_map(found.append, tree)
+    return found
+
+
+def refilled(tree: Any, leaves: Sequence[Any]) -> Any:
+    """A tree of the same form with other arrays, in the order of ``leaves``.
+
+    Raises:
+        ValueError: another number of arrays, or one of another kind of numbers or with another number of axes.
+    """
+    following = iter(leaves)
+
+    def fill(leaf: Array) -> Array:
+        fresh = next(following, None)
+        if not isinstance(fresh, np.ndarray) or (fresh.dtype, fresh.ndim) != (leaf.dtype, leaf.ndim):
+            raise ValueError(f"an array is {type(fresh).__name__}, expected {leaf.dtype} with {leaf.ndim} axes")
+        return fresh
+
+    made = tree_map(fill, tree)
+    if next(following, None) is not None:
+        raise ValueError(f"there are {len(leaves)} arrays, more than the tree has")
+    return made
+
+
 def copied(tree: Any) -> Any:
     """A copy with fresh arrays."""
     return tree_map(lambda leaf: leaf.copy(), tree)

@@ -94,6 +94,27 @@ class Episodes:
             self.generators[row] = generator
         return generator
 
+    def saved(self) -> dict[str, Any]:
+        """All that changes from step to step, as plain values and arrays; ``restore`` takes it over."""
+        generators = [None if generator is None else generator.bit_generator.state for generator in self.generators]
+        trees_of_arrays = {"world": self.world, "state": self.state, "memory": self._memory}
+        leaves = {name: trees.leaves(tree) for name, tree in trees_of_arrays.items()}
+        return {"generators": generators, "seeds": self.seeds, "received": self._received, **leaves}
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Continue the episodes of ``saved``. Raises a KeyError, TypeError or ValueError where they are others."""
+        if len(saved["generators"]) != self.num_envs:
+            raise ValueError(f"there are {len(saved['generators'])} generators, expected {self.num_envs}")
+        if self._state is None:
+            self.begin(np.ones(self.num_envs, np.bool_))  # for the form of worlds and states
+        self.world = trees.refilled(self.world, saved["world"])
+        self._state = trees.refilled(self.state, saved["state"])
+        self._memory = trees.refilled(self._memory, saved["memory"])
+        self._received, self.seeds = saved["received"], saved["seeds"]
+        for row, state in enumerate(saved["generators"]):
+            if state is not None:
+                self.generator(row).bit_generator.state = state
+
     def observe(self) -> tuple[Array, Info]:
         """Observations (env, fields) and the state info.
 

@@ -11,6 +11,7 @@ Training through this adapter equals, bit for bit, training through ``DummyVecEn
 from __future__ import annotations
 
 import warnings
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
@@ -41,6 +42,14 @@ class BatchedVecEnv(VecEnv):
             raise InputError(f"seed has {len(seed)} entries, expected {self.num_envs}: one for each environment")
         self._seeds = list(seed)
         return self._seeds
+
+    @abstractmethod
+    def saved(self) -> Any:
+        """All that changes from step to step, as plain values and arrays."""
+
+    @abstractmethod
+    def restore(self, saved: Any) -> None:
+        """Continue the episodes of ``saved``. Raises a KeyError, TypeError or ValueError where they are others."""
 
     def _check_all(self, attr_name: str, indices: Indices) -> None:
         """Raise an InputError where ``indices`` leaves out environments."""
@@ -103,6 +112,14 @@ class SB3VecEnv(BatchedVecEnv):
         for row, late in zip(infos, (truncated & ~terminated).tolist(), strict=True):
             row["TimeLimit.truncated"] = late
         return observations, rewards.astype(np.float32), dones, infos
+
+    def saved(self) -> Any:
+        """See ``WaveformVectorEnv.saved``."""
+        return self.batch.unwrapped.saved()
+
+    def restore(self, saved: Any) -> None:
+        """See ``WaveformVectorEnv.restore``."""
+        self.batch.unwrapped.restore(saved)
 
     def close(self) -> None:
         """Close the vector environment."""

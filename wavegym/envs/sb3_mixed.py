@@ -34,7 +34,7 @@ class SB3MixedVecEnv(BatchedVecEnv):
                 space, wanted = getattr(part, name), getattr(first, name)
                 if space != wanted:
                     raise InputError(f"{name} of part {n} is {space}, expected that of part 0: {wanted}")
-        self.parts = list(parts)
+        self.parts: list[Any] = list(parts)
         self._ends = np.cumsum([part.num_envs for part in parts]).tolist()
         super().__init__(self._ends[-1], first.observation_space, first.action_space)
 
@@ -59,6 +59,15 @@ class SB3MixedVecEnv(BatchedVecEnv):
         observations, rewards, dones, infos = zip(*(part.step_wait() for part in self.parts), strict=True)
         self._gather_reset_infos()
         return (*(np.concatenate(rows) for rows in (observations, rewards, dones)), [i for own in infos for i in own])  # type: ignore[return-value]
+
+    def saved(self) -> Any:
+        """What each part saves."""
+        return [part.saved() for part in self.parts]
+
+    def restore(self, saved: Any) -> None:
+        """Continue the episodes of each part; see ``WaveformVectorEnv.restore``."""
+        for part, own in zip(self.parts, saved, strict=True):
+            part.restore(own)
 
     def close(self) -> None:
         """Close all parts."""

@@ -169,6 +169,19 @@ class WaveformVectorEnv(VectorEnv):
         belief = self.episodes.state.belief
         return observation, reward, *endings(self.system, belief, self.max_episode_steps), state_info, transition_info
 
+    def saved(self) -> dict[str, Any]:
+        """All that changes from step to step, as plain values and arrays; ``restore`` of another one takes it over."""
+        return {"episodes": self.episodes.saved(), "ended": self._ended}
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Continue the episodes of ``saved``, of environments with the same settings; frames of a film begin anew.
+
+        Raises:
+            KeyError, TypeError, ValueError: the episodes are those of other environments.
+        """
+        self.episodes.restore(saved["episodes"])
+        self._ended, self._some_ended = saved["ended"], bool(saved["ended"].any())
+
     def render(self) -> tuple[Array, ...] | None:
         """A frame (height, width, 3) uint8 of each environment, or None without a render mode.
 

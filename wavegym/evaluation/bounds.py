@@ -17,7 +17,7 @@ class Bound(NamedTuple):
     lifted: dict[str, Any]  # parameters that lift a limit
 
 
-# With the energy lifted the longest pulses of both radars are the best: they have the highest SNR and the finest range-rate.
+# With free energy the longest pulses of both radars are the best: they have the highest SNR and the finest range-rate.
 BOUNDS = {
     "wavegym/KershawEvans-v0": Bound("optimum", {}),
     "wavegym/KershawEvansPosition-v0": Bound("optimum", {}),
@@ -29,9 +29,9 @@ BOUNDS = {
 def lower_bound(env_id: str, *, root: int, worlds: int, jobs: int = -1, progress: bool = True) -> Array | None:
     """Mean cost per step, (world,), below which no policy is expected; None where no bound is known.
 
-    In KershawEvans and KershawEvansPosition it is the clairvoyant optimum, certified to a thousandth. In EnergyBudget and
-    EnergyBudgetKnown the account never runs out: no policy can do better on average, but one may in a single world, because
-    clutter is random.
+    In KershawEvans and KershawEvansPosition it is the clairvoyant optimum, certified to a thousandth. In EnergyBudget
+    and EnergyBudgetKnown the account never runs out: no policy can do better on average, but one may in a single world,
+    because clutter is random.
 
     Args:
         env_id: a full id.

@@ -5,16 +5,20 @@ A network is a kind and its float32 arrays. ``learning.policies.export`` convert
 
 from __future__ import annotations
 
-import io
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.observations.forecasts import PRESENT, Forecasts
 from wavegym.policies.training_range import TrainingRange
+
+KINDS, ACTIVATIONS = ("mlp", "mixture", "scorer"), ("tanh", "relu")
+LIMIT = 1 << 26  # bytes of all arrays of a network
+WIDEST = 8192  # of an axis: a decision then needs less than 1 GB
 
 
 class Network(NamedTuple):
@@ -109,19 +113,45 @@ class Network(NamedTuple):
 
     def to_bytes(self) -> bytes:
         """An .npz file; equal networks give equal bytes."""
-        file = io.BytesIO()
         about = {"kind": self.kind, "activation": self.activation, "heads": np.array(self.heads, np.int64)}
-        content: dict[str, Any] = {**{f"_{key}": np.asarray(value) for key, value in about.items()}, **self.arrays}
-        np.savez(file, **content)
-        return file.getvalue()
+        return pack_arrays({**{f"_{key}": np.asarray(value) for key, value in about.items()}, **self.arrays})
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Network:
-        """The network in such a file; runs no code from it. Raises ValueError, KeyError or OSError for other files."""
-        with np.load(io.BytesIO(content), allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        kind, activation, heads = (arrays.pop(f"_{name}") for name in ("kind", "activation", "heads"))
-        return cls(str(kind), str(activation), tuple(heads.tolist()), arrays)
+        """The network in such a file; runs no code from it.
+
+        Raises:
+            ValueError: any other file, arrays that do not fit together, weights that are not finite.
+        """
+        arrays = unpack_arrays(content, LIMIT)
+        try:
+            kind, activation, heads = (arrays.pop(f"_{name}") for name in ("kind", "activation", "heads"))
+            network = cls(str(kind), str(activation), tuple(heads.tolist()), arrays)
+            network._try_out()
+        except (KeyError, IndexError, TypeError, AttributeError, ZeroDivisionError) as error:
+            raise ValueError(f"its arrays make no network: {type(error).__name__}: {error}") from None
+        return network
+
+    def _try_out(self) -> None:
+        """Raise an error where the arrays do not fit together or are not finite."""
+        for entry, value, known in (("kind", self.kind, KINDS), ("activation", self.activation, ACTIVATIONS)):
+            if value not in known:
+                raise ValueError(f"its {entry} is {value!r}, expected one of {', '.join(known)}")
+        for name, array in self.arrays.items():
+            if name != "pairs" and (array.dtype != np.float32 or not np.isfinite(array).all()):
+                raise ValueError(f"its weights {name} are not finite 32-bit numbers")
+            if max(array.shape, default=0) > WIDEST:
+                raise ValueError(
+                    f"its array {name} has the shape {array.shape}, expected at most {WIDEST} on each axis"
+                )
+        scores = self.outputs(np.ones((1, self.inputs), np.float32))
+        if not np.isfinite(scores).all():
+            raise ValueError("its outputs for an observation of ones are not finite")
+        count = scores.shape[1]
+        if self.kind == "mixture" and (len(self.heads) != 1 or count % self.heads[0] or count <= self.heads[0]):
+            raise ValueError(f"it has {count} outputs, expected those of {self.heads} modes")
+        if self.kind != "mixture" and self.heads and not self.is_alike and sum(self.heads) != count:
+            raise ValueError(f"it has {count} outputs, expected {sum(self.heads)}")
 
 
 def _pooled(hidden: Array, present: Array | None) -> Array:

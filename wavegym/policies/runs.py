@@ -38,7 +38,7 @@ from wavegym.policies.training_range import KEY, TrainingRange
 from wavegym.registration import registered_system
 
 SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
-CHECKPOINTS, BOARD = "checkpoints", "tensorboard"
+CHECKPOINTS, BOARD, LOCK = "checkpoints", "tensorboard", ".lock"
 CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
 LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one learner
 ABSENT = object()  # stands for a parameter that a system does not have
@@ -153,9 +153,8 @@ def read_network(folder: Path, run: dict[str, Any]) -> Network:
     content = read_policy(folder, run)
     try:
         return Network.from_bytes(content)
-    except (ValueError, KeyError, OSError) as error:
-        text = f"{type(error).__name__}: {error}"
-        raise InputError(f"{folder / POLICY} is no policy that can be loaded: {text}") from error
+    except ValueError as error:
+        raise InputError(f"{folder / POLICY} is no policy that can be loaded: {error}") from error
 
 
 def read_policy(folder: Path, run: dict[str, Any]) -> bytes:

@@ -16,6 +16,7 @@ import pytest
 from runs_for_tests import EVERY, arguments, assert_same_run, small_spec
 
 import train as command
+from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError
 from wavegym.learning.training import callbacks as callback
 from wavegym.learning.training import train as learn
@@ -159,7 +160,10 @@ def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict
         train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
 
 
-@pytest.mark.parametrize("content", [b"no pickle", pickle.dumps([1, 2]), pickle.dumps({"model": b"no zip", "env": 0})])
+@pytest.mark.parametrize(
+    "content",
+    [b"no archive", pickle.dumps([1, 2]), packed([1, 2]), packed({"spec": 1}), packed({"spec": {"env": "a"}})],
+)
 def test_a_whole_checkpoint_that_is_no_snapshot_is_one_line(
     content: bytes, unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -167,7 +171,61 @@ def test_a_whole_checkpoint_that_is_no_snapshot_is_one_line(
     save_checkpoint(folder / "checkpoints", 10**6, content)
     assert command.main(arguments("ppo", folder, "--resume")) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("error: checkpoint is no snapshot of this training: ")
+    assert line.startswith("error: checkpoint is no snapshot of a training: ")
+
+
+def test_a_checkpoint_runs_no_code(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    class Intruder:
+        def __reduce__(self) -> tuple[Any, tuple[str]]:
+            return os.mkdir, (str(tmp_path / "intruded"),)
+
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+    state = {"spec": small_spec("ppo").record(), "weights": np.array([Intruder()])}
+    for content in (pickle.dumps(Intruder()), packed(state)):
+        save_checkpoint(folder / "checkpoints", 10**6, content)
+        with pytest.raises(InputError, match="checkpoint"):
+            train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+    assert not (tmp_path / "intruded").exists()
+
+
+def test_a_checkpoint_of_another_run_is_refused(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    """The plan in the folder is that of one seed, its checkpoints are those of another."""
+    train(small_spec("ppo", seed=2), tmp_path / "other", EVERY["ppo"], progress=False)
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+    shutil.rmtree(folder / "checkpoints")
+    shutil.copytree(tmp_path / "other" / "checkpoints", folder / "checkpoints")
+    with pytest.raises(InputError, match="checkpoint is of another run: its seed is 2, expected 1"):
+        train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+
+
+def test_a_checkpoint_that_lacks_a_part_is_one_line(unbroken: dict[str, Path], tmp_path: Path) -> None:
+    folder = unfinished(unbroken["ppo"], tmp_path / "run")
+    steps, content = load_checkpoint(folder / "checkpoints") or (0, b"")
+    whole = unpacked(content)
+    for name in set(whole) - {"spec"}:
+        save_checkpoint(
+            folder / "checkpoints", steps, packed({key: part for key, part in whole.items() if key != name})
+        )
+        with pytest.raises(InputError, match="checkpoint does not fit this training"):
+            train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+
+
+def test_two_trainings_in_one_folder_are_refused(
+    unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second begins while the first is in its third step, and disturbs nothing."""
+    add, calls = callback.LearningCurve.add, itertools.count(1)
+
+    def intruded(self: Any, cost: Any, ended: Any) -> None:
+        if next(calls) == 3:
+            for resume in (False, True):
+                with pytest.raises(InputError, match=r"another training runs in|already holds a run"):
+                    train(small_spec("ppo"), tmp_path / "run", EVERY["ppo"], resume, progress=False)
+        add(self, cost, ended)
+
+    monkeypatch.setattr(callback.LearningCurve, "add", intruded)
+    train(small_spec("ppo"), tmp_path / "run", EVERY["ppo"], progress=False)
+    assert_same_run(tmp_path / "run", unbroken["ppo"])
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(unbroken: dict[str, Path], tmp_path: Path) -> None:

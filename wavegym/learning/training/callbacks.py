@@ -43,7 +43,7 @@ class SnapshotCallback(BaseCallback):
     ) -> None:
         super().__init__()
         settings: Any = spec.settings
-        self.folder, self.curve, self.every, self.saved = folder, curve, every, saved
+        self.spec, self.folder, self.curve, self.every, self.saved = spec, folder, curve, every, saved
         self.spacing = settings.steps // ROWS
         self._noted = time.process_time()
         self.rollout = settings.num_envs * (settings.n_steps if spec.algo == "ppo" else 1)
@@ -72,7 +72,7 @@ class SnapshotCallback(BaseCallback):
             self.logger.record("rollout/cost", cost)
             self.bar.set_postfix(cost=f"{cost:.4g}", refresh=False)
         if self.saved is None or (steps != self.saved and steps + self.rollout - self.saved > self.every):
-            save_checkpoint(self.folder / CHECKPOINTS, steps, snapshot(self.model, self.curve))
+            save_checkpoint(self.folder / CHECKPOINTS, steps, snapshot(self.spec, self.model, self.curve))
             write_whole(self.folder, {CURVE: self.curve.csv().encode()})
             self.saved = steps
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,19 @@ class LearningCurve:
         if self._finished and steps - last >= spacing:
             self.rows.append(Row(steps, len(self._finished), float(np.mean(self._finished))))
             self._finished = []
+
+    def saved(self) -> dict[str, Any]:
+        """All of it, as plain values and arrays."""
+        return {**vars(self), "rows": [list(row) for row in self.rows]}
+
+    @classmethod
+    def restored(cls, saved: dict[str, Any]) -> LearningCurve:
+        """The curve of ``saved``. Raises a KeyError, TypeError or ValueError for anything else."""
+        curve = cls(len(saved["_sums"]), saved["planned"])
+        for name in vars(curve):
+            setattr(curve, name, saved[name])
+        curve.rows = [Row(int(steps), int(episodes), float(cost)) for steps, episodes, cost in saved["rows"]]
+        return curve
 
     def csv(self) -> str:
         """The rows as CSV."""

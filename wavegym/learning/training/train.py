@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import torch
+from filelock import FileLock, Timeout
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
@@ -25,7 +28,7 @@ from wavegym.learning.training.snapshots import restore
 from wavegym.learning.training.time_discount import NoteDurations
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.policies.records import read_run
-from wavegym.policies.runs import CHECKPOINTS, CURVE, MODEL, POLICY, RUN, SPEC, read_policy, signature
+from wavegym.policies.runs import CHECKPOINTS, CURVE, LOCK, MODEL, POLICY, RUN, SPEC, read_policy, signature
 from wavegym.policies.training_range import KEY
 
 
@@ -42,20 +45,41 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
         progress: show a progress bar on standard error.
 
     Raises:
-        InputError: the folder already holds a run; with ``resume``: it holds none, a run of another specification, no
-            intact checkpoint, or a finished run with a torn policy; an environment or reward that cannot be played.
+        InputError: another training runs in the folder; it already holds a run; with ``resume``: it holds none, a run
+            of another specification, no intact checkpoint of this run, or a finished run with a torn policy; an
+            environment or reward that cannot be played.
         OSError: a full disk, for example; the last checkpoint is kept.
     """
     check_int("checkpoint-every", checkpoint_every, 1)
     torch.set_num_threads(1)  # a second thread slows networks of this size and makes the order of sums uncertain
-    if not resume:
+    if resume:
+        check_resumable(spec, folder)
+    else:
         check_unused(folder)
         try_out(spec)  # a mistake that only a step reveals must not leave a folder behind
-        model = build_model(spec)
-        write_whole(folder, {SPEC: _json(spec.record())})
-        _learn(spec, folder, checkpoint_every, progress, model, _new_curve(spec), None)
-        return
-    check_resumable(spec, folder)
+    with _alone_in(folder):
+        (_continue if resume else _begin)(spec, folder, checkpoint_every, progress)
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep others from training into the folder at the same time; the lock ends with this process, however it ends."""
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / LOCK, timeout=0):
+            yield
+    except Timeout:
+        raise InputError(f"another training runs in {folder}, expected a folder of its own") from None
+
+
+def _begin(spec: RunSpec, folder: Path, every: int, progress: bool) -> None:
+    check_unused(folder)  # another training may have ended since the first look
+    model = build_model(spec)
+    write_whole(folder, {SPEC: _json(spec.record())})
+    _learn(spec, folder, every, progress, model, _new_curve(spec), None)
+
+
+def _continue(spec: RunSpec, folder: Path, every: int, progress: bool) -> None:
     is_finished = (folder / RUN).exists()
     if is_finished and planned_steps(run := read_run(folder / RUN)) == spec.settings.steps:
         read_policy(folder, run)
@@ -72,7 +96,7 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
         curve.extend(spec.settings.steps)
     for half_written in folder.glob(".*.part"):
         half_written.unlink()
-    _learn(spec, folder, checkpoint_every, progress, model, curve, start)
+    _learn(spec, folder, every, progress, model, curve, start)
 
 
 def _learn(
