@@ -116,3 +116,12 @@ def test_the_tables_are_those_of_the_markdown_and_scroll(comparison: Comparison)
     assert data["orders"] == order_sentence(summary["reversals"])
     assert 'wide.className = "wide"' in text
     assert ".wide { overflow-x: auto; }" in text
+
+
+def test_a_title_that_holds_the_mark_of_the_data_stays_a_title(comparison: Comparison) -> None:
+    """A recording may have any file name."""
+    name = "__DATA__<img src=x onerror=alert(1)>__TITLE__.csv"
+    text = page(comparison, {**summarise(comparison), "settings": {"tracks": name}}).decode()
+    assert carried(text)["title"].endswith(f"tracks={name}")
+    assert "<img" not in text
+    assert text.count("&lt;img") == 2, "in the title and in the heading"

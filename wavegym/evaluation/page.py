@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from importlib import resources
 from typing import Any
 
@@ -33,10 +34,12 @@ def page(comparison: Comparison, summary: dict[str, Any]) -> bytes:
     """
     settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
     title = f"{comparison.task.env_id}{settings}"
-    # Inside a script element nothing may look like its end.
-    data = json.dumps(_data(comparison, summary, title), allow_nan=False).replace("</", "<\\/")
+    # Inside a script element nothing may look like markup.
+    data = json.dumps(_data(comparison, summary, title), allow_nan=False).replace("<", "\\u003c")
     template = (resources.files("wavegym.evaluation") / TEMPLATE).read_text("utf-8")
-    return template.replace(TITLE, html.escape(title)).replace(DATA, data).encode()
+    # In one pass: a title that holds the mark of the data stays a title.
+    filled = {TITLE: html.escape(title), DATA: data}
+    return re.sub("|".join(filled), lambda mark: filled[mark[0]], template).encode()
 
 
 def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[str, Any]:
