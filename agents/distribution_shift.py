@@ -85,7 +85,7 @@ def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str,
     for shift, given in shifts.items():
         for half, changes in halves(original, given).items():
             for algo, (own, policy) in agents.items():
-                comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, **own, **changes)
+                comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, keep=FOLDER, **own, **changes)
                 row = found[shift][half]["policies"][algo]
                 row["outside"] = statistics.average(comparison.account(algo).outside)
 
@@ -115,14 +115,14 @@ def _figures(
     """Each policy, with its own actions, the one-step scheduler and perhaps a planner in the changed environment."""
     accounts: dict[str, Account] = {}
     for name, (own, policy) in policies.items():
-        comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, **own, **changes)
+        comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, keep=FOLDER, **own, **changes)
         for each in comparison.played:
             accounts.setdefault(each, comparison.account(each))
     dimension, simple = comparison.task.system.nees_dimension, accounts[SIMPLE]
     rows = {name: _against_simple(account, simple, dimension) for name, account in accounts.items()}
     if planner:
         few = min(PLANNED, WORLDS)
-        account = compare(env_id, {PLANNER: planner}, worlds=few, jobs=jobs, **changes).account(PLANNER)
+        account = compare(env_id, {PLANNER: planner}, worlds=few, jobs=jobs, keep=FOLDER, **changes).account(PLANNER)
         rows[PLANNER] = _against_simple(account, Account(*(values[:, :few] for values in simple)), dimension)
     return {"policies": rows, "reversals": reversals(accounts, SEED)}
 

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-from joblib import Parallel, delayed
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.work import Call, run_all
 from wavegym.evaluation import blocks, compare, write_report
 
 ROOT = Path(__file__).parents[1]
@@ -95,11 +95,11 @@ def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
     envs.reset(seed=0)
     envs.step(envs.unwrapped.policy("myopic")())
     work = [
-        delayed(_train)(experiment.env, experiment.environment, learner, seed, run_folder(name, label) / f"seed{seed}")
+        Call(_train, (experiment.env, experiment.environment, learner, seed, run_folder(name, label) / f"seed{seed}"))
         for label, learner in experiment.learners.items()
         for seed in learner.seeds or experiment.seeds
     ]
-    Parallel(n_jobs=jobs)(work)
+    run_all(work, jobs)
 
 
 def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
@@ -128,7 +128,8 @@ def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
     for source in filter(None, (name, experiment.trained_in)):
         for learner in experiments[source].learners:
             policies[learner] = run_folder(source, learner)
-    comparison = compare(experiment.env, policies, worlds=experiment.worlds, jobs=jobs, **experiment.parameters())
+    common: dict[str, Any] = {"worlds": experiment.worlds, "jobs": jobs, "keep": FOLDER / name}
+    comparison = compare(experiment.env, policies, **common, **experiment.parameters())
     table = write_report(comparison, FOLDER / name)
     shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")
     begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"

@@ -60,7 +60,7 @@ def play(env_id: str, jobs: int) -> None:
     files = {}
     for algo, folder in saved(env_id).items():
         settings = environment_of(folder)
-        comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, **settings)
+        comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD, **settings)
         files[f"{stem(env_id)}-{algo}.csv"] = episodes(comparison).encode()
     write_whole(LEADERBOARD, files)
 

@@ -41,7 +41,7 @@ def play(name: str, jobs: int) -> None:
     env_id = full_id(f"{name}-v0")
     setting, system = quick_planner(name).setting, make_task(env_id, {}).system
     bases = {setting.base: tuned_heuristic(setting.base, system, None)} if setting.base else {}
-    played = compare(env_id, {PLANNER: made(setting, bases)}, worlds=WORLDS, jobs=jobs)
+    played = compare(env_id, {PLANNER: made(setting, bases)}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD)
     write_whole(LEADERBOARD, {_file(name).name: episodes(played).encode()})
 
 

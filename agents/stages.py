@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, stage_of
 from wavegym.core.command_line import Parser, guarded
@@ -43,9 +44,8 @@ def play(name: str, jobs: int) -> None:
             own = learner(name, algo, stage)
             if own is not None and own != algo:
                 folder = SAVED / name / own
-                played = compare(
-                    full_id(f"{name}-v0"), {own: folder}, worlds=WORLDS, jobs=jobs, **environment_of(folder)
-                )
+                common: dict[str, Any] = {"worlds": WORLDS, "jobs": jobs, "keep": LEADERBOARD}
+                played = compare(full_id(f"{name}-v0"), {own: folder}, **common, **environment_of(folder))
                 files[f"{name}-{own}.csv"] = episodes(played).encode()
     write_whole(LEADERBOARD, files)
 

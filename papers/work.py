@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
-import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel
 from tqdm import tqdm
 
-import wavegym
+from wavegym.core import work
 from wavegym.core.errors import check_int
 
-PACKAGES = (Path(wavegym.__file__).parent, Path(__file__).parent)
-PREFIX = ".played-"
+Delayed = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]  # of joblib
 
 
 def check_jobs(jobs: int) -> None:
@@ -25,10 +21,10 @@ def check_jobs(jobs: int) -> None:
         check_int("jobs", jobs, 1)
 
 
-def run_all(jobs: int, title: str, work: Sequence[Any]) -> list[Any]:
-    """The results of joblib's delayed calls in their order, with a bar on a terminal."""
-    results: Iterable[Any] = Parallel(n_jobs=jobs, return_as="generator")(work)
-    return list(tqdm(results, total=len(work), desc=title, unit="batch", disable=None))
+def run_all(jobs: int, title: str, calls: Sequence[Delayed]) -> list[Any]:
+    """The results of joblib's delayed calls, without keywords, in their order, with a bar on a terminal."""
+    with tqdm(total=len(calls), desc=title, unit="batch", disable=None) as bar:
+        return work.run_all([work.Call(function, arguments) for function, arguments, _ in calls], jobs, bar.update)
 
 
 @contextmanager
@@ -39,15 +35,5 @@ def cache_folder(folder: Path) -> Iterator[Path]:
     sources of wavegym and of papers: results of other sources are never used.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    yield folder / f"{PREFIX}{sources_hash()[:16]}"
-    for store in folder.glob(f"{PREFIX}*"):
-        shutil.rmtree(store, ignore_errors=True)
-
-
-def sources_hash() -> str:
-    """A hash of all sources in ``PACKAGES``."""
-    digest = hashlib.sha256()
-    for package in PACKAGES:
-        for source in sorted(package.rglob("*.py")):
-            digest.update(source.read_bytes())
-    return digest.hexdigest()
+    with work.hidden_folder(folder, Path(__file__).parent) as hidden:
+        yield hidden

@@ -1,5 +1,9 @@
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
+
 import gymnasium as gym
 import pytest
 
@@ -44,3 +48,29 @@ def test_the_traceback_is_there_for_the_asking(capsys, monkeypatch, error):
 def test_what_goes_well_is_silent(capsys):
     assert guarded(lambda: None) == 0
     assert capsys.readouterr() == ("", "")
+
+
+SLEEPER = """
+import sys, time
+from wavegym.core.command_line import guarded
+
+def main():
+    try:
+        print("ready", flush=True)
+        time.sleep(60.0)
+    finally:
+        print("cleaned up", flush=True)
+
+sys.exit(guarded(main))
+"""
+
+
+@pytest.mark.parametrize(("sent", "status", "word"), [("SIGTERM", 143, "terminated"), ("SIGINT", 130, "interrupted")])
+def test_a_signal_ends_a_command_in_one_line_with_all_cleaned_up(sent, status, word):
+    command = subprocess.Popen(
+        [sys.executable, "-c", SLEEPER], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert command.stdout.readline() == "ready\n"
+    command.send_signal(getattr(signal, sent))
+    out, errors = command.communicate(timeout=30.0)
+    assert (command.returncode, out, errors) == (status, "cleaned up\n", f"error: {word}\n")

@@ -37,6 +37,7 @@ COMPARISON = {
     "jobs": "--jobs J",
     "trust": "--trust",
     "progress": "none: the bar shows on a terminal only",
+    "keep": "none: results are kept in --out",
 }
 
 
@@ -144,7 +145,7 @@ def evaluate(arguments: Sequence[str] | None) -> None:
 
         files += write_trajectories(options.out, env_id, chosen, options.trajectories, **common, **parameters)
     with workers(options):
-        comparison = compare(env_id, chosen, jobs=options.jobs, **common, **parameters)
+        comparison = compare(env_id, chosen, jobs=options.jobs, keep=options.out, **common, **parameters)
     print(write_report(comparison, options.out))
     print(f"\nwritten to {options.out}: {', '.join(files)}")
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 import argparse
 import ast
 import os
+import signal
 import sys
+import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -20,8 +22,12 @@ from wavegym.core.errors import InputError, InputWarning, nearest
 
 FAILED = 2
 UNEXPECTED = 1
-INTERRUPTED = 130  # as in shells
+INTERRUPTED, TERMINATED = 130, 143  # as in shells
 DEBUG = "WAVEGYM_DEBUG"
+
+
+class TerminatedError(BaseException):
+    """SIGTERM has come; no ``except Exception`` on the way to ``guarded`` takes it for a failure of its own."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -72,7 +78,7 @@ def guarded(main: Callable[[], None]) -> int:
     traceback comes before the line.
     """
     try:
-        with _one_line_warnings():
+        with _one_line_warnings(), _ended_by_signal():
             main()
     except BrokenPipeError:  # the reader of our output, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -85,7 +91,27 @@ def guarded(main: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         return INTERRUPTED
+    except TerminatedError:
+        print("error: terminated", file=sys.stderr)
+        return TERMINATED
     return 0
+
+
+@contextmanager
+def _ended_by_signal() -> Iterator[None]:
+    """SIGTERM ends the block as ctrl-C does: with everything cleaned up. Outside the main thread nothing changes."""
+
+    def end(number: int, frame: Any) -> None:
+        raise TerminatedError
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -26,7 +26,7 @@ BOUNDS = {
 }
 
 
-def lower_bound(env_id: str, *, root: int, worlds: int, jobs: int = -1, progress: bool = True) -> Array | None:
+def lower_bound(env_id: str, **common: Any) -> Array | None:
     """Mean cost per step, (world,), below which no policy is expected; None where no bound is known.
 
     In KershawEvans and KershawEvansPosition it is the clairvoyant optimum, certified to a thousandth. In EnergyBudget
@@ -35,10 +35,10 @@ def lower_bound(env_id: str, *, root: int, worlds: int, jobs: int = -1, progress
 
     Args:
         env_id: a full id.
-        root, worlds, jobs, progress: see ``compare``.
+        **common: number of worlds, root, jobs and the like, as for ``compare``.
     """
     if env_id not in BOUNDS:
         return None
     policy, lifted = BOUNDS[env_id]
-    played = compare(env_id, {policy: None}, worlds=worlds, root=root, jobs=jobs, progress=progress, **lifted)
+    played = compare(env_id, {policy: None}, **common, **lifted)
     return played.cost(policy)[0]

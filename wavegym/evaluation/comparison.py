@@ -5,15 +5,16 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, InputWarning, check_int
 from wavegym.core.policy import Policy
+from wavegym.core.work import Call, kept_parts, run_all
 from wavegym.core.worlds import tuning_tapes, world_seeds
 from wavegym.evaluation.account import Account, account_of
 from wavegym.evaluation.adapters import Given, as_policies
@@ -65,6 +66,7 @@ def compare(
     jobs: int = -1,
     progress: bool = True,
     trust: bool = False,
+    keep: Path | None = None,
     **settings: Any,
 ) -> Comparison:
     """Play every policy on the same test worlds.
@@ -82,6 +84,8 @@ def compare(
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
         trust: whether code in saved models and in ``"package.module:factory"`` may run.
+        keep: a folder, for results; a hidden folder in it keeps what was played until the call ends, so that the same
+            call goes on after an interruption.
         **settings: parameters of the system other than the registered ones.
 
     Raises:
@@ -96,15 +100,16 @@ def compare(
     members = members_of(task, by_name(policies), root, trust)
     laws = dict(CHIRP_LAWS.added)
     work = [
-        (own, name, policy, seeds[start : start + CHUNK], laws)
+        Call(_play_warm, (own, name, policy, seeds[start : start + CHUNK], laws))
         for name, (own, those) in members.items()
         for policy in those
         for start in range(0, worlds, CHUNK)
     ]
-    with tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True) as bar:
-        parts = iter(_Visible(bar, jobs)(delayed(_play_warm)(*each) for each in work))
+    bar = tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True)
+    with bar, kept_parts(keep, Played) as parts:
+        done = iter(run_all(work, jobs, bar.update, parts))
     chunks = range(0, worlds, CHUNK)
-    played = {name: [merged([next(parts) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
+    played = {name: [merged([next(done) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
     comparison = Comparison(task, root, seeds, played)
     _check_finite(comparison)
     _warn_outside(comparison)
@@ -182,14 +187,3 @@ def _play_warm(task: Task, name: str, policy: Policy, seeds: Sequence[int], laws
     CHIRP_LAWS.added.update(laws)
     _warm_up(task, name, policy)
     return play(task, policy, seeds, name=name)
-
-
-class _Visible(Parallel):
-    """joblib calls ``print_progress`` after every task: here that moves a bar. Works with every backend."""
-
-    def __init__(self, bar: Any, jobs: int) -> None:
-        super().__init__(n_jobs=jobs)
-        self._bar = bar
-
-    def print_progress(self) -> None:
-        self._bar.update(self.n_completed_tasks - self._bar.n)

@@ -96,13 +96,19 @@ NOTHING = Kept({}, {}, [])
 
 
 def ladder(
-    env_id: str, worlds: int, root: int, jobs: int, progress: bool = True, names: Sequence[str] | None = None
+    env_id: str,
+    worlds: int,
+    root: int,
+    jobs: int,
+    progress: bool = True,
+    names: Sequence[str] | None = None,
+    keep: Path | None = None,
 ) -> Comparison:
     """Every policy of the ladder that the environment admits, on the same worlds.
 
     Args:
         env_id: a registered id.
-        worlds, root, jobs, progress: see ``wavegym.evaluation.compare``.
+        worlds, root, jobs, progress, keep: see ``wavegym.evaluation.compare``.
         names: of the policies; all by default.
 
     Raises:
@@ -123,7 +129,7 @@ def ladder(
             raise
         except (InputError, NotImplementedError):  # a policy that this system cannot have
             continue
-    comparison = compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress)
+    comparison = compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress, keep=keep)
     if SIMPLE in comparison.played:
         return comparison
     return replace(comparison, played={**comparison.played, SIMPLE: comparison.played[str(simple)]})  # played once
@@ -194,7 +200,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = (*again, BASELINE, SIMPLE) if again else LADDER
         kept = Kept.of(read.out, name, names, read.seed, read.worlds) if again else NOTHING
         with workers(read):
-            comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs, names=names)
+            comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs, names=names, keep=read.out)
         found = figures(comparison, kept)
         text = json.dumps(found, indent=2, allow_nan=False) + "\n"
         files = {f"{name}.json": text.encode(), f"{name}.csv": kept.joined(episodes(comparison)).encode()}

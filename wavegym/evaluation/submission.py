@@ -142,7 +142,9 @@ def play_submission(
     for env_id, entry in submission.policies.items():
         content = _sha256(entry.file)
         if kept.get(env_id, {}).get("sha256") != content:
-            figures = _play(env_id, submission.name, entry, {"worlds": worlds, "root": root, "jobs": jobs}, progress)
+            figures = _play(
+                env_id, submission.name, entry, {"worlds": worlds, "root": root, "jobs": jobs, "keep": out}, progress
+            )
             kept = {**kept, env_id: {**figures, "sha256": content}}
         declared = {"steps": entry.steps, "cpu_seconds": entry.cpu_seconds, "settings": entry.settings}
         played[env_id] = {**kept[env_id], **declared}

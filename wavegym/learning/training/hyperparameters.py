@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed, effective_n_jobs
+from joblib import effective_n_jobs
 
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.work import Call, run_all
 from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.files import csv_text, write_whole
@@ -96,7 +97,7 @@ def tune(
     left = trials - len([t for t in experiment.trials if t.state.is_finished()])
     for first in range(0, left, at_once):
         asked = [experiment.ask() for _ in range(min(at_once, left - first))]
-        scores = Parallel(n_jobs=at_once)([delayed(judge)(spec(trial)) for trial in asked])
+        scores = run_all([Call(judge, (spec(trial),)) for trial in asked], at_once)
         for trial, score in zip(asked, scores, strict=True):
             experiment.tell(trial, score)
             print(f"trial {trial.number}: {100 * (np.exp(score) - 1):+.2f} % of {SIMPLE}", flush=True)
