@@ -142,7 +142,53 @@ class MislabelsInfo(WaveformVectorEnv):
         return *rest, info
 
 
+class ChangesActions(WaveformVectorEnv):
+    def step(self, actions):
+        stepped = super().step(actions)
+        actions[...] = 0
+        return stepped
+
+
+class ClosesOnce(WaveformVectorEnv):
+    """Its second close raises."""
+
+    is_closed = False
+
+    def close(self, **kwargs):
+        if self.is_closed:
+            raise RuntimeError("closed already")
+        self.is_closed = True
+
+
+class CountsTheFirstSeedOnly(WaveformVectorEnv):
+    def reset(self, *, seed=None, options=None):
+        return super().reset(seed=seed[0] if isinstance(seed, list) else seed, options=options)
+
+
+class IgnoresOddSeeds(WaveformVectorEnv):
+    """Goes on with its generators."""
+
+    def reset(self, *, seed=None, options=None):
+        is_odd = isinstance(seed, int) and seed % 2 and self.num_envs > 1
+        return super().reset(seed=None if is_odd else seed, options=options)
+
+
+class LeavesItsSpaceRarely(WaveformVectorEnv):
+    """In one of a hundred steps of an environment, a long way into an episode."""
+
+    def step(self, actions):
+        observations, *rest = super().step(actions)
+        if self.num_envs > 3 and self.episodes.state.belief.step[0] == 3:
+            observations[5, 0] = 99.0
+        return observations, *rest
+
+
 BROKEN = {
+    ChangesActions: r"actions changed: after step\(\) the caller's actions",
+    ClosesOnce: r"a second close\(\) raised RuntimeError: closed already",
+    CountsTheFirstSeedOnly: "seed ignored|as from single environments",
+    IgnoresOddSeeds: "seed ignored|as from single environments",
+    LeavesItsSpaceRarely: "observations are outside observation_space",
     LosesTerminalObservation: r"terminal observation lost: info\['final_obs'\]\[\d\] is the first one of the next",
     DropsTerminalObservation: r"terminal observation lost: environment \d ended, but info\['final_obs'\]\[\d\] is m",
     ShowsNextEpisodeEarly: "terminal observation lost: environment 0 ended, but this is not its last observation",

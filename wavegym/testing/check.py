@@ -5,13 +5,14 @@
 
 Defects that it finds: terminal observations lost at an autoreset, truncations lost, a step lost by the others while one
 environment is reset, a reset mask popped from the caller's options, buffers reused, returned arrays that are the
-environment's own state.
+environment's own state, the caller's actions changed, seeds that do not count, rare observations outside the space.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -23,7 +24,8 @@ from gymnasium.wrappers import TimeLimit
 
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.testing.lockstep import ConformanceError, Lockstep, Makers
+from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import ConformanceError, Lockstep, Makers, most_wanted, random_actions
 from wavegym.testing.model_check import prediction_defect
 
 __all__ = ["ConformanceError", "check_vector_env"]
@@ -35,6 +37,8 @@ SHORT = 4  # max_episode_steps of the truncated episodes
 CUT_OFF_STEPS = 24
 UNREST = 20  # steps with random partial resets before whole episodes are played
 EPISODES = 2  # of every environment
+SEEDED, USED = 3, 54321  # environments whose seeds are checked, and a seed from before
+MANY, MANY_STEPS = 16, 60  # of the batch whose observations are checked
 
 
 def check_vector_env(
@@ -45,6 +49,7 @@ def check_vector_env(
     The check plays whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments,
     integer and list seeds, partial resets, truncation by ``max_episode_steps``, and an unpickled copy that continues in
     mid-episode. Returned values must be finite. Returned arrays must belong to the caller: the check overwrites them.
+    Each environment's seed alone must decide its episode. A larger batch must stay inside its spaces.
     Of a wavegym system it also checks ``predict``, ``cost``, ``mask`` and the capabilities.
 
     Args:
@@ -79,6 +84,8 @@ def check_vector_env(
             raise ConformanceError(f"state exposed, as writing into returned arrays changes it: {defect}") from defect
         finally:
             pair.close()
+    _check_seeds(makers, seed)
+    _check_spaces(makers, seed, min(max_steps, MANY_STEPS))
 
 
 def _check_system(makers: Makers) -> None:
@@ -98,6 +105,84 @@ def _check_system(makers: Makers) -> None:
         raise ConformanceError(f"{makers.name}: the system raised {type(error).__name__}: {text}") from error
     if defect:
         raise ConformanceError(f"{makers.name}: {defect}")
+
+
+def _check_seeds(makers: Makers, seed: int) -> None:
+    """The seed of an environment decides its episode, whatever was played before and beside it."""
+    first = [seed + k for k in range(SEEDED)]
+    reference = _seeded(makers, first, is_used=False)
+    for seeds, like in (
+        (first, [0, 1, 2]),
+        (first[0], [0, 1, 2]),
+        (first[1], [1, 2, None]),
+        (first[::-1], [2, 1, 0]),
+        ([seed + 100, seed + 101, first[2]], [None, None, 2]),
+    ):
+        for is_used in (False, True):
+            found = _seeded(makers, seeds, is_used)
+            for i, other in enumerate(like):
+                if other is not None and (wrong := difference(found[i], reference[other])):
+                    before = "in mid-episode" if is_used else "for the first time"
+                    defect = f"seed ignored: after a reset {before} with seed={seeds}, environment {i} shows{wrong}"
+                    raise ConformanceError(f"{makers.name}, num_envs={SEEDED}: {defect} as before with its seed")
+
+
+def _seeded(makers: Makers, seeds: Any, is_used: bool) -> list[list[Any]]:
+    """Observations of each environment at a reset and a few steps later; its actions depend on its own masks alone."""
+    with _attempt(makers, SEEDED):
+        envs = makers.native(num_envs=SEEDED, autoreset_mode="Disabled")
+        if is_used:
+            envs.reset(seed=USED)
+            envs.step(_plain_actions(envs))
+        shown = [envs.reset(seed=seeds)[0]]
+        is_over = False
+        while len(shown) <= SHORT and not is_over:
+            observations, _, terminated, truncated, _ = envs.step(_plain_actions(envs))
+            shown.append(observations)
+            is_over = bool(np.any(terminated | truncated))
+        rows = [list(iterate(envs.observation_space, batch)) for batch in shown]
+        envs.close()
+    return [[row[i] for row in rows] for i in range(SEEDED)]
+
+
+def _plain_actions(envs: Any) -> Any:
+    """One action for all, or the first one that each environment's mask allows."""
+    space, masks = envs.single_action_space, getattr(envs, "action_masks", None)
+    if masks is not None and isinstance(space, (gym.spaces.Discrete, gym.spaces.MultiDiscrete)):
+        return most_wanted(envs, np.asarray(masks()).astype(np.float64))
+    space.seed(0)
+    room: Any = create_empty_array(space, envs.num_envs)
+    return concatenate(space, [space.sample()] * envs.num_envs, room)
+
+
+def _check_spaces(makers: Makers, seed: int, steps: int) -> None:
+    """A larger batch stays inside its space, with finite rewards."""
+    where = f"num_envs={MANY}"
+    with _attempt(makers, MANY):
+        envs, rng = makers.native(num_envs=MANY, autoreset_mode="NextStep"), np.random.default_rng(seed)
+        envs.action_space.seed(seed)
+        shown, rewards = envs.reset(seed=seed)[0], np.zeros(MANY)
+        for step in range(steps):
+            if not envs.observation_space.contains(shown):
+                raise ConformanceError(
+                    f"{makers.name}, {where}, step {step}: observations are outside observation_space"
+                )
+            if not np.isfinite(rewards).all():
+                raise ConformanceError(f"{makers.name}, {where}, step {step}: rewards are not finite")
+            shown, rewards, *_ = envs.step(random_actions(envs, rng))
+        envs.close()
+
+
+@contextmanager
+def _attempt(makers: Makers, num_envs: int) -> Iterator[None]:
+    """Turn any exception of the environment into a one-line defect."""
+    try:
+        yield
+    except ConformanceError:
+        raise
+    except Exception as error:
+        text = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise ConformanceError(f"{makers.name}, num_envs={num_envs}: raised {text}") from error
 
 
 def _by_id(id: str, settings: dict[str, Any]) -> tuple[Makers, list[dict[str, int]]]:

@@ -83,9 +83,14 @@ class Lockstep:
 
     def step(self) -> None:
         """Step both with random valid actions."""
-        actions = self._sample()
+        with self._attempt("action_masks()"):
+            actions = random_actions(self.native, self._rng)
+        given = copy.deepcopy(actions)
         with self._attempt("step()"):
-            got = self.native.step(copy.deepcopy(actions))
+            got = self.native.step(given)
+        changed = difference(given, actions)
+        if changed:
+            self.fail(f"actions changed: after step() the caller's actions{changed}")
         with self._attempt("step() of the single environments"):
             want = self.oracle.step(actions)
         self.steps += 1
@@ -116,8 +121,10 @@ class Lockstep:
         self.where += ", after pickling"
 
     def close(self) -> None:
-        """Close both."""
+        """Close both, the native one twice: a second close must do nothing."""
         self.native.close()
+        with self._attempt("a second close()"):
+            self.native.close()
         self.oracle.close()
 
     def fail(self, defect: str) -> NoReturn:
@@ -212,18 +219,23 @@ class Lockstep:
             _overwrite(returned)
         self._held.append((call, returned, copy.deepcopy(returned)))
 
-    def _sample(self) -> Any:
-        """Random actions, allowed by ``action_masks()`` where the environment has them."""
-        space, masks = self.native.single_action_space, getattr(self.native, "action_masks", None)
-        if masks is None or not isinstance(space, (spaces.Discrete, spaces.MultiDiscrete)):
-            return self.native.action_space.sample()
-        with self._attempt("action_masks()"):
-            allowed = np.asarray(masks())  # (env, actions), for MultiDiscrete one component after the other
-        sizes = np.atleast_1d(space.n if isinstance(space, spaces.Discrete) else space.nvec)
-        draws = np.where(allowed, self._rng.random(allowed.shape), -1.0)
-        parts = np.split(draws, np.cumsum(sizes)[:-1], axis=1)
-        chosen = np.stack([part.argmax(axis=1) for part in parts], axis=1).astype(self.native.action_space.dtype)
-        return chosen[:, 0] + space.start if isinstance(space, spaces.Discrete) else chosen
+
+def random_actions(env: Any, rng: np.random.Generator) -> Any:
+    """Random actions, allowed by ``action_masks()`` where the environment has them."""
+    space, masks = env.single_action_space, getattr(env, "action_masks", None)
+    if masks is None or not isinstance(space, (spaces.Discrete, spaces.MultiDiscrete)):
+        return env.action_space.sample()
+    allowed = np.asarray(masks())  # (env, actions), for MultiDiscrete one component after the other
+    return most_wanted(env, np.where(allowed, rng.random(allowed.shape), -1.0))
+
+
+def most_wanted(env: Any, wish: Array) -> Any:
+    """The action of each environment that it wishes most, (env, actions) as of a mask."""
+    space = env.single_action_space
+    sizes = np.atleast_1d(space.n if isinstance(space, spaces.Discrete) else space.nvec)
+    parts = np.split(wish, np.cumsum(sizes)[:-1], axis=1)
+    chosen = np.stack([part.argmax(axis=1) for part in parts], axis=1).astype(env.action_space.dtype)
+    return chosen[:, 0] + space.start if isinstance(space, spaces.Discrete) else chosen
 
 
 def _overwrite(returned: Any) -> None:
