@@ -19,6 +19,7 @@ import train as command
 from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError
 from wavegym.learning.training import callbacks as callback
+from wavegym.learning.training import imitation
 from wavegym.learning.training import train as learn
 from wavegym.learning.training.checkpoints import load_checkpoint, save_checkpoint
 from wavegym.learning.training.train import train
@@ -82,6 +83,26 @@ def test_a_run_in_several_variants_is_resumed_in_all(tmp_path: Path, monkeypatch
     train(plain, tmp_path / "plain", EVERY["ppo"], progress=False)
     with pytest.raises(AssertionError):
         assert_same_run(tmp_path / "plain", tmp_path / "whole")
+
+
+def test_lessons_of_a_round_that_is_over_are_not_given_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    taught = small_spec("ppo", teacher="myopic", teacher_episodes=6, imitation_rounds=3, imitation_epochs=2)
+    train(taught, tmp_path / "whole", EVERY["ppo"], progress=False)
+    demonstrations, rounds = imitation.demonstrations, list[int]()
+
+    def counted(*arguments: Any) -> Any:
+        rounds.append(1)
+        if len(rounds) == 3:
+            raise StoppedError
+        return demonstrations(*arguments)
+
+    monkeypatch.setattr(imitation, "demonstrations", counted)
+    with pytest.raises(StoppedError):
+        train(taught, tmp_path / "run", EVERY["ppo"], progress=False)
+    train(taught, tmp_path / "run", EVERY["ppo"], resume=True, progress=False)
+    assert len(rounds) == 4, "the third round alone"
+    assert_same_run(tmp_path / "run", tmp_path / "whole")
+    assert not list((tmp_path / "run").glob(".played-*"))
 
 
 def test_the_time_of_a_resumed_run_is_that_of_all_its_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,10 @@ Parr, 2003). Two futures for each candidate are enough.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
+import joblib
 import numpy as np
 import torch
 from gymnasium import spaces
@@ -22,6 +24,7 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from wavegym.core.arrays import Array
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.core.work import Parts
 from wavegym.core.worlds import draw_worlds, training_seeds, word
 from wavegym.learning.policies.export import export
 from wavegym.learning.policies.mixture import parts
@@ -47,7 +50,16 @@ NEAR = 0.02  # of a box's half width: a choice this close to the best point cost
 RATE = 3e-3  # Adam's learning rate at the start; falls linearly to 0
 
 
-def pretrain(model: BaseAlgorithm, settings: Settings, systems: list[System], seed: int) -> None:
+class Lessons(NamedTuple):
+    """What a learner is taught: the decisions of a round, or of all rounds so far."""
+
+    observations: Array  # (decision, elements)
+    labels: Array  # (decision, ...), see ``demonstrations``
+
+
+def pretrain(
+    model: BaseAlgorithm, settings: Settings, systems: list[System], seed: int, parts: Parts | None = None
+) -> None:
     """Let the learner imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
 
     Where the settings change parameters of the environment, a heuristic keeps the constants of the defaults: it is a
@@ -58,32 +70,58 @@ def pretrain(model: BaseAlgorithm, settings: Settings, systems: list[System], se
         settings: teacher, rounds and episodes of the imitation.
         systems: the closed loop of each variant; an equal share of the episodes is played in each.
         seed: training seed.
+        parts: where the lessons of each round are kept and looked for: they take most of the time.
     """
     seeds = training_seeds(ROOT, seed, settings.teacher_episodes * settings.imitation_rounds)
-    constants = records().get(record_key(systems[0]), {}).get(settings.teacher)
-    if (settings.environment or settings.variants) and constants is not None:
-        teacher: Policy = HEURISTICS[settings.teacher].make(**constants)
-    else:
-        teacher = make_policy(settings.teacher, systems[0], draw_worlds(systems[0], training_seeds(ROOT, seed, TUNING)))
-    guide = teacher
-    if isinstance(teacher, RolloutPlanner):
-        teacher.futures.count, guide = settings.teacher_futures, teacher.futures.base
-    dataset: list[tuple[Array, Array]] = []
+    teacher = _teacher(settings, systems, seed)
+    guide = teacher.futures.base if isinstance(teacher, RolloutPlanner) else teacher
+    rounds: list[Lessons] = []
     for n in range(settings.imitation_rounds):
-        own = seeds[n * settings.teacher_episodes : (n + 1) * settings.teacher_episodes]
         actor = LearnedPolicy(export(model.policy), settings.forecasts) if n else guide
-        rng = np.random.default_rng([seed, n])
-        for k, system in enumerate(systems[: settings.teacher_episodes]):
-            worlds = draw_worlds(system, own[k :: len(systems)])
-            dataset.append(
-                demonstrations(system, teacher, actor, worlds, settings.forecasts, rng, settings.query_every)
-            )
-        observations, labels = (np.concatenate(arrays) for arrays in zip(*dataset, strict=True))
+        key = str(joblib.hash((settings, seed, n)))
+        found = None if parts is None else parts.get(key)
+        if found is None:
+            own = seeds[n * settings.teacher_episodes : (n + 1) * settings.teacher_episodes]
+            found = _round(settings, systems, teacher, actor, own, np.random.default_rng([seed, n]))
+            if parts is not None:
+                parts.put(key, found)
+        rounds.append(found)
+        observations, labels = (np.concatenate(arrays) for arrays in zip(*rounds, strict=True))
         imitate(model, observations, labels, settings.imitation_epochs, np.random.default_rng([seed, n]))
     if isinstance(model, DQN):  # advantages of a rollout are close to differences of Q
         model.q_net_target.load_state_dict(model.q_net.state_dict())
     elif isinstance(teacher, RolloutPlanner) or isinstance(model.action_space, spaces.Box):
         calibrate_temperature(model)
+
+
+def _teacher(settings: Settings, systems: list[System], seed: int) -> Policy:
+    """The teacher, a rollout planner with the futures of the settings."""
+    constants = records().get(record_key(systems[0]), {}).get(settings.teacher)
+    if (settings.environment or settings.variants) and constants is not None:
+        return HEURISTICS[settings.teacher].make(**constants)
+    teacher = make_policy(settings.teacher, systems[0], draw_worlds(systems[0], training_seeds(ROOT, seed, TUNING)))
+    if isinstance(teacher, RolloutPlanner):
+        teacher.futures.count = settings.teacher_futures
+    return teacher
+
+
+def _round(
+    settings: Settings,
+    systems: list[System],
+    teacher: Policy,
+    actor: Policy,
+    seeds: Sequence[int],
+    rng: np.random.Generator,
+) -> Lessons:
+    """One round of lessons, an equal share of the worlds in each variant."""
+    each = [
+        demonstrations(
+            system, teacher, actor, draw_worlds(system, seeds[k :: len(systems)]), settings.forecasts, rng,
+            settings.query_every,
+        )
+        for k, system in enumerate(systems[: settings.teacher_episodes])
+    ]  # fmt: skip
+    return Lessons(*(np.concatenate(arrays) for arrays in zip(*each, strict=True)))
 
 
 def demonstrations(

@@ -15,12 +15,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.work import kept_parts
 from wavegym.evaluation.files import write_whole
 from wavegym.learning.policies.export import export
 from wavegym.learning.training.callbacks import SnapshotCallback, tensorboard
 from wavegym.learning.training.checkpoints import load_checkpoint
 from wavegym.learning.training.curve import LearningCurve
-from wavegym.learning.training.imitation import WarmUp, pretrain
+from wavegym.learning.training.imitation import Lessons, WarmUp, pretrain
 from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
 from wavegym.learning.training.observed import range_in_training
 from wavegym.learning.training.run_spec import RunSpec, check_resumable, check_unused, planned_steps
@@ -115,7 +116,8 @@ def _learn(
     callbacks: list[BaseCallback] = [callback, *([NoteDurations()] if discounts_seconds(settings) else [])]
     if settings.teacher:
         if start is None:
-            pretrain(model, settings, systems_of(env), spec.seed)
+            with kept_parts(folder, Lessons) as parts:
+                pretrain(model, settings, systems_of(env), spec.seed, parts)
         callbacks.append(WarmUp(settings.critic_warm_up * callback.rollout))
     with tensorboard(folder, start or 0) as logger, callback.bar:
         model.set_logger(logger)
