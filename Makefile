@@ -10,7 +10,7 @@ READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
 
 .PHONY: demo test lint test-oldest test-learners site docs tutorial animations results leaderboard league papers headroom \
-	benchmarks clean
+	benchmarks promises clean
 
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
@@ -118,6 +118,11 @@ headroom: $(READY)
 
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run
+
+# Files changed at random and commands killed at random, some ten minutes.
+promises: $(READY)
+	$(BIN)/python -m promises.fuzz
+	$(BIN)/python -m promises.faults
 
 clean:
 	rm -rf $(VENV) $(VENV)-oldest $(VENV)-learners $(OUT) site

@@ -117,6 +117,13 @@ def test_mistakes_in_a_file(tmp_path: Path) -> None:
         UrbanMap.load(torn)
 
 
+@pytest.mark.parametrize("content", ["", "discretes = [[1.0, 2.0]]"])
+def test_an_empty_city_is_refused(tmp_path, content):
+    (tmp_path / "empty.toml").write_text(content)
+    with pytest.raises(InputError, match=r"empty\.toml has no buildings and no roads, expected a city"):
+        UrbanMap.load(tmp_path / "empty.toml")
+
+
 def test_where_nobody_can_stand_or_drive() -> None:
     with pytest.raises(InputError, match=r"tx is \(2100\.0, 1600\.0\) m, inside a building.*\(2095, 1600\)"):
         CROSSING.check_outdoors("tx", (2100.0, 1600.0))

@@ -117,7 +117,7 @@ class UrbanMap:
         16
 
         Raises:
-            InputError: no such map or file, or the file holds no map.
+            InputError: no such map or file, or the file holds no map, or an empty one.
         """
         own = {file.stem: file for file in sorted(MAPS.glob("*.toml"))}
         file = own.get(str(source), Path(source))
@@ -127,7 +127,10 @@ class UrbanMap:
             table = tomllib.loads(file.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise InputError(f"the map file {file} cannot be read: {error}") from None
-        return make_checked(cls, table, f" in {file}")
+        made = make_checked(cls, table, f" in {file}")
+        if not made.buildings and not made.roads:
+            raise InputError(f"the map file {file} has no buildings and no roads, expected a city")
+        return made
 
     @cached_property
     def walls(self) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -139,6 +140,9 @@ def _find_columns(where: str, header: list[str]) -> _Columns:
     return _Columns(time, place, find(ID), degrees > metres)
 
 
+WIDEST, MOST_NAMES = 40, 20  # characters of a name and names of a header in an error
+
+
 def listed(names: Sequence[str]) -> str:
     """``a, b or c``."""
     return " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
@@ -150,7 +154,10 @@ def _what_is_there(header: list[str], wanted: Sequence[str]) -> str:
     hints = (
         f"; for {name!r}{nearest(name, wanted)[1:]}" for name in header if name not in known and nearest(name, wanted)
     )
-    return f"the header has {', '.join(header)}{next(hints, '')}"
+    names = [textwrap.shorten(name, WIDEST) for name in header[:MOST_NAMES]]
+    if len(header) > MOST_NAMES:
+        names.append(f"and {len(header) - MOST_NAMES} more")
+    return f"the header has {', '.join(names)}{next(hints, '')}"
 
 
 def _converted(rows: _Rows, column: int, convert: Callable[[str], float], expected: str) -> FloatArray:
