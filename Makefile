@@ -119,10 +119,11 @@ headroom: $(READY)
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run
 
-# Files changed at random and commands killed at random, some ten minutes.
+# Files changed at random, commands killed at random, and planted defects: some twenty minutes.
 promises: $(READY)
 	$(BIN)/python -m promises.fuzz
 	$(BIN)/python -m promises.faults
+	$(BIN)/python -m promises.mutate
 
 clean:
 	rm -rf $(VENV) $(VENV)-oldest $(VENV)-learners $(OUT) site

@@ -9,7 +9,13 @@ from delay_systems import SPENDING, DelaySystem, delay_worlds
 from wavegym.core import trees
 from wavegym.schedulers import rollout
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
-from wavegym.schedulers.heuristics.price_policies import LADDER, AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
+from wavegym.schedulers.heuristics.price_policies import (
+    CUSHION,
+    LADDER,
+    AdaptiveLagrangianPrice,
+    ConstantPace,
+    LagrangianPrice,
+)
 
 SYSTEM = DelaySystem(horizon=10, setup=0, budget=4.0)
 
@@ -90,6 +96,16 @@ def test_the_prepared_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
         if (np.diff(spent) <= 1e-9).all():
             assert at == int(np.argmax(fits))
         assert followed(SYSTEM, one, begun(LagrangianPrice(prepared[env], 3))) <= belief.energy[env]
+
+
+def test_in_a_simulated_future_the_price_rises_with_the_cube_of_what_is_missing():
+    """At the root it is the prepared price; with an account of 1 / 1.1 of the prediction, 1.1 cubed of it."""
+    belief = start(6)
+    heuristic = begun(AdaptiveLagrangianPrice(3))
+    prepared = heuristic.prepare(belief)
+    np.testing.assert_allclose(heuristic.price(belief, prepared), prepared[:, 0], rtol=1e-12)
+    short = belief._replace(energy=(belief.energy + CUSHION) / 1.1 - CUSHION)
+    np.testing.assert_allclose(heuristic.price(short, prepared), 1.331 * prepared[:, 0], rtol=1e-12)
 
 
 def test_more_energy_is_a_lower_price_and_thrift_a_higher_one():

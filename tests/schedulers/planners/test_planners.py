@@ -178,6 +178,16 @@ def test_a_planner_leaves_its_base_only_for_a_significant_gain():
     assert significant(np.full((1, 1, 4), np.inf), base_costs, 1.0) == -1
 
 
+def test_the_limit_of_significance_reaches_the_decision():
+    """Where detections are random: with a high limit a planner plays its base, without one it does not."""
+    system = DelaySystem(horizon=8, pd=0.5)
+    worlds = delay_worlds(system, 30)
+    own = rollout(system, base(), worlds).actions
+    plans = {errors: RolloutPlanner(base(), 4, futures=6, errors=errors) for errors in (0.0, 1.0, 1e9)}
+    left = {errors: float((rollout(system, plan, worlds).actions != own).mean()) for errors, plan in plans.items()}
+    assert left[1e9] == 0.0 < left[1.0] < left[0.0]
+
+
 def test_neighbours_differ_by_a_move_or_two_of_what_is_still_to_come():
     rng = np.random.default_rng(0)
     plan = np.tile(np.arange(10, 18), (2, 1))

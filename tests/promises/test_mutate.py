@@ -1,0 +1,48 @@
+"""Planted defects: each still has its line, and a defect that no test finds is told from one that is found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from promises import mutate
+from promises.mutate import Defect, is_found, read_defects
+from wavegym.core.errors import InputError
+
+
+def test_each_defect_has_its_line_and_its_tests() -> None:
+    defects = read_defects()
+    assert len({defect.what for defect in defects}) == len(defects) >= 25
+    for defect in defects:
+        assert defect.line != defect.planted
+        for test in defect.tests:
+            assert (mutate.ROOT / test.partition("::")[0]).exists()
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    (tmp_path / "double.py").write_text("def double(x):\n    return 2 * x\n")
+    (tmp_path / "test_double.py").write_text("from double import double\n\ndef test_it():\n    assert double(2) == 4\n")
+    (tmp_path / "conftest.py").write_text("")
+    return tmp_path
+
+
+@pytest.mark.parametrize(("planted", "found"), [("3 * x", True), ("x**2", False)])
+def test_a_defect_is_found_if_a_test_fails(copy: Path, planted: str, found: bool) -> None:
+    before = (copy / "double.py").read_text()
+    assert is_found(Defect("wrong", "double.py", "2 * x", planted, ("test_double.py",)), copy) == found
+    assert (copy / "double.py").read_text() == before
+
+
+def test_tests_that_cannot_run_are_a_mistake(copy: Path) -> None:
+    with pytest.raises(InputError, match="wrong: pytest ends with status 4, expected 0 or 1"):
+        is_found(Defect("wrong", "double.py", "2 * x", "3 * x", ("test_missing.py",)), copy)
+
+
+def test_a_line_that_is_gone_is_a_mistake(tmp_path: Path) -> None:
+    (tmp_path / "defects.toml").write_text(
+        '[[defect]]\nwhat = "old"\nfile = "train.py"\nline = "nowhere to be found"\nplanted = ""\ntests = []\n'
+    )
+    with pytest.raises(InputError, match=r"old: 'nowhere to be found' occurs 0 times in train.py, expected once"):
+        read_defects(tmp_path / "defects.toml")
