@@ -24,6 +24,10 @@ class UnexpectedKeywordError(InputError, TypeError):
         super().__init__(message.partition(" was raised from the environment creator for ")[0])
 
 
+class WrongTypeError(InputError, TypeError):
+    """A value of a type that cannot be meant: a user's mistake, and the TypeError that Gymnasium raises for one."""
+
+
 class InputWarning(UserWarning):
     """What a user should know of the input, but may intend. The message is one line; command lines print it so."""
 

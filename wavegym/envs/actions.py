@@ -9,7 +9,7 @@ from gymnasium import spaces
 
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, WrongTypeError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.schedulers.rollout import allowed
@@ -50,7 +50,7 @@ class IndexReader:
         """See ``ActionReader``."""
         array, shape = np.asarray(actions), (len(belief.step), *self.shape)
         if array.dtype.kind not in "iu":
-            raise InputError(f"action has the type {array.dtype}, expected integers in [0, {self.count - 1}]")
+            raise WrongTypeError(f"action has the type {array.dtype}, expected integers in [0, {self.count - 1}]")
         if array.shape != shape:
             wanted = f"{shape}: one index for each sensor" if self.shape else f"{shape}"
             raise InputError(f"actions have the shape {array.shape}, expected {wanted}")
@@ -90,7 +90,7 @@ class BoxReader:
         """See ``ActionReader``; a box has no masks."""
         array, num_envs = np.asarray(actions), len(belief.step)
         if array.dtype.kind not in "fiu":
-            raise InputError(f"action has the type {array.dtype}, expected numbers in [-1, 1]")
+            raise WrongTypeError(f"action has the type {array.dtype}, expected numbers in [-1, 1]")
         if array.shape != (num_envs, self.dimension):
             raise InputError(f"actions have the shape {array.shape}, expected ({num_envs}, {self.dimension})")
         if ignored is not None:

@@ -21,14 +21,13 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
-from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.envs.vector import PER_ENVIRONMENT, row_of
 
 Indices = None | int | Iterable[int]
 
 NESTED = ("final_obs", "final_info")
-PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
 
 
 class BatchedVecEnv(VecEnv):
@@ -128,7 +127,7 @@ class SB3VecEnv(BatchedVecEnv):
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
         """The attribute of each single environment: its own spaces, its row of arrays, else the shared value."""
         value = getattr(self.batch, PER_ENVIRONMENT.get(attr_name, attr_name))
-        return [self._share(value, i) for i in self._get_indices(indices)]
+        return [row_of(value, i, self.num_envs) for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
         """Set an attribute for all environments.
@@ -142,7 +141,7 @@ class SB3VecEnv(BatchedVecEnv):
     def env_method(self, method_name: str, *args: Any, indices: Indices = None, **kwargs: Any) -> list[Any]:
         """Call the batch's method once and return the rows of its result, e.g. ``env_method("action_masks")``."""
         result = getattr(self.batch, method_name)(*args, **kwargs)
-        return [self._share(result, i) for i in self._get_indices(indices)]
+        return [row_of(result, i, self.num_envs) for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: Indices = None) -> list[bool]:
         """Native environments have no single wrappers: False for each."""
@@ -154,13 +153,6 @@ class SB3VecEnv(BatchedVecEnv):
             warnings.warn(f"the render mode is {self.render_mode}, expected 'rgb_array' to obtain images", stacklevel=2)
             return [None] * self.num_envs
         return list(self.batch.render())
-
-    def _share(self, value: Any, i: int) -> Any:
-        """Environment i's part of a batch's value; a belief keeps a leading axis of one, as policies take it."""
-        if isinstance(value, tuple) and hasattr(value, "_fields"):
-            return trees.take(value, np.array([i]))
-        listed = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim > 0)
-        return value[i] if listed and len(value) == self.num_envs else value
 
 
 def _rows(info: dict[str, Any], count: int, which: Array | None = None) -> list[dict[str, Any]]:

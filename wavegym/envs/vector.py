@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -21,7 +22,12 @@ from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward, make_reward
 from wavegym.envs.seeds import Seed, seed_list
 
+PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
 Stepped = tuple[Array, Array, Array, Array, dict[str, Any]]
+
+
+class ClosedError(InputError, ClosedEnvironmentError):
+    """A closed environment was asked for a step: a user's mistake, and the error that Gymnasium raises for it."""
 
 
 class WaveformVectorEnv(VectorEnv):
@@ -113,7 +119,9 @@ class WaveformVectorEnv(VectorEnv):
 
         Raises:
             InputError: a seed that is not an integer >= 0, a wrong mask or option; all generators are unchanged.
+            ClosedError: after ``close``.
         """
+        self._check_open()
         rows = self._rows_to_reset(options)
         for i, s in enumerate(seed_list(seed, self.num_envs)):
             if s is not None and rows[i]:
@@ -134,7 +142,9 @@ class WaveformVectorEnv(VectorEnv):
         Raises:
             InputError: an action out of range, masked or not finite, or (autoreset disabled) a step past an episode's
                 end; the environment is unchanged.
+            ClosedError: after ``close``.
         """
+        self._check_open()
         restarting = self._restarting()
         observation, reward, terminated, truncated, state_info, transition_info = self.transmit(actions, restarting)
         active = None
@@ -168,6 +178,36 @@ class WaveformVectorEnv(VectorEnv):
             self._film.add(self.episodes.state, chosen, state_info["cost"], restarting)
         belief = self.episodes.state.belief
         return observation, reward, *endings(self.system, belief, self.max_episode_steps), state_info, transition_info
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """What a method, or an attribute, of each single environment would give, as in SyncVectorEnv.
+
+        Raises:
+            AttributeError: there is none of this name.
+        """
+        value = getattr(self, PER_ENVIRONMENT.get(name, name))
+        if callable(value):
+            value = value(*args, **kwargs)
+        return tuple(row_of(value, i, self.num_envs) for i in range(self.num_envs))
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of each single environment, as in SyncVectorEnv."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of all environments, which share one batch, to one value.
+
+        Raises:
+            InputError: a list or tuple of values that differ.
+        """
+        listed = values if isinstance(values, (list, tuple)) else [values]
+        if any(value != listed[0] for value in listed):
+            raise InputError(f"{name} is {values!r}, expected one value for all environments: they share one batch")
+        setattr(self, name, listed[0])
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise ClosedError("the environment is closed, expected a new one of gym.make_vec")
 
     def saved(self) -> dict[str, Any]:
         """All that changes from step to step, as plain values and arrays; ``restore`` of another one takes it over."""
@@ -223,6 +263,14 @@ class WaveformVectorEnv(VectorEnv):
             wanted = f"a bool array of shape ({self.num_envs},), not all False"
             raise InputError(f"options['reset_mask'] is {mask!r}, expected {wanted}")
         return mask.copy()
+
+
+def row_of(value: Any, i: int, num_envs: int) -> Any:
+    """Environment i's part of a batch's value; a belief keeps a leading axis of one, as policies take it."""
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return trees.take(value, np.array([i]))
+    listed = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    return value[i] if listed and len(value) == num_envs else value
 
 
 def endings(system: System, belief: Any, max_episode_steps: int | None) -> tuple[Array, Array]:
