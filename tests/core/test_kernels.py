@@ -142,3 +142,25 @@ def _python(code, cwd=None):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=cwd, env=path, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def test_without_a_cache_that_can_be_written_there_is_one_warning_and_kernels_work():
+    """A read-only package in a read-only home."""
+    code = (
+        "import os, pathlib, warnings\n"
+        "may = os.access\n"
+        "os.access = lambda path, mode: False if mode == os.W_OK else may(path, mode)\n"
+        "os.environ['XDG_CACHE_HOME'] = '/nowhere/to/write'\n"
+        "with warnings.catch_warnings(record=True) as caught:\n"
+        "    warnings.simplefilter('always')\n"
+        "    from wavegym.sensors import range_law_snr\n"
+        "    import wavegym.core.kernels as k\n"
+        "told = [w for w in caught if 'cannot be written' in str(w.message)]\n"
+        "assert len(told) == 1, caught\n"
+        "@k.kernel\n"
+        "def double(x):\n"
+        "    return 2.0 * x\n"
+        "assert double(3.0) == 6.0\n"
+        "assert not pathlib.Path('/nowhere').exists()\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -12,6 +12,7 @@ import math
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable
 from functools import lru_cache, wraps
 from pathlib import Path
@@ -22,7 +23,7 @@ import numpy as np
 from numba.core import event
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, InputWarning
 
 PACKAGE = Path(__file__).parents[1]  # the whole package: a kernel may inline a kernel of another folder
 
@@ -46,7 +47,10 @@ class _Notice(event.Listener):
         function = event.data["dispatcher"].py_func
         if not self.printed and function.__module__.startswith("wavegym."):
             self.printed = True
-            print("wavegym: compiling numerical kernels (once per installation, up to a minute) ...", file=sys.stderr)
+            print(
+                "wavegym: compiling numerical kernels (once per installation; wavegym warm-up does it beforehand) ...",
+                file=sys.stderr,
+            )
 
     def on_end(self, event: Any) -> None:
         """Nothing to print."""
@@ -55,6 +59,23 @@ class _Notice(event.Listener):
 event.register("numba:compile", _Notice())
 _SETTINGS: Any = numba.config
 _FOLDER = _SETTINGS.CACHE_DIR or _cache_folder()
+
+
+def _is_writable(folder: str) -> bool:
+    """Whether a folder can be written, or made."""
+    place = Path(folder)
+    while not place.exists():
+        place = place.parent
+    return place.is_dir() and os.access(place, os.W_OK)
+
+
+_IS_CACHED = _is_writable(_FOLDER)
+if not _IS_CACHED:
+    warnings.warn(
+        f"{_FOLDER} cannot be written: kernels are compiled in every process (set XDG_CACHE_HOME to a folder)",
+        InputWarning,
+        stacklevel=2,
+    )
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -71,7 +92,7 @@ def _compiled(function: Callable[..., Any], inline: bool) -> Any:
     configured = _SETTINGS.CACHE_DIR
     _SETTINGS.CACHE_DIR = _FOLDER  # read while the dispatcher is made; other packages' kernels keep their own
     try:
-        return numba.njit(cache=True, error_model="numpy", forceinline=inline)(function)
+        return numba.njit(cache=_IS_CACHED, error_model="numpy", forceinline=inline)(function)
     finally:
         _SETTINGS.CACHE_DIR = configured
 

@@ -1,0 +1,40 @@
+"""``wavegym warm-up``: after it nothing is compiled, and mistakes take one line."""
+
+from __future__ import annotations
+
+import pytest
+from numba.core import event
+
+from wavegym.cli.main import main
+
+ID = "KershawEvansPosition-v0"
+
+
+class Compiled(event.Listener):
+    """Counts compilations of kernels of wavegym."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def on_start(self, event: event.Event) -> None:
+        self.count += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """Nothing to count."""
+
+
+def test_after_it_nothing_is_compiled(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["warm-up", ID, "--jobs", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in lines] == [f"wavegym/{ID}", "all"]
+    assert all(line.endswith(" s") for line in lines)
+    seen = Compiled()
+    with event.install_listener("numba:compile", seen):
+        assert main(["warm-up", ID, "--jobs", "1"]) == 0
+    assert seen.count == 0
+
+
+def test_an_unknown_environment_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["warm-up", "KershawEvansPosition-v9"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: ")
