@@ -101,14 +101,16 @@ ifdef PAGE
 	$(BIN)/python -m papers.page results/$*/summary.json docs/papers/$*.md
 endif
 
-# Everything about some environments: trains missing agents, plays ladders, agents and changed environments, and renews the
-# tables; NAMES="KershawEvansPosition SectorSetup", all of results/distribution_shifts.toml without it.
+# Everything about some environments: trains missing agents, plays ladders, agents, quick planners, stages of learning and
+# changed environments, and renews the tables; NAMES="KershawEvansPosition SectorSetup", all of results/distribution_shifts.toml without it.
 NAMES ?= $(shell sed -n 's/^\[\(.*\)\]$$/\1/p' results/distribution_shifts.toml)
 league: $(READY)
 	$(BIN)/python -m agents.experiment --train $(NAMES)
 	$(BIN)/python -m agents.package
 	$(MAKE) headroom IDS="$(addsuffix -v0,$(NAMES))"
 	$(BIN)/python -m agents.leaderboard $(addsuffix -v0,$(NAMES))
+	$(BIN)/python -m agents.quick_planners $(NAMES)
+	$(BIN)/python -m agents.stages $(NAMES)
 	$(BIN)/python -m agents.distribution_shift $(NAMES)
 
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
