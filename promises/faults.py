@@ -100,6 +100,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of times and signals (default: %(default)s)")
     read = parser.read(None)
     check_int("--kills", read.kills, 1)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so its children
     for name in read.names or COMMANDS:
         chance, count = random.Random(read.seed), 0
         with tempfile.TemporaryDirectory() as folder:

@@ -51,8 +51,10 @@ def test_what_goes_well_is_silent(capsys):
 
 
 SLEEPER = """
-import sys, time
+import signal, sys, time
 from wavegym.core.command_line import guarded
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job starts with SIGINT ignored
 
 def main():
     try:
