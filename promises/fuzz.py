@@ -102,7 +102,8 @@ def changed_arrays(draw: st.DrawFn, content: bytes) -> bytes:
         elif how == 2 and array.dtype.kind != "U":
             arrays[name] = array.astype(draw(st.sampled_from(["f2", "f8", "i1", "i8", "U5", "c8", "?"])))
         elif how == 3 and array.size and array.dtype.kind in "fi":
-            number = draw(st.floats(width=32) | st.integers(-(2**31), 2**31 - 1).map(float))
+            whole = st.integers(-(2**31), 2**31 - 1)
+            number = draw(whole if array.dtype.kind == "i" else st.floats(width=32))
             with np.errstate(invalid="ignore"):
                 array.reshape(-1)[draw(st.integers(0, array.size - 1))] = number
             arrays[name] = array

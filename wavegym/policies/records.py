@@ -15,6 +15,7 @@ RUN_FIELDS: dict[str, type] = {
     "algo": str,
     "seed": int,
     "settings": dict,
+    "settings.environment": dict,
     "observation": list,
     "scaling": list,
     "actions": dict,
@@ -63,6 +64,9 @@ def read_run(path: Path) -> dict[str, Any]:
             value = value[key]
         if not isinstance(value, kind):
             raise InputError(f"{path} is no record of wavegym train: {name!r} is {value!r}, expected {kind.__name__}")
+    variants = run["settings"].get("variants", [])
+    if not isinstance(variants, list) or not all(isinstance(variant, dict) for variant in variants):
+        raise InputError(f"{path} is no record of wavegym train: 'settings.variants' is {variants!r}, expected tables")
     if not all(isinstance(element, str) for element in run["observation"]):
         raise InputError(
             f"{path} is no record of wavegym train: 'observation' is {run['observation']!r}, expected names"
