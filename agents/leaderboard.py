@@ -19,6 +19,7 @@ import numpy as np
 from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.errors import check_choice
 from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import word
 from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
@@ -323,6 +324,28 @@ def renew(env_ids: Sequence[str]) -> None:
     page = "\n\n".join([first, medians(entries), consistency_table(entries), details(entries), libraries(entries)])
     for file, text in ((PAGE, page), (README, first)):
         blocks.renew(file, START, END, text)
+
+
+def play_and_renew(
+    parser: Parser, played: Path, play: Callable[[str, int], None], renew: Callable[[Sequence[str]], None]
+) -> None:
+    """A command that plays some environments and renews the table of all.
+
+    Args:
+        parser: of the command line, without options yet.
+        played: folder with a file ID.csv for each environment that may be named.
+        play: of the environment's name and the number of processes.
+        renew: of all names.
+    """
+    known = sorted(file.stem.removesuffix("-v0") for file in played.glob("*.csv"))
+    parser.add_argument("names", nargs="*", metavar="ENVIRONMENT", help="which (default: all)")
+    add_worker_options(parser, jobs=2)
+    parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
+    read = parser.read(None)
+    for name in () if read.tables else read.names or known:
+        with workers(read):
+            play(check_choice("environment", name, known), read.jobs)
+    renew(known)
 
 
 def main() -> None:

@@ -11,10 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, ROOT, against
+from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, ROOT, against, play_and_renew
 from wavegym.core.command_line import Parser, guarded
-from wavegym.core.errors import check_choice
-from wavegym.core.workers import add_worker_options, workers
 from wavegym.evaluation import blocks, compare, full_id, make_task
 from wavegym.evaluation.account import read_accounts
 from wavegym.evaluation.files import write_whole
@@ -71,15 +69,7 @@ def renew(names: Sequence[str]) -> None:
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.quick_planners", description="PPO beside the best planner within 10 ms.")
-    known = sorted(file.stem.removesuffix("-v0") for file in SWEEPS.glob("*.csv"))
-    parser.add_argument("names", nargs="*", metavar="ENVIRONMENT", help="which (default: those with a sweep)")
-    add_worker_options(parser, jobs=2)
-    parser.add_argument("--tables", action="store_true", help="renew the table from earlier results; play nothing")
-    read = parser.read(None)
-    for name in () if read.tables else read.names or known:
-        with workers(read):
-            play(check_choice("environment", name, known), read.jobs)
-    renew(known)
+    play_and_renew(parser, SWEEPS, play, renew)
 
 
 def _file(name: str) -> Path:

@@ -11,10 +11,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, stage_of
+from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, play_and_renew, stage_of
 from wavegym.core.command_line import Parser, guarded
-from wavegym.core.errors import check_choice
-from wavegym.core.workers import add_worker_options, workers
 from wavegym.evaluation import blocks, compare, full_id
 from wavegym.evaluation.account import read_accounts
 from wavegym.evaluation.files import write_whole
@@ -77,17 +75,7 @@ def renew(names: Sequence[str]) -> None:
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.stages", description="What agents learn from rewards, a teacher, and both.")
-    known = sorted(file.stem.removesuffix("-v0") for file in HEADROOM.glob("*.csv"))
-    parser.add_argument(
-        "names", nargs="*", metavar="ENVIRONMENT", help="which (default: those that `make headroom` played)"
-    )
-    add_worker_options(parser, jobs=2)
-    parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
-    read = parser.read(None)
-    for name in () if read.tables else read.names or known:
-        with workers(read):
-            play(check_choice("environment", name, known), read.jobs)
-    renew(known)
+    play_and_renew(parser, HEADROOM, play, renew)
 
 
 if __name__ == "__main__":

@@ -26,14 +26,13 @@ from hypothesis import strategies as st
 from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, check_choice
-from wavegym.envs.build import build_system
-from wavegym.envs.scenario import scenario_parameters, scenario_toml
+from wavegym.envs.scenario import scenario_differences, scenario_toml
 from wavegym.evaluation import compare, make_task
 from wavegym.evaluation.page import page
 from wavegym.evaluation.summary import summarise
 from wavegym.policies.pretrained import FOLDER
 from wavegym.policies.runs import POLICY, RUN, load_policy
-from wavegym.registration import SYSTEMS, registered_system
+from wavegym.registration import SYSTEMS
 from wavegym.sensors.urban_map import MAPS, UrbanMap
 from wavegym.targets.reader import read_tracks
 
@@ -161,13 +160,7 @@ def scenarios(draw: Callable[[Any], Any], folder: Path) -> None:
     """A scenario in TOML, and the system that it makes."""
     env_id = draw(st.sampled_from(sorted(SYSTEMS)))
     (folder / "scenario.toml").write_bytes(draw(edited(scenario(env_id))))
-    system, registered = registered_system(env_id)
-    parameters = scenario_parameters(folder / "scenario.toml", system)
-    own = {name: value for name, value in registered.items() if name not in ("reward", "system")}
-    build_system(system, {**own, **{name: value for name, value in parameters.items() if name not in STATED}})
-
-
-STATED = ("reward", "forecasts", "measurements", "observation")
+    scenario_differences(env_id, folder / "scenario.toml")
 
 
 @cache

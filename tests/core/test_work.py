@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+from promises.faults import children, is_alive
 from wavegym.core import work
 from wavegym.core.arrays import Array
 from wavegym.core.work import Call, Parts, hidden_folder, kept_parts, run_all
@@ -73,19 +74,6 @@ def work(number):
 if __name__ == "__main__":
     run_all([Call(work, (number,)) for number in range(4)], 2)
 """
-
-
-def children(process: int) -> list[int]:
-    found = subprocess.run(["ps", "-A", "-o", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
-    pairs = [map(int, line.split()) for line in found.splitlines()]
-    return [child for child, parent in pairs if parent == process]
-
-
-def is_alive(process: int) -> bool:
-    found = subprocess.run(
-        ["ps", "-o", "stat=", "-p", str(process)], capture_output=True, text=True, check=False
-    ).stdout
-    return bool(found.strip()) and not found.startswith("Z")
 
 
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGTERM])

@@ -145,10 +145,10 @@ def _unordered(work: Sequence[tuple[int, Call]], jobs: int) -> Iterator[tuple[in
     """Pairs of index and result as they come, or all at the end where the backend cannot hand them out before."""
     parent: int | None = os.getpid()
     try:
-        results = Parallel(n_jobs=jobs, return_as="generator_unordered")
+        hand_out = Parallel(n_jobs=jobs, return_as="generator_unordered")
     except ValueError:  # Ray, whose workers have a parent on their own machine
-        results, parent = Parallel(n_jobs=jobs), None
-    yield from results(delayed(_in_worker)(parent, index, *call) for index, call in work)
+        hand_out, parent = Parallel(n_jobs=jobs), None
+    yield from hand_out(delayed(_in_worker)(parent, index, *call) for index, call in work)
 
 
 def _in_worker(
