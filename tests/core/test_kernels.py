@@ -80,7 +80,7 @@ def test_results_do_not_share_memory_with_the_arguments():
 
 
 def test_kernels_live_in_kernel_files():
-    """The cache folder's hash covers these files only."""
+    """The hashes of cache folders cover these files only."""
     made = re.compile(r"^\s*@(kernel|batched|numba\.|njit|jit|vectorize|guvectorize)|\bnjit\(", re.MULTILINE)
     files = list(PACKAGE.rglob("*.py"))
     elsewhere = [f.name for f in files if not f.name.endswith("kernels.py") and made.search(f.read_text("utf-8"))]
@@ -88,17 +88,19 @@ def test_kernels_live_in_kernel_files():
     assert sum(bool(made.search(f.read_text("utf-8"))) for f in files) >= 4
 
 
-def test_a_changed_kernel_file_means_another_cache_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(kernels, "PACKAGE", tmp_path)
-    (tmp_path / "deep").mkdir()
-    source = tmp_path / "deep" / "some_kernels.py"
-    source.write_text("one = 1")
-    first = kernels._cache_folder()
-    (tmp_path / "other.py").write_text("three = 3")
-    assert kernels._cache_folder() == first
-    source.write_text("two = 2")
-    assert kernels._cache_folder() != first
-    assert Path(first).is_relative_to(tmp_path)
+def test_a_cache_folder_covers_the_kernel_files_that_a_module_imports():
+    """And no others: an edit elsewhere must not compile everything anew."""
+    import wavegym.trackers.gaussian_mixture_kernels as mixtures
+
+    found = {str(source.relative_to(PACKAGE)) for source in kernels._sources(mixtures.__name__)}
+    assert found >= {
+        "core/kernels.py",
+        "trackers/gaussian_mixture_kernels.py",
+        "trackers/joint_association_kernels.py",  # imported by it
+        "trackers/subset_kernels.py",  # imported by the former
+    }
+    assert not any(name.startswith("systems/") for name in found)
+    assert kernels._sources("wavegym.systems") == frozenset()
 
 
 def test_an_edited_callee_in_another_file_is_noticed(tmp_path):
@@ -106,7 +108,7 @@ def test_an_edited_callee_in_another_file_is_noticed(tmp_path):
     (tmp_path / "callee_kernels.py").write_text(_CALLEE.format("3.0"))
     (tmp_path / "caller_kernels.py").write_text(_CALLER)
     code = "from pathlib import Path; import wavegym.core.kernels as k\n"
-    code += "k.PACKAGE = Path('.'); k._FOLDER = k._cache_folder()\n"
+    code += "k.PACKAGE = Path('.')\n"
     code += "import caller_kernels; print(caller_kernels.caller(7.0))"
     answers = []
     for factor in ("3.0", "5.0"):

@@ -1,8 +1,8 @@
 """How compiled kernels are made: loops over one flat leading axis, called like NumPy functions.
 
 A kernel is a plain Python function in a file called ``kernels.py`` or ``*_kernels.py``, compiled by Numba at its
-first use and cached on disk. The cache folder carries a hash of all kernel sources: Numba alone does not notice
-that a function in *another* file has changed and would go on calling the old one.
+first use and cached on disk. The cache folder of a file carries a hash of its source and of all kernel files that it
+imports: Numba alone does not notice that a function in *another* file has changed and would go on calling the old one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import re
 import sys
 import warnings
 from collections.abc import Callable
-from functools import lru_cache, wraps
+from functools import cache, lru_cache, wraps
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,17 +26,40 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.errors import InputError, InputWarning
 
-PACKAGE = Path(__file__).parents[1]  # the whole package: a kernel may inline a kernel of another folder
+PACKAGE = Path(__file__).parents[1]
+_IMPORT = re.compile(r"^(?:from\s+(\S+)\s+import\s+(\([^)]*\)|.*)|import\s+(.*))$", re.MULTILINE)
 
 
-def _cache_folder() -> str:
-    """The folder for compiled code: beside the package where that can be written, else the user's cache."""
+def _caches() -> Path:
+    """The folder of all caches: beside the package where that can be written, else the user's."""
+    user = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "wavegym"
+    return (PACKAGE / "__pycache__" if os.access(PACKAGE, os.W_OK) else user) / "kernels"
+
+
+@cache
+def _sources(module: str) -> frozenset[Path]:
+    """The file of an imported module of kernels, and those of all modules of kernels that it imports."""
+    loaded = sys.modules.get(module)
+    file = Path(getattr(loaded, "__file__", None) or "")
+    if not file.name.endswith("kernels.py"):
+        return frozenset()
+    package, found = getattr(loaded, "__package__", ""), {file}
+    for source, names, plain in _IMPORT.findall(file.read_text("utf-8")):
+        listed = [name.split()[0] for name in re.split(r"[(),\n]", names or plain) if name.strip()]
+        origin = resolve_name(source, package) if source else ""
+        for name in [origin, *(f"{origin}.{name}".strip(".") for name in listed)]:
+            if name != module:
+                found |= _sources(name)
+    return frozenset(found)
+
+
+@cache
+def _cache_folder(module: str) -> str:
+    """The folder for the compiled code of a module of kernels."""
     digest = hashlib.sha256()
-    for source in sorted(PACKAGE.rglob("*kernels.py")):
+    for source in sorted(_sources(module)):
         digest.update(source.read_bytes())
-    caches = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "wavegym"
-    parent = PACKAGE / "__pycache__" if os.access(PACKAGE, os.W_OK) else caches
-    return str(parent / f"kernels-{digest.hexdigest()[:16]}")
+    return str(_caches() / digest.hexdigest()[:16])
 
 
 class _Notice(event.Listener):
@@ -58,7 +82,7 @@ class _Notice(event.Listener):
 
 event.register("numba:compile", _Notice())
 _SETTINGS: Any = numba.config
-_FOLDER = _SETTINGS.CACHE_DIR or _cache_folder()
+_PARENT = _SETTINGS.CACHE_DIR or str(_caches())
 
 
 def _is_writable(folder: str) -> bool:
@@ -69,10 +93,10 @@ def _is_writable(folder: str) -> bool:
     return place.is_dir() and os.access(place, os.W_OK)
 
 
-_IS_CACHED = _is_writable(_FOLDER)
+_IS_CACHED = _is_writable(_PARENT)
 if not _IS_CACHED:
     warnings.warn(
-        f"{_FOLDER} cannot be written: kernels are compiled in every process (set XDG_CACHE_HOME to a folder)",
+        f"{_PARENT} cannot be written: kernels are compiled in every process (set XDG_CACHE_HOME to a folder)",
         InputWarning,
         stacklevel=2,
     )
@@ -90,9 +114,10 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 def _compiled(function: Callable[..., Any], inline: bool) -> Any:
     configured = _SETTINGS.CACHE_DIR
-    _SETTINGS.CACHE_DIR = _FOLDER  # read while the dispatcher is made; other packages' kernels keep their own
+    # read while the dispatcher is made; other packages' kernels keep their own
+    _SETTINGS.CACHE_DIR = configured or _cache_folder(function.__module__)
     try:
-        return numba.njit(cache=_IS_CACHED, error_model="numpy", forceinline=inline)(function)
+        return numba.njit(cache=_IS_CACHED, error_model="numpy", forceinline=inline, nogil=True)(function)
     finally:
         _SETTINGS.CACHE_DIR = configured
 
