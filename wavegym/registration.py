@@ -29,7 +29,16 @@ SYSTEMS = {
 }
 
 # Of an environment, not its system.
-SHELL = ("reward", "forecasts", "measurements", "observation", "render_mode", "autoreset_mode", "scenario")
+SHELL = (
+    "reward",
+    "forecasts",
+    "measurements",
+    "observation",
+    "render_mode",
+    "autoreset_mode",
+    "num_threads",
+    "scenario",
+)
 PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 

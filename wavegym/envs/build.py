@@ -10,6 +10,8 @@ from wavegym.core.system import System
 
 SETTINGS = {  # of every environment, with their meaning
     "num_envs": "number of environments, of a vector environment",
+    "num_threads": "number of threads in which the environments of a vector environment advance, 1 by default; results "
+    "are the same bits for any number",
     "reward": '"cost" (minus the cost: see Rewards), "log-cost" (minus its logarithm), "trace" (-trace(Lambda P), '
     'summed over the targets), "error" (minus the squared true position error), "gospa" (minus the squared GOSPA '
     'distance, where the info has it), a comparison with the myopic scheduler on the same world ("relative", '

@@ -5,7 +5,7 @@ The environments are built on this class; they define how a batch is reset and w
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -14,6 +14,7 @@ from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.system import State, System
+from wavegym.envs.chunks import in_chunks
 from wavegym.envs.rewards import Reward, Transition
 from wavegym.observations.measured import MeasurementObserver
 from wavegym.observations.observer import Observer
@@ -21,6 +22,36 @@ from wavegym.observations.observer import Observer
 OBSERVATIONS = ("belief", "measurements")
 
 Info = dict[str, Array]  # state info or transition info, each value (env, ...)
+
+
+class Begun(NamedTuple):
+    """What new episodes begin with."""
+
+    state: State
+    memory: Any  # the reward's
+
+
+class Before(NamedTuple):
+    """What a step of a batch begins with."""
+
+    state: State
+    actions: Array
+    world: Any
+    memory: Any  # the reward's
+    received: Array | None  # what a MeasurementObserver shows
+    measured: Any  # what the sensors report in the step, where somebody asks for it
+    keep: Array | None  # environments that wait, (env,) bool
+
+
+class After(NamedTuple):
+    """What a step of a batch ends with."""
+
+    state: State
+    received: Array | None
+    observation: Array
+    state_info: Info
+    reward: Array
+    transition_info: Info
 
 
 class Episodes:
@@ -33,6 +64,7 @@ class Episodes:
         forecasts: whether observations also hold forecasts of each candidate.
         measurements: whether a step also returns what the sensors reported.
         observation: "belief", or "measurements" for what the sensors reported alone.
+        num_threads: in so many threads episodes advance.
 
     Raises:
         InputError: measurements of a system that does not measure apart from tracking; another observation, or one
@@ -47,12 +79,14 @@ class Episodes:
         forecasts: bool = False,
         measurements: bool = False,
         observation: str = "belief",
+        num_threads: int = 1,
     ) -> None:
         if measurements and type(system).measure is System.measure:
             wanted = f"False (nearest): {type(system).__name__} has no method measure"
             raise InputError(f"measurements is True, expected {wanted}")
         self.system, self.num_envs, self.reward, self.measurements = system, num_envs, reward, measurements
         self.observer = make_observer(system, observation, forecasts)
+        self._threads = num_threads
         self._received: Array | None = None  # by environment, what a MeasurementObserver shows
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self.seeds: list[int | None] = [None] * num_envs  # -1 where a generator was given instead
@@ -75,8 +109,9 @@ class Episodes:
         """Draw new worlds for the environments in ``rows`` (bool, env), and set their initial states."""
         if self._state is None and not rows.all():
             raise InputError("options['reset_mask'] leaves out environments that never began, expected reset() first")
-        world = trees.stack([self.system.draw_world(self.generator(i)) for i in np.flatnonzero(rows).tolist()])
-        state, memory = self.system.initial(world), self.reward.begin(self.system, world)
+        worlds = [self.system.draw_world(self.generator(i)) for i in np.flatnonzero(rows).tolist()]
+        world = trees.stack(worlds)
+        state, memory = in_chunks(self._begun, world, len(worlds), self._threads)
         if rows.all():
             self.world, self._state, self._memory = world, state, memory
         else:
@@ -85,6 +120,10 @@ class Episodes:
             self._state = trees.scattered(self.state, rows, state)
         if isinstance(self.observer, MeasurementObserver):
             self._received = _replaced(self._received, rows, self.observer.first(self.state.belief))
+
+    def _begun(self, world: Any) -> Begun:
+        """The initial states of worlds, and what the reward remembers of them."""
+        return Begun(self.system.initial(world), self.reward.begin(self.system, world))
 
     def generator(self, row: int) -> np.random.Generator:
         """The generator of one environment's worlds, seeded at random where no seed was given."""
@@ -116,15 +155,18 @@ class Episodes:
                 self.generator(row).bit_generator.state = state
 
     def observe(self) -> tuple[Array, Info]:
-        """Observations (env, fields) and the state info.
+        """Observations (env, fields) and the state info."""
+        return self._observed(self.state, self._received)
+
+    def _observed(self, state: State, received: Array | None) -> tuple[Array, Info]:
+        """``observe`` of a state.
 
         Costs and key figures reach info uncopied, so a system must return fresh arrays, not views of its state
         (``check_vector_env`` finds systems that do not).
         """
-        system, state = self.system, self.state
-        observation, saturated = self.observer(state.belief if self._received is None else self._received)
-        state_info = {"cost": system.cost(state.belief), "saturated": saturated, **system.state_info(state)}
-        return observation, state_info
+        observation, saturated = self.observer(state.belief if received is None else received)
+        cost = self.system.cost(state.belief)
+        return observation, {"cost": cost, "saturated": saturated, **self.system.state_info(state)}
 
     def step(self, actions: Array, keep: Array | None = None) -> tuple[Array, Info, Array, Info]:
         """Advance all environments except those in ``keep`` (bool, env), whose states stay unchanged.
@@ -134,29 +176,34 @@ class Episodes:
         """
         if keep is not None and keep.all():
             return *self.observe(), np.zeros(self.num_envs), {}
-        previous = self.state
-        following = self.system.transition(previous, actions, self.world)
-        if keep is not None:
-            following = trees.merged(following, keep, previous)
-        self._state = following
-        measured = self._measured(previous, actions)
-        if isinstance(self.observer, MeasurementObserver):
-            received = self.observer.after(following.belief, actions, measured)
-            self._received = received if keep is None else _replaced(self._received, ~keep, received)
-        observation, state_info = self.observe()
-        reward, terms = self.reward(
-            Transition(self.system, previous, actions, following, state_info["cost"], self._memory)
-        )
+        measured = self._measured(actions)
+        before = Before(self.state, actions, self.world, self._memory, self._received, measured, keep)
+        after: After = in_chunks(self._advanced, before, self.num_envs, self._threads)
+        self._state, self._received, terms = after.state, after.received, after.transition_info
         if self.measurements:
             terms = {**terms, **{f"measured_{name}": values for name, values in measured._asdict().items()}}
-        return observation, state_info, reward, terms
+        return after.observation, after.state_info, after.reward, terms
 
-    def _measured(self, previous: State, actions: Array) -> Any:
-        """What the sensors reported in the step from ``previous``; None where nobody asks for it."""
+    def _advanced(self, before: Before) -> After:
+        """A step of a batch, or of a chunk of it. It changes nothing here, as chunks are advanced side by side."""
+        previous, actions, world, memory, received, measured, keep = before
+        following = self.system.transition(previous, actions, world)
+        if keep is not None:
+            following = trees.merged(following, keep, previous)
+        if isinstance(self.observer, MeasurementObserver):
+            new = self.observer.after(following.belief, actions, measured)
+            received = new if keep is None else _replaced(received, ~keep, new)
+        observation, state_info = self._observed(following, received)
+        cost = state_info["cost"]
+        reward, terms = self.reward(Transition(self.system, previous, actions, following, cost, memory))
+        return After(following, received, observation, state_info, reward, terms)
+
+    def _measured(self, actions: Array) -> Any:
+        """What the sensors report in a step, of all environments: scans have as many places as the fullest; or None."""
         if not self.measurements and self._received is None:
             return None
-        truth = self.system.move(previous.truth, previous.belief.step, self.world)
-        return self.system.measure(truth, previous.belief, actions, self.world)
+        truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
+        return self.system.measure(truth, self.state.belief, actions, self.world)
 
 
 def _replaced(old: Array | None, rows: Array, new: Array) -> Array:

@@ -29,7 +29,7 @@ class WaveformEnv(gym.Env):
         render_mode: str | None = None,
         **parameters: Any,
     ) -> None:
-        for name in ("num_envs", "autoreset_mode"):
+        for name in ("num_envs", "num_threads", "autoreset_mode"):
             if name in parameters:
                 raise InputError(f"{name} is a setting of vector environments, expected gym.make_vec(id, {name}=...)")
         self.batch = WaveformVectorEnv(system, 1, reward=reward, render_mode=render_mode, **parameters)

@@ -35,7 +35,8 @@ class WaveformVectorEnv(VectorEnv):
 
     Args:
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
-        num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts, measurements, observation: the
+        num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts, measurements, observation,
+        num_threads: the
             settings of every environment; ``wavegym.envs.build.SETTINGS`` holds their meaning, and
             ``wavegym.describe`` lists them.
         **parameters: the system's parameters.
@@ -58,6 +59,7 @@ class WaveformVectorEnv(VectorEnv):
         forecasts: bool = False,
         measurements: bool = False,
         observation: str = "belief",
+        num_threads: int = 1,
         **parameters: Any,
     ) -> None:
         self.system = build_system(system, parameters)
@@ -66,7 +68,9 @@ class WaveformVectorEnv(VectorEnv):
         self.max_episode_steps = _limit(max_episode_steps)
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
-        self.episodes = Episodes(self.system, self.num_envs, make_reward(reward), forecasts, measurements, observation)
+        self.num_threads = check_int("num_threads", num_threads, 1)
+        shown = forecasts, measurements, observation
+        self.episodes = Episodes(self.system, self.num_envs, make_reward(reward), *shown, self.num_threads)
         self._reader = action_reader(self.system)
         self.single_action_space, self.single_observation_space = self._reader.space, self.episodes.observer.space
         self.action_space = batch_space(self.single_action_space, self.num_envs)

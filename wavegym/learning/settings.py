@@ -23,6 +23,7 @@ SHELL = {
     "measurements": "none: agents read no measurements from info",
     "observation": "none: agents observe the belief",
     "autoreset_mode": "none: training needs SameStep",
+    "num_threads": "none: batches of training are too small for threads to gain",
     "scenario": "the file in place of the environment's id",
     "render_mode": "none: training renders nothing",
     "vectorization_mode": "none: training uses the native batch",
