@@ -1,4 +1,4 @@
-"""A batch in chunks, one for each thread: kernels run without the interpreter's lock, so that chunks advance together."""
+"""A batch in chunks, one for each thread; kernels run without the interpreter's lock, so chunks can go side by side."""
 
 from __future__ import annotations
 
