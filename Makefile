@@ -120,11 +120,13 @@ headroom: $(READY)
 
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run
+	$(BIN)/python -m benchmarks.steps
 
-# Files changed at random, commands killed at random, and planted defects: some twenty minutes.
+# Files changed at random, commands killed at random, intervals simulated, and planted defects: half an hour.
 promises: $(READY)
 	$(BIN)/python -m promises.fuzz
 	$(BIN)/python -m promises.faults
+	$(BIN)/python -m promises.coverage
 	$(BIN)/python -m promises.mutate
 
 clean:

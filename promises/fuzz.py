@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from wavegym.core.array_files import pack_arrays, unpack_arrays
@@ -37,6 +37,7 @@ from wavegym.sensors.urban_map import MAPS, UrbanMap
 from wavegym.targets.reader import read_tracks
 
 EXAMPLES = 10_000
+PORTION = 500  # files between which Hypothesis forgets what it drew: it keeps the text of up to 10 000 policies
 MOST_MEMORY = 1 << 30  # bytes
 WORDS = [
     b"nan", b"inf", b"-1", b"1e400", b"0", b"", b",", b"\n", b"\r", b"\x00", b'"', b"'", b"[", b"]", b"{", b"}", b"=",
@@ -233,26 +234,32 @@ def fuzz(kind: str, examples: int) -> tuple[int, int]:
     """Number of files that were accepted, and of those refused. Raises whatever else a file makes the suite raise."""
     counted = {"accepted": 0, "refused": 0}
     with tempfile.TemporaryDirectory() as name:
+        for done in range(0, examples, PORTION):
 
-        @settings(
-            max_examples=examples, deadline=None, database=None, derandomize=True, report_multiple_bugs=False,
-            suppress_health_check=list(HealthCheck), phases=[Phase.generate, Phase.shrink],
-        )  # fmt: skip
-        @given(st.data())
-        def one(data: st.DataObject) -> None:
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    KINDS[kind](data.draw, Path(name))
-            except InputError as error:
-                if "\n" in str(error):
-                    raise AssertionError(f"an error of several lines: {error}") from error
-                counted["refused"] += 1
-            else:
-                counted["accepted"] += 1
+            @seed(done)
+            @settings(
+                max_examples=min(PORTION, examples - done), deadline=None, database=None, report_multiple_bugs=False,
+                suppress_health_check=list(HealthCheck), phases=[Phase.generate, Phase.shrink],
+            )  # fmt: skip
+            @given(st.data())
+            def one(data: st.DataObject) -> None:
+                counted[answer(kind, data, Path(name))] += 1
 
-        one()
+            one()
     return counted["accepted"], counted["refused"]
+
+
+def answer(kind: str, data: st.DataObject, folder: Path) -> str:
+    """What becomes of one file: "accepted" or "refused"."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            KINDS[kind](data.draw, folder)
+    except InputError as error:
+        if "\n" in str(error):
+            raise AssertionError(f"an error of several lines: {error}") from error
+        return "refused"
+    return "accepted"
 
 
 def main() -> None:
