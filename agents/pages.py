@@ -1,7 +1,8 @@
 """The pages of the suite's environments in the docs: ``python -m agents.pages``.
 
 A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best
-scores known (``python -m agents.leaderboard``), if there are any.
+scores known (``python -m agents.leaderboard``), if there are any, and above its steps per second
+(``python -m benchmarks.steps``).
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import sys
 import gymnasium as gym
 
 from agents.leaderboard import HEADROOM, ROOT, entry, scores
+from benchmarks.steps import read as read_speeds
+from benchmarks.steps import table as speed_table
 from wavegym.core.command_line import Parser, guarded
 from wavegym.envs.describe import describe, summary, table
 from wavegym.evaluation.files import write_whole
@@ -43,7 +46,12 @@ def page(env_id: str) -> str:
         parts.append(f"![an episode, step after step](../images/{picture.name})")
     if (HEADROOM / f"{env_id.partition('/')[2]}.csv").exists():
         parts.append(scores(entry(env_id)))
-    return "\n\n".join([*parts, rest])
+    parts.append(rest)
+    if speeds := [speed for speed in read_speeds() if speed.environment == stem(env_id)]:
+        parts.append(
+            f"## Speed\n\nSteps per second on one core ([how they are measured](../speed.md)).\n\n{speed_table(speeds)}"
+        )
+    return "\n\n".join(parts)
 
 
 def main() -> None:

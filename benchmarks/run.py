@@ -1,13 +1,20 @@
-"""Run all benchmarks and print their tables: ``make benchmarks``.
+"""Run all benchmarks and print their tables: ``make benchmarks``; with ``--quick`` only the comparisons.
 
-Times are CPU times of one thread. Both sides of a ratio are measured in one run: ratios hold on other machines too.
+``--quick`` ends with an error where a ratio is below half its target: that is a regression, whatever else the machine
+does. Times are CPU times of one thread. Both sides of a ratio are measured in one run, so it holds on other machines.
 """
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+
 import torch
 
 from benchmarks import association, dwells, kalman, particle, planners, rf_eo, scheduling, training, urban
+from benchmarks.timing import Ratio
+from wavegym.core.command_line import Parser, guarded
+from wavegym.core.errors import InputError
 
 PEERS = (
     ("filterpy", kalman.run),
@@ -20,14 +27,31 @@ PEERS = (
 )
 
 
-def main() -> None:
-    """Print Markdown tables."""
-    torch.set_num_threads(1)
+def peers() -> Iterator[tuple[str, Ratio, float | None]]:
+    """Every comparison with another library as it is measured: its name, the ratio, and the target, if any."""
     print("| work | ours (us) | peer (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
     for peer, measure in PEERS:
         for name, (r, wanted) in measure().items():
             row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
-            print(f"| {name}; {peer} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |")
+            print(f"| {name}; {peer} | {row} | {'' if wanted is None else f'>= {wanted:g}'} |", flush=True)
+            yield name, r, wanted
+
+
+def main() -> None:
+    """Print Markdown tables."""
+    parser = Parser(prog="python -m benchmarks.run", description="Speed beside others, of planners and of training.")
+    parser.add_argument("--quick", action="store_true", help="only other libraries; an error below half of a target")
+    is_quick = parser.read(None).quick
+    torch.set_num_threads(1)
+    slow = [name for name, r, wanted in peers() if wanted is not None and r.ratio < wanted / 2.0]
+    if not is_quick:
+        others()
+    if slow:
+        raise InputError(f"less than half as fast as wanted: {'; '.join(slow)}")
+
+
+def others() -> None:
+    """What no other library does: scans, dwells, planners and training."""
     print("\n| urban scan | us |\n|---|---|")
     for name, us in urban.scans().items():
         print(f"| {name} | {us:.0f} |")
@@ -44,4 +68,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(guarded(main))

@@ -103,6 +103,7 @@ def run() -> dict[str, tuple[Ratio, float | None]]:
     hfm = env.system.actions.labels.index("HFM up 100 us 15 MHz")
     action, actions = np.full(2, hfm), np.full((BATCH, 2), hfm)
     envs.reset(seed=0)
+    envs.action_space.seed(0)
     return {
         "decision: 256 chirps, two sensors, two targets": (decision(), 500.0),
         "AgileClutter step, single, against two UKFs without clutter or association": (
@@ -111,6 +112,10 @@ def run() -> dict[str, tuple[Ratio, float | None]]:
         ),
         "AgileClutter step, batch of 256, against the same": (
             compare(lambda: vector_step(envs, actions), lambda: filterpy_filters(100)),
+            None,
+        ),
+        "AgileClutter step, batch of 256, random actions, against the same": (
+            compare(lambda: vector_step(envs, envs.action_space.sample()), lambda: filterpy_filters(100)),
             None,
         ),
     }

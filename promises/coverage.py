@@ -1,8 +1,8 @@
 """Do 95 % intervals hold the truth in 95 % of cases? ``python -m promises.coverage [ENVIRONMENT ...]``.
 
 The episodes of `make leaderboard` are taken for the whole truth: as many worlds are drawn from them again and again,
-with replacement, and the interval from each draw holds the value of all worlds, or not. Heavy tails show at once: where one
-world costs as much as fifty others, most draws miss it. The table goes to docs/promises.md.
+with replacement, and the interval from each draw holds the value of all worlds, or not. Heavy tails show at once: where
+one world costs as much as fifty others, most draws miss it. The table goes to docs/promises.md.
 """
 
 from __future__ import annotations
