@@ -1,0 +1,142 @@
+"""Steps per second of every environment: ``python -m benchmarks.steps [ID ...]``.
+
+Under random allowed actions, the best simple rule and the trained agent, single and in batches, on one core; in the
+largest batch also on two. Only ``step`` and the resets in it are timed, not the decisions. A step on one core counts in
+CPU time; two threads are compared with one by the wall clock, in turn, so the machine should have nothing else to do.
+Figures go to results/speed.csv, the table to docs/speed.md and to the environments' pages (``python -m agents.pages``).
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+import wavegym
+from agents.leaderboard import environment_of
+from wavegym.core.command_line import Parser, guarded
+from wavegym.evaluation import blocks
+from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.saved import SAVED
+from wavegym.evaluation.table import tabulated
+from wavegym.registration import SYSTEMS, full_id, stem
+from wavegym.schedulers.tuned_constants import SIMPLE
+
+ROOT = Path(__file__).parents[1]
+FILE, PAGE = ROOT / "results" / "speed.csv", ROOT / "docs" / "speed.md"
+START, END = "<!-- made by `python -m benchmarks.steps`: -->", "<!-- steps to here -->"
+BATCHES, SECONDS, ROUNDS = (1, 64, 4096), 2.0, 5
+RANDOM, TRAINED = "random", "trained"
+HEAD = "environment,actions,batch,steps_per_second,on_two_cores"
+
+
+class Speed(NamedTuple):
+    """One figure of the table."""
+
+    environment: str
+    actions: str
+    batch: int
+    per_second: float
+    two_cores: float | None  # speed in two threads over that in one
+
+
+class Player:
+    """A batch under one policy, whose steps alone are timed."""
+
+    def __init__(self, env_id: str, actions: str, count: int, threads: int = 1) -> None:
+        folder = SAVED / stem(env_id) / "ppo"
+        settings = environment_of(folder) if actions == TRAINED else {}
+        self.envs: Any = gym.make_vec(env_id, num_envs=count, num_threads=threads, **settings)
+        agent = wavegym.load_agent(env_id, "ppo", **settings) if actions == TRAINED else actions
+        self.envs.reset(seed=0)
+        loop: Any = self.envs.unwrapped
+        self._policy = loop.policy(agent)
+        self._count = count
+        self.play(0.0, time.process_time)  # kernels are compiled
+
+    def play(self, seconds: float, clock: Callable[[], float]) -> float:
+        """Seconds of a step of one environment, from steps that take so long, decisions included."""
+        steps, stepping, begun = 0, 0.0, time.perf_counter()
+        while steps < 2 or time.perf_counter() - begun < seconds:
+            actions, start = self._policy(), clock()
+            self.envs.step(actions)
+            stepping += clock() - start
+            steps += 1
+        return stepping / steps / self._count
+
+
+def measured(env_id: str, actions: str, batches: tuple[int, ...] = BATCHES) -> Iterator[Speed]:
+    """The figures of one environment under one policy."""
+    for count in batches:
+        one = Player(env_id, actions, count)
+        per_second, ratio = 1.0 / one.play(SECONDS, time.process_time), None
+        if count == max(BATCHES):
+            two = Player(env_id, actions, count, threads=2)
+            span = SECONDS / ROUNDS
+            ratios = [one.play(span, time.perf_counter) / two.play(span, time.perf_counter) for _ in range(ROUNDS)]
+            ratio = float(np.median(ratios))
+        yield Speed(stem(env_id), actions, count, per_second, ratio)
+
+
+def all_of(env_id: str) -> Iterator[Speed]:
+    """The figures of one environment; of simulated signals, with which nobody trains, single and random steps only."""
+    if "Signal" in env_id:
+        yield from measured(env_id, RANDOM, BATCHES[:1])
+        return
+    for actions in (RANDOM, SIMPLE, TRAINED):
+        yield from measured(env_id, actions)
+
+
+def read() -> list[Speed]:
+    """The figures of results/speed.csv."""
+    if not FILE.exists():
+        return []
+    rows = [line.split(",") for line in FILE.read_text("utf-8").splitlines()[1:]]
+    return [
+        Speed(env, by, int(batch), float(speed), float(two) if two else None) for env, by, batch, speed, two in rows
+    ]
+
+
+def write(found: list[Speed]) -> None:
+    """Write the figures to results/speed.csv."""
+    lines = [HEAD]
+    for s in found:
+        two_cores = "" if s.two_cores is None else f"{s.two_cores:.3g}"
+        lines.append(f"{s.environment},{s.actions},{s.batch},{s.per_second:.4g},{two_cores}")
+    write_whole(FILE.parent, {FILE.name: "".join(f"{line}\n" for line in lines).encode()})
+
+
+def table(found: list[Speed]) -> str:
+    """One line for each environment and policy, with steps per second."""
+    by_line: dict[tuple[str, str], dict[int, Speed]] = {}
+    for speed in found:
+        by_line.setdefault((speed.environment, speed.actions), {})[speed.batch] = speed
+    rows = []
+    for (name, actions), cells in by_line.items():
+        speeds = [f"{cells[batch].per_second:,.0f}" if batch in cells else "" for batch in BATCHES]
+        largest = cells.get(max(BATCHES))
+        rows.append([name, actions, *speeds, f"{largest.two_cores:.2f}" if largest and largest.two_cores else ""])
+    head = ["environment", "actions", *(f"batch of {batch}" if batch > 1 else "single" for batch in BATCHES)]
+    return tabulated([*head, "two cores over one"], rows)
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m benchmarks.steps", description="Steps per second of the environments.")
+    parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all of the suite)")
+    ids = [full_id(name) for name in parser.read(None).ids] or list(SYSTEMS)
+    names = [stem(env_id) for env_id in SYSTEMS]
+    for env_id in ids:
+        found = [speed for speed in read() if speed.environment != stem(env_id)] + list(all_of(env_id))
+        found.sort(key=lambda speed: names.index(speed.environment))
+        write(found)
+    blocks.renew(PAGE, START, END, table(read()))
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))
