@@ -174,6 +174,15 @@ def test_each_gate_adds_the_points_that_earlier_present_gates_do_not_hold(key):
     assert np.array_equal(append(key, present=[False, True, True]), np.concatenate([alone[1], expected[2]]))
 
 
+@pytest.mark.parametrize("shift", [[900.0, 0.0], [0.0, 900.0], [-700.0, 1100.0]])
+def test_gates_apart_hold_what_each_holds_alone(shift):
+    """Nothing is found between gates that share columns or rows, or neither."""
+    centre, covariance = np.concatenate([CENTRE, CENTRE + shift]), np.concatenate([S, S])
+    alone = [union_clutter(7, centre[half], S, GATE, 0.05) for half in (slice(3), slice(3, 6))]
+    assert min(map(len, alone)) > 0
+    assert np.array_equal(union_clutter(7, centre, covariance, GATE, 0.05), np.concatenate(alone))
+
+
 def test_appends_to_what_is_there_and_grows():
     """Any capacity and count give the same points behind the existing rows."""
     held = np.arange(8.0).reshape(4, 2)

@@ -182,6 +182,61 @@ def test_the_lightest_joins_the_component_that_costs_least():
         np.testing.assert_allclose(ours.covariance[at], wanted[1], rtol=1e-12)
 
 
+def searched(w, x, P, components, similar):
+    """``reduce`` with the cost of every merger by NumPy."""
+    mixture = []
+    for i in np.argsort(-w, kind="stable"):
+        all_of = [np.array([w[i], *(m[0] for m in mixture)]), np.array([x[i], *(m[1] for m in mixture)])]
+        all_of.append(np.array([P[i], *(m[2] for m in mixture)]))
+        costs = [merging_cost(*all_of, 0, c + 1) for c in range(len(mixture))]
+        if len(mixture) < components and not min(costs, default=np.inf) <= similar:
+            mixture.append((w[i], x[i], P[i]))
+        else:
+            c = int(np.argmin(costs))
+            pair = [0, c + 1]
+            both = all_of[0][pair].sum()
+            mixture[c] = (both, *moments(all_of[0][pair] / both, all_of[1][pair], all_of[2][pair]))
+    return [np.array(each) for each in zip(*mixture, strict=True)]
+
+
+def branched(rng, spread):
+    """A mixture as branching makes it: few covariances, thin ones and wide ones, and many means."""
+    w, x, P = random_mixture(rng, 40)
+    scale = np.exp(3.0 * rng.standard_normal(4))
+    of = rng.integers(4, size=40)
+    return w, spread * scale * x, scale[:, None] * scale * (P[of] * np.exp(rng.standard_normal(4))[of, None, None])
+
+
+@pytest.mark.parametrize("similar", [0.0, 0.006, 0.1])
+@pytest.mark.parametrize("spread", [0.03, 0.3, 3.0])
+def test_no_cheaper_merger_is_left_out(spread, similar):
+    """Reduction skips mergers by a lower bound of their cost; a search through all of them finds the same mixture."""
+    for seed in range(5):
+        w, x, P = branched(np.random.default_rng(seed), spread)
+        for components in (3, 16):
+            ours, wanted = reduced(w, x, P, components, similar), searched(w, x, P, components, similar)
+            used = len(wanted[0])
+            assert (ours.weight > 0.0).sum() == used
+            for value, each in zip(ours, wanted, strict=True):
+                np.testing.assert_allclose(value[:used], each, rtol=1e-9, atol=1e-9 * np.abs(each).max())
+
+
+def test_a_floor_is_not_above_its_cost():
+    rng, shares = np.random.default_rng(3), []
+    for spread in (0.01, 0.1, 1.0, 10.0):
+        w, x, P = branched(rng, spread)
+        areas, floor, planar = np.empty(40), np.empty(40), np.log(np.linalg.det(P[:, :2, :2]))
+        for i in range(40):
+            first = kernels.merger_floors(
+                w[i], i, x, P, planar[i], w, x, P, planar, 40, areas, areas.view(np.int64), floor
+            )  # fmt: skip
+            costs = np.array([merging_cost(w, x, P, i, c) for c in range(40)])
+            assert (floor <= costs).all()
+            assert first == floor.argmin()
+            shares.append((floor > costs.min()).mean())
+    assert np.mean(shares) > 0.5  # the bound is of use
+
+
 def test_similar_components_are_merged_where_places_are_free():
     w, x = np.array([0.6, 0.4]), np.array([[0.0] * 4, [0.1, 0.0, 0.0, 0.0]])
     P = np.tile(np.diag([0.5, 0.5, 2.0, 3.0]), (2, 1, 1))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.kernels import batched, kernel
+from wavegym.core.kernels import batched, inlined, kernel
 
 
 @kernel
@@ -27,9 +27,24 @@ def in_gate(t, z0, z1, centre, L, gate):
 
 
 @kernel
+def in_a_gate(z0, z1, centre, L, present, gate):
+    """Whether (z0, z1) lies in a present gate."""
+    t = 0
+    while t < len(present) and not (present[t] and in_gate(t, z0, z1, centre, L, gate)):
+        t += 1
+    return t < len(present)
+
+
+@kernel
 def gate_volume_one(t, L, gate):
     """Area of gate t, in the product of the measurement's units."""
     return np.pi * gate * gate * L[t, 0, 0] * L[t, 1, 1]
+
+
+@inlined
+def reach_one(t, L, gate):
+    """Half the sides of the box around gate t."""
+    return gate * L[t, 0, 0], gate * np.sqrt(L[t, 1, 0] * L[t, 1, 0] + L[t, 1, 1] * L[t, 1, 1])
 
 
 @batched("(),(m,m)->()")

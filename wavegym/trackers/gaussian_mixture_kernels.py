@@ -9,17 +9,29 @@ innovation covariance, its cross-covariance, and scratch space.
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.gate_kernels import reach_one
 from wavegym.trackers.joint_association_kernels import associate_one
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
-from wavegym.trackers.rbpf_kernels import fetch_one, moments_one, weigh_row, whiten
+from wavegym.trackers.rbpf_kernels import fetch_one, moments_one, peak_of, whiten
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 NEGLIGIBLE = 0.1
 """A weight, or a merger's cost in nats, below this share of 1 / C is negligible (docs/consistency_in_clutter.md)."""
+BOX_SLACK = 1e-9
+"""Widens a box around gates by this share of its size and of its distance from the origin, more than rounding."""
+LN2 = math.log(2.0)
+MANTISSA = 2**52 - 1
+"""The bits of a float64 after its sign and exponent."""
+TINY = 1e-300
+"""Above this value a float64 has all of its bits."""
+MARGIN = 1e-6
+"""More than the rounding of a cost, per weight, where correlation matrices have condition numbers below 1e8."""
 
 
 @inlined
@@ -91,67 +103,136 @@ def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, d
     lies.
     """
     weight, X, V = mixtures
-    most, T, row = weight.shape[1], np.sum(lit), 0
-    limit = negligible / most
-    terms = np.empty((len(lit) * most, count + 1))
+    T, row, limit = np.sum(lit), 0, negligible / weight.shape[1]
     W, beta = np.zeros((T, count + 1)), np.empty((T, count + 1))
-    for t in range(len(lit)):
-        if lit[t]:
-            for c in range(in_use(t, weight)):
-                g = t * most + c
-                weigh_row(g, z, count, bank[0], bank[1], pd[t], pd[t] * gate_probability, density, gate * gate, terms)
-                for m in range(count + 1):
-                    terms[g, m] *= weight[t, c]
-                    W[row, m] += terms[g, m]
-            row += 1
+    pairs = weigh(lit, weight, z, count, pd, bank, gate, gate_probability, density, W)
     log_evidence = associate_one(W, T, count, beta)
-    row = 0
     for t in range(len(lit)):
         if lit[t]:
             for m in range(count + 1):
                 beta[row, m] = beta[row, m] / W[row, m] if W[row, m] > 0.0 else 0.0
-            w, x, P, children = branch(t, weight, X, V, z, count, terms, beta, row, bank, limit, nn)
+            w, x, P, children = branch(t, weight, X, V, pairs, beta, row, bank, limit, nn)
             reduce(w, x, P, children, limit, weight[t], X[t], V[t], nn)
             row += 1
     return log_evidence
 
 
 @kernel
-def branch(t, weight, X, V, z, count, terms, scale, row, bank, least, nn):
+def weigh(lit, weight, z, count, pd, bank, gate, gate_probability, density, W):
+    """Add the weights of all components of the lit targets to W (lit target, 1 + return); return their ``pairs``.
+
+    ``pairs`` = (missed (g,), begin (g,), end (g,), number (p,), term (p,), white (p, 2)): the weight of a miss of
+    component g, and, from p = begin[g] to end[g], the returns in its gate by number m = 1, 2, ..., their weights
+    and their whitened innovations.
+    """
+    most, used, row, filled = weight.shape[1], 0, 0, 0
+    for t in range(len(lit)):
+        if lit[t]:
+            used += in_use(t, weight)
+    missed, begin, end = np.empty(weight.size), np.empty(weight.size, np.int64), np.empty(weight.size, np.int64)
+    number, term, white = np.empty(used * count, np.int64), np.empty(used * count), np.empty((used * count, 2))
+    near, z0, z1, squared = np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty(count)
+    centre, L = bank[0], bank[1]
+    for t in range(len(lit)):
+        if lit[t]:
+            kept = keep_near(t * most, t * most + in_use(t, weight), z, count, centre, L, gate, near, z0, z1)
+            for c in range(in_use(t, weight)):
+                g = t * most + c
+                missed[g] = (1.0 - pd[t] * gate_probability) * weight[t, c]
+                W[row, 0] += missed[g]
+                begin[g] = filled
+                filled = weigh_one(
+                    g, near, z0, z1, kept, centre, L, pd[t], weight[t, c], density, gate * gate, squared, number, term,
+                    white, filled
+                )  # fmt: skip
+                end[g] = filled
+                for p in range(begin[g], filled):
+                    W[row, number[p]] += term[p]
+            row += 1
+    return missed, begin, end, number, term, white
+
+
+@inlined
+def keep_near(first, end, z, count, centre, L, gate, near, z0, z1):
+    """Copy those of z[: count] in the box around the gates first to end - 1 to z0, z1, and their numbers, from 1 on, to
+    ``near``; returns how many. Rounding loses none that a gate holds: the box is wider by BOX_SLACK.
+    """
+    low0, high0, low1, high1, kept = np.inf, -np.inf, np.inf, -np.inf, 0
+    for g in range(first, end):
+        r0, r1 = reach_one(g, L, gate)
+        r0 += BOX_SLACK * (r0 + abs(centre[g, 0]))
+        r1 += BOX_SLACK * (r1 + abs(centre[g, 1]))
+        low0, high0 = min(low0, centre[g, 0] - r0), max(high0, centre[g, 0] + r0)
+        low1, high1 = min(low1, centre[g, 1] - r1), max(high1, centre[g, 1] + r1)
+    for m in range(count):
+        near[kept], z0[kept], z1[kept] = m + 1, z[m, 0], z[m, 1]
+        kept += (low0 <= z[m, 0] <= high0) & (low1 <= z[m, 1] <= high1)
+    return kept
+
+
+@inlined
+def weigh_one(g, near, z0, z1, kept, centre, L, pd, weight, density, farthest, squared, number, term, white, filled):
+    """Append those of component g's returns near, z0, z1 [: kept] whose squared distance is below ``farthest`` to the
+    pairs from ``filled``; returns the end.
+
+    The weight of a return is that of ``weigh_row`` times the component's. The distances of all returns, squared
+    (kept,), come first and without a branch, as the compiler then works on several at once.
+    """
+    begin, first, below, second = filled, 1.0 / L[g, 0, 0], L[g, 1, 0], 1.0 / L[g, 1, 1]
+    peak, c0, c1 = peak_of(pd, first, second, density), centre[g, 0], centre[g, 1]
+    for m in range(kept):
+        w0, w1 = whiten(z0[m] - c0, z1[m] - c1, first, below, second)
+        squared[m] = w0 * w0 + w1 * w1
+    for m in range(kept):
+        number[filled] = m
+        filled += squared[m] < farthest
+    for p in range(begin, filled):
+        m = number[p]
+        number[p] = near[m]
+        white[p, 0], white[p, 1] = whiten(z0[m] - c0, z1[m] - c1, first, below, second)
+        term[p] = peak * np.exp(-0.5 * squared[m]) * weight
+    return filled
+
+
+@kernel
+def branch(t, weight, X, V, pairs, scale, row, bank, least, nn):
     """The posterior of target t before its reduction: weights w, means x, covariances P, and their number.
 
-    terms[g, m] scale[row, m] is the weight of the hypothesis that component g holds and its return is m (0: missed).
-    One of at least ``least`` becomes a component. The others of a parent, the miss included, become one: its own PDA
-    update.
+    A weight of ``pairs`` times scale[row, m] is that of the hypothesis that its component holds and its return is m
+    (0: missed). One of at least ``least`` becomes a component. The others of a parent, the miss included, become one:
+    its own PDA update.
     """
     n, most, parents, children = len(nn), weight.shape[1], in_use(t, weight), in_use(t, weight)
+    (_, L, G), (missed, begin, end, number, term, white) = bank[:3], pairs
     for g in range(t * most, t * most + parents):
-        for m in range(1, count + 1):
-            children += terms[g, m] * scale[row, m] >= least
+        for p in range(begin[g], end[g]):
+            children += term[p] * scale[row, number[p]] >= least
     w, x, P = np.empty(children), np.empty((children, n)), np.empty((children, n, n))
     x_all, P_all, U, filled = X.reshape(-1, n), V.reshape(-1, n, n), np.empty((n, 2)), 0
     for g in range(t * most, t * most + parents):
-        filled = branch_one(g, x_all, P_all, z, count, terms, scale, row, bank, least, w, x, P, filled, U, nn)
+        filled = branch_one(
+            g, x_all, P_all, missed[g] * scale[row, 0], begin[g], end[g], number, term, white, scale, row, L, G, least,
+            w, x, P, filled, U, nn
+        )  # fmt: skip
     return w, x, P, filled
 
 
 @inlined
-def branch_one(g, x_all, P_all, z, count, terms, scale, row, bank, least, w, x, P, filled, U, nn):
+def branch_one(g, x_all, P_all, missed, begin, end, number, term, white, scale, row, L, G, least, w, x, P, filled, U,
+               nn):  # fmt: skip
     """``branch`` for the component g, which fills w, x and P from ``filled`` on; returns how many are filled then.
 
     The sums s and q are moments of the whitened innovations of the light hypotheses. U (n, 2) is scratch space.
     """
-    centre, L, G = bank[0], bank[1], bank[2]
     first, below, second = 1.0 / L[g, 0, 0], L[g, 1, 0], 1.0 / L[g, 1, 1]
     for a in range(len(nn)):
         U[a, 0] = G[g, a, 0] * first
         U[a, 1] = (G[g, a, 1] - below * U[a, 0]) * second
-    missed = terms[g, 0] * scale[row, 0]
     rest, s0, s1, q00, q01, q11 = missed, 0.0, 0.0, 0.0, 0.0, 0.0
-    for m in range(1, count + 1):
-        share = terms[g, m] * scale[row, m]
+    for p in range(begin, end):
+        share = term[p] * scale[row, number[p]]
         if share > 0.0:
-            w0, w1 = whiten(z[m - 1, 0] - centre[g, 0], z[m - 1, 1] - centre[g, 1], first, below, second)
+            w0, w1 = white[p, 0], white[p, 1]
             if share >= least:
                 w[filled] = share
                 child_one(filled, g, x_all, P_all, U, w0, w1, 1.0, 0.0, 1.0, x, P, nn)
@@ -185,28 +266,69 @@ def reduce(w, x, P, count, similar, weight, X, V, nn):
     """Merge the Gaussians w, x, P [: count] into at most len(weight) components weight, X, V; moments are preserved.
 
     From the heaviest down, a Gaussian joins the component with which merging costs least by Runnalls's bound, if that
-    is at most ``similar`` or no place is free; else it becomes a component. w sums to 1.
+    is at most ``similar`` or no place is free; else it becomes a component. Of equal costs the first counts. w sums to
+    1. A merger is evaluated where its ``floor`` does not tell that it costs more.
     """
     n, most, used = len(nn), len(weight), 0
-    logs, L, y, Y = np.empty(most), np.empty((n, n)), np.empty((1, n)), np.empty((1, n, n))
+    logs, planar, floor, areas = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    bits, L, y, Y = areas.view(np.int64), np.empty((n, n)), np.empty((1, n)), np.empty((1, n, n))
     for i in np.argsort(-w[:count], kind="mergesort"):
-        own, best, least, together = log_determinant_one(i, P, L, nn), 0, np.inf, np.nan
-        for c in range(used):
+        own, flat = log_determinant_one(i, P, L, nn), np.log(area_one(i, P))
+        first = merger_floors(w[i], i, x, P, flat, weight, X, V, planar, used, areas, bits, floor)
+        best, least, together, limit = 0, np.inf, np.nan, similar if used < most else np.inf
+        for k in range(first, first + used):
+            c = k if k < used else k - used
+            if floor[c] > min(least, limit):
+                continue
             merge_one(w[i], i, x, P, weight[c], c, X, V, 0, y, Y, nn)
             both = log_determinant_one(0, Y, L, nn)
             cost = 0.5 * ((w[i] + weight[c]) * both - w[i] * own - weight[c] * logs[c])
-            if cost < least:
+            if cost < least or (cost == least and c < best):
                 best, least, together = c, cost, both
         if used < most and not least <= similar:
             fetch_one(i, x, P, used, X, V, nn)
-            weight[used], logs[used] = w[i], own
+            weight[used], logs[used], planar[used] = w[i], own, flat
             used += 1
         else:
             merge_one(w[i], i, x, P, weight[best], best, X, V, best, X, V, nn)
             weight[best] += w[i]
-            logs[best] = together
+            logs[best], planar[best] = together, np.log(area_one(best, V))
     for c in range(used, most):
         weight[c] = 0.0
+
+
+@inlined
+def area_one(e, P):
+    """The determinant of the covariance of the first two states, the position."""
+    return P[e, 0, 0] * P[e, 1, 1] - P[e, 1, 0] * P[e, 1, 0]
+
+
+@inlined
+def merger_floors(v, i, x, P, flat, weight, X, V, planar, used, areas, bits, floor):
+    """Fill floor[: used], lower bounds of the costs to merge x[i], P[i] of weight v and each component; return the
+    component with the least one.
+
+    Runnalls's bound is v KL(own, merged) + w KL(component, merged): the traces of the two divergences cancel, because
+    merging preserves the covariance. No divergence is below that of the positions alone, and the merged positions are
+    the position of the merged state. So no cost is below the same formula of the positions' covariances. A lower bound
+    takes the place of its logarithm: with value = (1 + f) 2^k, log(1 + f) - f log 2 - f (1 - f) / 8 is concave for
+    0 <= f <= 1 and 0 at both ends. MARGIN covers rounding. flat, planar (c,): log |covariance of the position|; areas
+    (c,) is scratch space, bits (c,) the same memory as integers.
+    """
+    first = 0
+    for c in range(used):
+        both = v + weight[c]
+        a, b = v / both, weight[c] / both
+        d0, d1 = x[i, 0] - X[c, 0], x[i, 1] - X[c, 1]
+        P00 = a * P[i, 0, 0] + b * V[c, 0, 0] + a * b * d0 * d0
+        P10 = a * P[i, 1, 0] + b * V[c, 1, 0] + a * b * d0 * d1
+        P11 = a * P[i, 1, 1] + b * V[c, 1, 1] + a * b * d1 * d1
+        areas[c] = P00 * P11 - P10 * P10
+        f, k = np.float64(bits[c] & MANTISSA) * 2.0**-52, np.float64((bits[c] >> 52) - 1023)
+        log = (k + f) * LN2 + 0.125 * f * (1.0 - f) - MARGIN
+        floor[c] = 0.5 * (both * log - v * flat - weight[c] * planar[c]) if areas[c] > TINY else -np.inf
+        first = c if floor[c] < floor[first] else first
+    return first
 
 
 @inlined

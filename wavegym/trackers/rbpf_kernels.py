@@ -99,12 +99,18 @@ def weigh_row(row, z, count, centre, L, pd, seen, density, farthest, W):
     0 for a return at a squared distance of ``farthest`` or more.
     """
     first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
-    peak, z0, z1 = pd * first * second / (2.0 * np.pi * density), centre[row, 0], centre[row, 1]
+    peak, z0, z1 = peak_of(pd, first, second, density), centre[row, 0], centre[row, 1]
     W[row, 0] = 1.0 - seen
     for m in range(count):
         w0, w1 = whiten(z[m, 0] - z0, z[m, 1] - z1, first, below, second)
         squared = w0 * w0 + w1 * w1
         W[row, m + 1] = peak * np.exp(-0.5 * squared) if squared < farthest else 0.0
+
+
+@inlined
+def peak_of(pd, first, second, density):
+    """The weight Pd N(z; z, L L') / density of a return at its predicted place z; reciprocals as in ``whiten``."""
+    return pd * first * second / (2.0 * np.pi * density)
 
 
 @kernel

@@ -25,10 +25,10 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.clutter_kernels import add_clutter, in_earlier_gate, most_load, room
+from wavegym.sensors.clutter_kernels import add_clutter, most_load, room
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.eclipsing_kernels import HALF_C, is_whole, windowed_covariance
-from wavegym.sensors.gate_kernels import in_gate
+from wavegym.sensors.gate_kernels import in_a_gate, in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers import gaussian_mixture_kernels as gaussian_mixture
@@ -151,7 +151,7 @@ def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, rea
     """
     sensors, log_pf, chance = world[0], world[3], pulse[2]
     opened, centre, L, gate = gates
-    count = 0
+    count, each = 0, len(opened) // len(lit)
     for t in range(len(lit)):
         if not lit[t]:
             continue
@@ -173,10 +173,11 @@ def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, rea
         gated, own, some = False, False, False
         for g in range(len(opened)):
             if opened[g]:
-                gated = gated or g * len(lit) // len(opened) == t
+                its = t * each <= g < (t + 1) * each
+                gated = gated or its
                 if in_gate(g, z0, z1, centre, L, reach * gate):
                     some = True
-                    own = own or (g * len(lit) // len(opened) == t and in_gate(g, z0, z1, centre, L, gate))
+                    own = own or (its and in_gate(g, z0, z1, centre, L, gate))
         outside[e, t] += fresh[t] and gated and not own
         if some:
             z[count, 0], z[count, 1] = z0, z1
@@ -185,13 +186,15 @@ def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, rea
 
 
 @kernel
-def in_fresh_gate(z0, z1, gates, fresh):
-    """Whether (z0, z1) lies in a gate of a fresh target."""
-    opened, centre, L, gate = gates
+def count_in_fresh_gates(z, begin, end, opened, centre, L, gate, fresh):
+    """The number of those of z[begin: end] that lie in a gate of a fresh target."""
+    each, own, found = len(opened) // len(fresh), np.empty(len(opened), np.bool_), 0
     for g in range(len(opened)):
-        if opened[g] and fresh[g * len(fresh) // len(opened)] and in_gate(g, z0, z1, centre, L, gate):
-            return True
-    return False
+        own[g] = opened[g] and fresh[g // each]
+    if own.any():
+        for m in range(begin, end):
+            found += in_a_gate(z[m, 0], z[m, 1], centre, L, own, gate)
+    return found
 
 
 @kernel
@@ -208,8 +211,10 @@ def sense(e, i, k, key, lit, fresh, truth, uniform, error, pulse, world, gates, 
         scan[e, 1] = np.nan
         return z, -1
     z, count = add_clutter(key, centre, L, opened, reach * gate, world[4], z, returns)
-    for m in range(returns, count):
-        scan[e, 1] += in_fresh_gate(z[m, 0], z[m, 1], gates, fresh)
+    if reach == 1.0 and fresh.all():  # each point lies in a gate
+        scan[e, 1] += count - returns
+    else:
+        scan[e, 1] += count_in_fresh_gates(z, returns, count, opened, centre, L, gate, fresh)
     return z, count
 
 
@@ -389,7 +394,7 @@ def keep_in_gates(z, count, gates, inside):
     opened, centre, L, gate = gates
     kept = 0
     for m in range(count):
-        if in_earlier_gate(len(opened), z[m, 0], z[m, 1], centre, L, opened, gate):
+        if in_a_gate(z[m, 0], z[m, 1], centre, L, opened, gate):
             inside[kept, 0], inside[kept, 1] = z[m, 0], z[m, 1]
             kept += 1
     return kept
