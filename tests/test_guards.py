@@ -465,15 +465,15 @@ def test_mistakes_that_users_made(refused: Any, message: str) -> None:
 
 RECEIVER = sensors.ArrayReceiver(TRAIN, 4e9, 4e7, 300.0)
 PAIR = sensors.Multistatic(*(sensors.Antenna(CITY, places[0]) for places in PLACES.values()))
-DELAYS, SAMPLES = np.full((1, *RECEIVER.shape[:2]), 1e-6), np.ones(RECEIVER.shape, complex)
-IMAGE = RECEIVER.image(SAMPLES)
+DELAYS, OUTPUTS = np.full((1, *RECEIVER.shape[:2]), 1e-6), np.ones(RECEIVER.shape)
+IMAGE = RECEIVER.image(OUTPUTS)
 
 
 @pytest.mark.parametrize(
     ("method", "arguments", "names"),
     [
         (RECEIVER.receive, (DELAYS, np.ones(1, complex)), ("delay", "amplitudes")),
-        (RECEIVER.image, (SAMPLES,), ("samples",)),
+        (RECEIVER.image, (OUTPUTS,), ("outputs",)),
         (RECEIVER.peaks, (IMAGE, 10.0), ("image", "threshold")),
         (RECEIVER.false_returns, (10.0,), ("threshold",)),
         (RECEIVER.threshold, (1e-4,), ("density",)),

@@ -8,7 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import special, stats
 
-from wavegym.core.counter_rng_kernels import exponential, mix, normal, normal_quantile, stream, uniform
+from wavegym.core.counter_rng_kernels import (
+    cosines_and_sines,
+    exponential,
+    fill_normals,
+    mix,
+    normal,
+    normal_quantile,
+    stream,
+    uniform,
+)
 
 WORD = 2**64
 INTEGERS = st.integers(0, WORD - 1)
@@ -124,3 +133,23 @@ def test_every_bit_of_a_key_changes_half_the_bits_of_its_draws():
     for bit in range(64):
         flips = [mix(substream(k, 3)) ^ mix(substream(k ^ (1 << bit), 3)) for k in range(200)]
         assert np.mean([f.bit_count() for f in flips]) == pytest.approx(32, abs=6 * 4 / np.sqrt(200))
+
+
+@pytest.mark.parametrize("first", [0, 10])
+def test_normals_in_bulk_are_box_and_muller_s(first):
+    """Against NumPy's logarithm and complex exponential of the same draws, to rounding; and their distribution."""
+    own = np.empty(COUNT)
+    fill_normals(np.uint64(5), first, own)
+    u = np.array([uniform(np.uint64(5), first + i) for i in range(COUNT)])
+    expected = np.sqrt(-2.0 * np.log(u[::2])) * np.exp(2j * np.pi * (u[1::2] - 0.5))
+    np.testing.assert_allclose(own[::2] + 1j * own[1::2], expected, rtol=0.0, atol=1e-14)
+    assert stats.kstest(own, stats.norm.cdf).pvalue > CHANCE
+    assert abs(np.corrcoef(own[::2], own[1::2])[0, 1]) < 4.0 / np.sqrt(COUNT / 2)
+
+
+def test_cosines_and_sines():
+    """Over many turns against NumPy."""
+    turns = np.concatenate([np.linspace(-3.0, 3.0, 4001), np.random.default_rng(0).uniform(-0.5, 0.5, 4000)])
+    cosines, sines = np.empty(turns.shape), np.empty(turns.shape)
+    cosines_and_sines(turns, cosines, sines)
+    np.testing.assert_allclose(cosines + 1j * sines, np.exp(2j * np.pi * turns), rtol=0.0, atol=5e-15)

@@ -1,4 +1,7 @@
-"""From samples at array elements to ranges and range-rates: against direct sums, the bound, the theory of noise."""
+"""From array elements to ranges and range-rates: against a receiver of samples, the bound, the theory of noise.
+
+The oracle is a textbook receiver: samples in time, delayed pulses, correlations, an FFT over all pulses, plain loops.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.sensors import Antenna, ArrayReceiver, Multistatic, UrbanMap
+from wavegym.sensors.receiver import noise_law
 from wavegym.waveforms import SPEED_OF_LIGHT, GaussianChirp, PulseTrain
 
 CARRIER, BAND = 4e9, 40e6
@@ -24,43 +28,201 @@ MAP, PLACE = UrbanMap.load("intersection"), (2088.0, 1475.0)
 PAIR = Multistatic(Antenna(MAP, (2085.0, 1470.5)), Antenna(MAP, PLACE, axis=(0.6, 0.8)))
 
 
+def echo_delays(array, r, rate, angle):
+    """Delays of a target with constant range-rate at ``angle`` from the axis of the array, (pulse, element)."""
+    return (2.0 * (r + rate * array.times)[:, None] - array.offsets * np.cos(angle)) / SPEED_OF_LIGHT
+
+
 def echo(array, r, rate, eta, angle=1.0, phase=0.0):
-    """Samples of a target with constant range-rate at ``angle`` from the axis of the array."""
-    path = 2.0 * (r + rate * array.times)
-    delays = (path[:, None] - array.offsets * np.cos(angle)) / SPEED_OF_LIGHT
-    return array.receive(delays[None], [math.sqrt(eta / 2) * np.exp(1j * phase)])
+    """Outputs of a target with constant range-rate at ``angle`` from the axis of the array."""
+    return array.receive(echo_delays(array, r, rate, angle)[None], [math.sqrt(eta / 2) * np.exp(1j * phase)])
 
 
 def noise(array, rng):
-    return math.sqrt(0.5) * (rng.standard_normal(array.shape) + 1j * rng.standard_normal(array.shape))
+    return array.noise(int(rng.integers(2**63)))
 
 
-def test_samples_are_delayed_pulses():
-    """In time: the pulse shifted by its delay with the phase of the carrier, up to the cut-off at -60 dB."""
-    r, angle = 100.3, 0.7
-    samples = echo(LONG, r, 0.0, 2.0, angle)
-    pulse = LONG.train.pulse
-    begin = np.count_nonzero(pulse.envelope(np.arange(600) / BAND) > 1e-3 * pulse.envelope(0.0))
-    t = (np.arange(LONG.shape[2]) - begin) / BAND
-    tau = (2 * r - LONG.offsets * np.cos(angle)) / SPEED_OF_LIGHT
-    delayed = pulse.signal(t - 2 * r / SPEED_OF_LIGHT) / math.sqrt(BAND * 25 * 3)
-    expected = delayed * np.exp(-2j * np.pi * CARRIER * tau[:, None])
-    assert np.abs(samples[7] - expected).max() < 4e-3 * np.abs(expected).max()
-    np.testing.assert_array_equal(samples[0], samples[24])
+def joined(parts):
+    """Complex numbers of an array whose second last axis is the real and the imaginary part."""
+    return parts[..., 0, :] + 1j * parts[..., 1, :]
 
 
-def test_the_image_is_the_correlation_with_every_delayed_shifted_pulse():
-    """One cell of one element against a double sum over pulses and samples."""
-    array, rng = receiver(count=7), np.random.default_rng(3)
-    samples = noise(array, rng)
-    image = array.image(samples)
-    assert image.shape[0] == 3
-    delay, doppler = 20, 5  # cells, two per sample
-    template = echo(array, delay / 2 / BAND * SPEED_OF_LIGHT / 2, 0.0, 2.0, np.pi / 2)[0, 0]
-    template = template * np.exp(2j * np.pi * CARRIER * delay / 2 / BAND)
-    turns = doppler / image.shape[2]
-    total = sum(np.exp(-2j * np.pi * turns * q) * np.vdot(template, samples[q, 1]) for q in range(7))
-    assert image[1, delay, doppler] == pytest.approx(total, rel=1e-9)
+def split(numbers):
+    return np.stack([numbers.real, numbers.imag], axis=-2)
+
+
+class Textbook:
+    """A receiver of samples in time, (pulse, element, sample), without any code of the package's receiver."""
+
+    def __init__(self, count, duration, direction, elements):
+        sign, (low, high) = 1.0 if direction == "up" else -1.0, (-800, 800)
+        t = np.arange(low, high + 1) / BAND
+        envelope = np.exp(-0.5 * (t / duration) ** 2)
+        rate = sign * math.pi * BAND / (7.4338 * duration)
+        kept = (
+            np.exp(-0.5 * (np.maximum(np.abs(t) - 1 / BAND, 0.0) / duration) ** 2) > 1e-3
+        )  # to the first below -60 dB
+        self.pulse = (envelope * np.exp(1j * rate * t**2))[kept]
+        self.pulse /= np.linalg.norm(self.pulse) * math.sqrt(count * elements)
+        self.half = len(self.pulse) // 2
+        self.length = (2 * self.half + math.ceil(2 * 300.0 / SPEED_OF_LIGHT * BAND)) | 1
+        self.cells = math.ceil(2 * 300.0 / SPEED_OF_LIGHT * BAND * 2) + 2
+        self.count, self.elements = count, elements
+
+    def delayed(self, samples):
+        """The pulse, delayed by a number of samples: band-limited interpolation."""
+        padded = np.zeros(self.length, complex)
+        padded[: len(self.pulse)] = self.pulse
+        shift = np.exp(-2j * np.pi * np.fft.fftfreq(self.length) * samples)
+        return np.fft.ifft(np.fft.fft(padded) * shift)
+
+    def echo(self, delays, amplitude):
+        """Samples of one path with delays (pulse, element) in s."""
+        samples = np.empty((self.count, self.elements, self.length), complex)
+        for q in range(self.count):
+            pulse = self.delayed(delays[q].mean() * BAND)
+            for m in range(self.elements):
+                samples[q, m] = amplitude * np.exp(-2j * np.pi * CARRIER * delays[q, m]) * pulse
+        return samples
+
+    def filtered(self, samples):
+        """Correlation with the pulse at every cell, half a sample each, (pulse, element, cell)."""
+        replicas = np.array([self.delayed(cell / 2) for cell in range(self.cells)])
+        return samples @ replicas.conj().T
+
+    def image(self, samples):
+        """(Doppler cell, element, delay cell): four cells per resolution cell, phase of the middle pulse."""
+        dopplers, filtered = 4 * self.count, self.filtered(samples)
+        shift = np.exp(2j * np.pi * np.arange(dopplers) * (self.count // 2) / dopplers)
+        return np.fft.fft(filtered, dopplers, axis=0) * shift[:, None, None]
+
+    def peaks(self, image, threshold):
+        """Cells and powers of maxima in the best of beams, strongest first, without their sidelobes."""
+        turns = np.arange(3 * self.elements) / (3 * self.elements)
+        beams = np.exp(2j * np.pi * np.outer(turns, np.arange(self.elements)))
+        power = (np.abs(np.einsum("bm,fmd->bfd", beams, image)) ** 2).max(axis=0)
+        dopplers, delays = power.shape
+        maxima = []
+        for f in range(dopplers):
+            for d in range(1, delays - 1):
+                around = [power[(f + j) % dopplers, d + i] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+                if power[f, d] >= threshold and power[f, d] == max(around):
+                    maxima.append((power[f, d], d, f))
+        return sorted(maxima, reverse=True)
+
+
+@pytest.mark.parametrize(("count", "elements"), [(7, 3), (12, 1), (25, 3)])
+@pytest.mark.parametrize(("duration", "direction"), [(0.5e-6, "up"), (1.375e-6, "down")])
+def test_the_chain_is_that_of_a_textbook_receiver_of_samples(count, elements, duration, direction):
+    """Three echoes in white noise. The same noise passes the textbook's filters and is added to the chain's echoes.
+
+    1e-9 of the strongest output: the polynomials between the tabulated responses err by less than 1e-10.
+    """
+    array, rng = receiver(count, duration, direction, elements), np.random.default_rng(count)
+    book = Textbook(count, duration, direction, elements)
+    samples = math.sqrt(0.5) * (rng.standard_normal((count, elements, book.length, 2)) @ [1.0, 1.0j])
+    outputs = split(book.filtered(samples))
+    for r, rate, eta, angle in ((31.7, 3.3, 400.0, 0.4), (180.0, -17.0, 900.0, 1.3), (299.0, 0.1, 200.0, 2.2)):
+        delays, amplitude = echo_delays(array, r, rate, angle), math.sqrt(eta / 2) * np.exp(1j * r)
+        samples += book.echo(delays, amplitude)
+        outputs += array.receive(delays[None], [amplitude])
+    largest = np.abs(book.filtered(samples)).max()
+    np.testing.assert_allclose(joined(outputs), book.filtered(samples), rtol=0.0, atol=1e-9 * largest)
+    image, direct = array.image(outputs), book.image(samples)
+    assert image.shape == (4 * count, elements, 2, book.cells)
+    np.testing.assert_allclose(joined(image), direct, rtol=0.0, atol=1e-9 * np.abs(direct).max())
+    threshold = array.threshold(1e-3)
+    expected, found = book.peaks(direct, threshold), array.peaks(image, threshold)
+    assert len(expected) >= len(found.z) >= 3
+    places = np.array([[d, f] for _, d, f in expected])
+    cell = SPEED_OF_LIGHT / BAND / 4, -SPEED_OF_LIGHT / CARRIER / 2 / (len(direct) * 1e-3)
+    turns = np.stack([found.z[:, 0] / cell[0], found.z[:, 1] / cell[1] % len(direct)], axis=1)
+    off = np.abs(turns[:, None] - places)
+    off[..., 1] = np.minimum(off[..., 1], len(direct) - off[..., 1])
+    nearest = off.max(axis=2).argmin(axis=1)
+    assert (off.max(axis=2).min(axis=1) <= 1.0).all()  # a fit moves a peak by less than a cell
+    assert len(set(nearest)) == len(nearest)  # and each is one of the textbook's
+    dropped = set(range(len(expected))) - set(nearest.tolist())
+    assert all(book_says_sidelobe(k, expected, direct, array) for k in dropped)
+
+
+def book_says_sidelobe(k, maxima, image, array):
+    """Whether maximum k is within 3 dB of the lobes that all stronger maxima have there."""
+    top, d, f = maxima[k]
+    count = image.shape[0] // 4
+    beams = np.exp(
+        2j * np.pi * np.outer(np.arange(3 * array.elements) / (3 * array.elements), np.arange(array.elements))
+    )
+    reached = 0.0
+    width = array.train.measurement_covariance(CARRIER, 1.0)
+    decay = (SPEED_OF_LIGHT / BAND / 4) ** 2 * np.linalg.inv(width)[0, 0]
+    for stronger, own_d, own_f in maxima[:k]:
+        x = min(abs(f - own_f), len(image) - abs(f - own_f)) / 4
+        if x < 1.0:
+            reached += stronger * math.exp(-decay * (d - own_d) ** 2)
+        else:
+            there = (np.abs(beams @ image[own_f, :, d]) ** 2).max()
+            reached += there / (count * math.sin(math.pi * x / count)) ** 2
+    return top <= 2.0 * reached
+
+
+@pytest.mark.parametrize("duration", [0.5e-6, 1.375e-6])
+def test_noise_of_the_outputs_has_the_law_of_filtered_samples(duration):
+    """Its covariance is M M^H for the matrix M of the textbook's correlations, to rounding."""
+    array, book = receiver(duration=duration), Textbook(25, duration, "up", 3)
+    M = np.array([book.delayed(cell / 2) for cell in range(book.cells)]).conj()
+    np.testing.assert_allclose(covariance(array.noise_law), M @ M.conj().T, rtol=0.0, atol=1e-12 / 75)
+
+
+def covariance(law):
+    """Covariance of complex outputs that ``add_noise`` makes of unit normals."""
+    one, other = law.factors
+    cells, half = one.shape[1] + other.shape[1], other.shape[1]
+    maps = np.zeros((2, law.rank, cells), complex)  # of the weights of a, and of i b
+    maps[0, : len(one), : one.shape[1]] = one
+    maps[0, : len(one), cells - half :] = one[:, :half][:, ::-1]
+    maps[1, law.second : law.second + len(other), :half] = 1j * other
+    maps[1, law.second : law.second + len(other), cells - half :] = -1j * other[:, ::-1]
+    both = maps.sum(axis=0)
+    return 2.0 * (both.T @ both.conj())
+
+
+@pytest.mark.parametrize("cells", [12, 13])
+def test_noise_of_a_pulse_without_symmetry(cells):
+    """A complex covariance, of a moving average."""
+    taps = np.array([1.0, 0.5 - 0.4j, 0.3j])
+    lags = np.array([np.vdot(taps[: 3 - d], taps[d:]) for d in range(3)] + [0.0] * (cells - 3))
+    expected = np.array([[lags[i - j] if i >= j else lags[j - i].conj() for j in range(cells)] for i in range(cells)])
+    np.testing.assert_allclose(covariance(noise_law(lags, False)), expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("count", [24, 25])
+def test_noise_is_drawn_by_its_law(count):
+    """2000 trains: mean, covariance and fourth moments within five standard errors; pulses and elements differ."""
+    array = receiver(count=count)
+    outputs = joined(np.array([array.noise(key) for key in range(2000)])) * math.sqrt(count * 3)
+    cell = outputs[..., 77]
+    size = cell.size
+    for lag in (0, 1, 5):
+        expected = covariance(array.noise_law)[77 + lag, 77] * count * 3
+        got = (outputs[..., 77 + lag] * cell.conj()).mean()
+        assert abs(got - expected) < 5.0 / math.sqrt(size)
+    assert abs((cell**2).mean()) < 5.0 * math.sqrt(2.0 / size)  # circular
+    assert abs((np.abs(cell) ** 4).mean() - 2.0) < 5.0 * math.sqrt(20.0 / size)
+    between = np.einsum("nqm,npk->qmpk", cell, cell.conj()) / len(cell)
+    between = between.reshape(3 * count, 3 * count)
+    assert np.abs(between - np.eye(3 * count)).max() < 6.0 / math.sqrt(2000)
+
+
+def test_many_pulses_take_the_fft(monkeypatch):
+    """Both transforms give the same image."""
+    for count in (24, 25):
+        array = receiver(count=count)
+        outputs = array.noise(1)
+        dense = array.image(outputs)
+        with monkeypatch.context() as patch:
+            patch.setattr("wavegym.sensors.receiver.DENSE", 0)
+            np.testing.assert_allclose(array.image(outputs), dense, rtol=0.0, atol=1e-13)
 
 
 @pytest.mark.parametrize("duration", [0.5e-6, 1.375e-6])
@@ -121,7 +283,7 @@ def test_noise_has_unit_power_and_passes_the_threshold_as_often_as_theory_says(e
     count, power = 0, []
     for _ in range(150):
         image = array.image(noise(array, rng))
-        power.append(np.mean(np.abs(image) ** 2) * elements)  # each element has its share
+        power.append(2.0 * np.mean(image**2) * elements)  # real and imaginary part; each element has its share
         count += len(array.peaks(image, threshold).z)
     assert np.mean(power) == pytest.approx(1.0, abs=0.02)
     area = 150 * 300.0 * SPEED_OF_LIGHT / CARRIER / 2e-3
@@ -184,8 +346,10 @@ def test_delays_are_those_of_every_element_by_itself():
         (lambda: LONG.receive(np.zeros((1, 25, 2)), [1.0]), r"expected \(path, 25, 3\)"),
         (lambda: LONG.receive(np.zeros((1, 25, 3)), np.ones((1, 1))), r"expected \(path, 25, 3\) and \(path,\)"),
         (lambda: LONG.receive(np.full((1, 25, 3), -1e-9), [1.0]), "delay is -1e-09"),
-        (lambda: LONG.image(np.zeros((25, 3, 7))), r"samples has shape \(25, 3, 7\), expected \(25, 3, "),
-        (lambda: LONG.peaks(np.zeros((3, 7, 7)), 7.0), r"image has shape \(3, 7, 7\), expected \(3, "),
+        (lambda: LONG.image(np.zeros((25, 3, 7))), r"outputs has shape \(25, 3, 7\), expected \(25, 3, 2, "),
+        (lambda: LONG.noise(-1), "key is -1"),
+        (lambda: LONG.noise(2**64), "key is 18446744073709551616"),
+        (lambda: LONG.peaks(np.zeros((3, 7, 7)), 7.0), r"image has shape \(3, 7, 7\), expected \(100, 3, 2, "),
         (lambda: LONG.peaks(LONG.image(np.zeros(LONG.shape)), np.nan), "threshold is nan"),
         (lambda: LONG.false_returns(0.0), r"threshold is 0\.0"),
         (lambda: PAIR.delays(np.zeros((1, 6)), [1.5], 0.0, 0.0), "path is .*, expected integers"),

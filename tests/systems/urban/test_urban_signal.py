@@ -15,9 +15,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
-from wavegym.waveforms import (
-    measurement_covariances,
-)
+from wavegym.waveforms import SPEED_OF_LIGHT, measurement_covariances
 
 SYSTEM = UrbanSignal()
 LONG_UP = 0  # index of the longer pulse with the up sweep
@@ -61,28 +59,56 @@ def test_errors_without_walls_are_those_of_the_measurement_level(plain, waveform
 
 
 def test_without_targets_there_are_no_more_returns_than_from_noise():
-    """Echoes of walls and trees, 20 dB above a target, are subtracted; the rest has density clutter_density."""
+    """The rest has density clutter_density."""
     empty, count = UrbanSignal(arrivals=(1000.0,)), 25
     number = scanned(empty, 1, count, LONG_UP).number
     expected = number.size * empty.clutter_density * empty.reach * 2.0 * empty.ambiguity
     assert abs(number.sum() / expected - 1.0) < 0.15 + 4.0 / math.sqrt(expected)  # the theory is accurate to 15 %
-    samples = empty.signals.samples(np.uint64(1), 1, empty.scene.truth[1], LONG_UP, 0)
-    array, threshold = empty.signals.arrays[LONG_UP], empty.signals.thresholds[LONG_UP]
-    still = np.abs(array.peaks(array.image(samples), threshold).z[:, 1]) < 0.2
-    assert still.sum() > 3  # of twelve visible; those within a cell of a stronger one merge with it
+
+
+def test_a_recording_takes_the_echoes_of_walls_and_trees_away():
+    """With and without static echoes, 20 dB above a target, in the scan and in the recording: equal to rounding.
+
+    Without the recording they are returns at range-rate 0.
+    """
+    signals, pair = SYSTEM.signals, SYSTEM.pairs[0]
+    array, echoes = signals.arrays[LONG_UP], pair.background()
+    near = echoes.r <= array.reach
+    place, axis = np.array(pair.receiver.position), np.array(pair.receiver.axis)
+    longer = np.linalg.norm(echoes.source[:, None] - place - array.offsets[:, None] * axis, axis=2)
+    longer -= np.linalg.norm(echoes.source - place, axis=1)[:, None]
+    delays = np.repeat((2.0 * echoes.r[:, None] + longer)[near, None] / SPEED_OF_LIGHT, 25, axis=1)
+    eta = 100.0 * signals.snr[LONG_UP] * echoes.reflected[near] * (100.0 / echoes.r[near]) ** 4
+    static = array.receive(delays, np.sqrt(0.5 * eta))
+    plain = signals.outputs(np.uint64(1), 3, SYSTEM.scene.truth[3], LONG_UP, 0)
+    recorded = static[0] + array.noise(2)[0] / math.sqrt(30 * 25)
+    subtracted = (plain + static) - static[0]
+    np.testing.assert_allclose(subtracted, plain, rtol=0.0, atol=1e-12 * np.abs(static).max())
+    for outputs, least, most in ((plain + static, 4, 12), (plain + static - recorded, 0, 2)):
+        found = array.peaks(array.image(outputs), signals.thresholds[LONG_UP])
+        still = np.abs(found.z[:, 1]) < 0.2  # of noise .1; of twelve echoes those within a cell of another one merge
+        assert least <= still.sum() <= most
 
 
 def test_noise_is_independent():
-    """Noise differs between scans, receivers and worlds, and is reproducible."""
-    signals, key, targets = SYSTEM.signals, np.uint64(7), SYSTEM.scene.truth[3]
-    first = signals.samples(key, 3, targets, LONG_UP, 0)
-    np.testing.assert_array_equal(first, signals.samples(key, 3, targets, LONG_UP, 0))
-    background = [signals.background(key, LONG_UP, m) for m in range(2)]
-    another = signals.samples(key, 3, targets, LONG_UP, 1) - background[1]
-    others = [signals.samples(key, 4, targets, LONG_UP, 0), signals.samples(np.uint64(8), 3, targets, LONG_UP, 0)]
-    for other in (another, *(each - background[0] for each in others)):
-        a, b = (first - background[0]).ravel(), other.ravel()
-        assert abs(np.vdot(a, b)) / np.linalg.norm(a) / np.linalg.norm(b) < 5.0 / math.sqrt(a.size)
+    """Noise differs between scans, receivers, worlds, and is reproducible."""
+    signals, key, nobody = SYSTEM.signals, np.uint64(7), np.zeros((0, 6))
+    first = signals.outputs(key, 3, nobody, LONG_UP, 0)
+    np.testing.assert_array_equal(first, signals.outputs(key, 3, nobody, LONG_UP, 0))
+    others = [(key, 3, 1), (key, 4, 0), (np.uint64(8), 3, 0)]
+    for other_key, scan, m in others:
+        a, b = (each[..., ::8].ravel() for each in (first, signals.outputs(other_key, scan, nobody, LONG_UP, m)))
+        assert abs(a @ b) / np.linalg.norm(a) / np.linalg.norm(b) < 5.0 / math.sqrt(a.size)
+
+
+def test_noise_of_the_recording_is_the_same_in_every_scan():
+    """At range-rate 0 the mean over scans keeps the noise of the recorded mean, of variance 1 / 30 of a train's."""
+    signals, nobody, count = SYSTEM.signals, np.zeros((0, 6)), 400
+    at_rest = [signals.outputs(np.uint64(7), k, nobody, LONG_UP, 0).sum(axis=0) for k in range(count)]  # (3, 2, cell)
+    power = 2.0 * 3.0 * np.mean(np.square(at_rest)), 2.0 * 3.0 * np.mean(np.square(np.mean(at_rest, axis=0)))
+    independent = 3 * 2 * 20  # numbers in a train: a cell is like its neighbours
+    assert abs(power[0] - (1.0 + 1.0 / 30.0)) < 5.0 * math.sqrt(2.0 / independent / count) + 1.0 / 30.0
+    assert abs(power[1] - (1.0 / 30.0 + 1.0 / count)) < 5.0 * math.sqrt(2.0 / independent) / 30.0
 
 
 @pytest.mark.slow

@@ -7,27 +7,26 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wavegym.core.arrays import Array
-from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.sensors.fluctuation import realised_snr
 from wavegym.sensors.multistatic import Multistatic
-from wavegym.sensors.multistatic_kernels import snr_at
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
-from wavegym.sensors.receiver_kernels import add_noise
+from wavegym.systems.urban import signal_kernels as kernels
 from wavegym.systems.urban.state import Scene
 from wavegym.waveforms import SPEED_OF_LIGHT
 
 FRAMES = 30  # trains recorded without targets; their mean is subtracted
-STATIC = 100.0  # power of the echo of a tree or a wall relative to a target at the same place
-NOISE = 20_000  # number of the noise stream of a scan, beyond those of all paths
-BACKGROUND = 30_000  # number of the stream of the recorded background, beyond those of all scans
 
 
 @dataclass(frozen=True)
 class UrbanReceivers:
     """Receivers that simulate and process the signals of a scene.
+
+    Each receiver subtracts the mean of ``FRAMES`` trains that it recorded without targets. Walls and trees do not move,
+    so their echoes are the same in the scan and in the recording, and the difference has none: it is never computed.
+    The noise of the recording is left. The paper subtracts mean magnitudes of images; a mean of complex signals keeps a
+    target that coincides with the echo of a wall.
 
     Args:
         pairs: each transmitter with each receiver.
@@ -54,82 +53,47 @@ class UrbanReceivers:
         """One scan of every environment, as ``kernels.measure``: z (env, pair, most, m), count (env, pair).
 
         targets: (env, target, 6). sent: index of the waveform that the transmitter of each pair sends, (env, pair).
-        R (env, pair, most, m, m) receives the covariances that are fitted to the peaks. A peak that is higher than that
-        of a direct path of its range has the covariance at the SNR of that path: noise has raised it, and of the echoes
-        near the threshold only those that noise raises are detected.
+        R (env, pair, most, m, m) receives the covariances that are fitted to the peaks, see ``signal_kernels.report``.
         """
-        size = z.shape[3]
+        factors = self._factors(keys, scans)
         for e, (key, scan) in enumerate(zip(keys, scans, strict=True)):
             for m in range(len(self.pairs)):
-                found = self.scan(key, scan, targets[e], sent[e, m], m)
-                number = min(len(found.z), z.shape[2])
-                z[e, m, :number], count[e, m] = found.z[:number, :size], number
-                expected = snr_at(found.z[:number, 0], self.snr[sent[e, m]], 1.0)
-                raised = np.maximum(found.snr[:number] / expected, 1.0)
-                R[e, m, :number] = raised[:, None, None] * found.R[:number, :size, :size]
+                waveform = sent[e, m]
+                outputs = self._outputs(key, scan, targets[e], waveform, m, factors[e, m])
+                found = self._peaks(outputs, waveform)
+                count[e, m] = kernels.report(*found, self.snr[waveform], z[e, m], R[e, m])
 
     def scan(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> Peaks:
         """Measurements of pair m in one scan of one environment with the targets (target, 6)."""
-        array = self.arrays[waveform]
-        image = array.image(self.samples(key, scan, targets, waveform, m) - self.background(key, waveform, m))
-        return array.peaks(image, self.thresholds[waveform])
+        return self._peaks(self.outputs(key, scan, targets, waveform, m), waveform)
 
-    def samples(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> NDArray[np.complex128]:
-        """Samples at the receiver of pair m in one scan: targets, static echoes, noise; (pulse, element, sample).
+    def outputs(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> Array:
+        """Outputs of the matched filters of pair m in one scan, less the mean of the recording.
 
         An echo has the mean SNR of the measurement level. Phase and fluctuation are new in every scan, for every path.
+
+        Returns:
+            (pulse, element, 2, delay cell), as ``ArrayReceiver.receive``.
         """
-        array, pair, own = self.arrays[waveform], self.pairs[m], _stream(key, scan, m)
-        visible = self.scene.path_count[m, scan]
-        target, slot = np.nonzero(np.arange(self.scene.path_index.shape[-1]) < visible[:, None])
-        path = self.scene.path_index[m, scan, target, slot]
-        delays = pair.delays(targets[target], path, array.times, array.offsets)
-        r = 0.5 * SPEED_OF_LIGHT * delays.mean(axis=(1, 2))
-        received = r <= array.reach
-        target, slot, delays = target[received], slot[received], delays[received]
-        eta = snr_at(r[received], self.snr[waveform], self.scene.reflected[m, scan, target, slot])
-        numbers = target * self.scene.path_index.shape[-1] + slot
-        phases, draws = ([uniform(_stream(own, number), i) for number in numbers] for i in (0, 1))
-        eta = realised_snr(draws, eta, self.fluctuation)
-        amplitudes = np.sqrt(0.5 * eta) * np.exp(2j * np.pi * np.array(phases))
-        samples = array.receive(delays, amplitudes) + self._static_echoes[waveform][m]
-        add_noise(_stream(own, NOISE), 1.0, samples.reshape(-1))
-        return samples
+        factors = self._factors(np.array([key]), np.array([scan]))[0, m]
+        return self._outputs(key, scan, targets, waveform, m, factors)
 
-    def background(self, key: np.uint64, waveform: int, m: int) -> NDArray[np.complex128]:
-        """Mean over all pulses of the frames recorded without targets, (element, sample).
+    def _factors(self, keys: Array, scans: Array) -> Array:
+        """SNR of every path over its mean in one scan of each environment, (env, pair, target x slot)."""
+        _, _, targets, slots = self.scene.path_index.shape
+        draws = np.empty((len(keys), len(self.pairs), targets * slots))
+        kernels.fluctuation_draws(keys, scans, draws)
+        return realised_snr(draws, 1.0, self.fluctuation)
 
-        The paper subtracts mean magnitudes of images; a mean of complex samples keeps a target that coincides with the
-        echo of a wall.
-        """
-        mean = self._static_echoes[waveform][m].copy()
-        own = _stream(key, BACKGROUND, waveform, m)
-        add_noise(own, (FRAMES * self.arrays[waveform].train.count) ** -0.5, mean.reshape(-1))
-        return mean
+    def _outputs(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int, factors: Array) -> Array:
+        array, outputs = self.arrays[waveform], np.zeros(self.arrays[waveform].shape)
+        kernels.receive_targets(
+            key, scan, m, targets, self.scene, factors, self.snr[waveform], array.reach,
+            array.offsets, array.times, SPEED_OF_LIGHT, array.echo_law, outputs,
+        )  # fmt: skip
+        kernels.receive_noise(key, scan, m, waveform, FRAMES, array.noise_law, outputs)
+        return outputs
 
-    @cached_property
-    def _static_echoes(self) -> list[list[NDArray[np.complex128]]]:
-        """Echoes of walls and trees for one pulse of each waveform, of each pair, (element, sample)."""
-        return [
-            [_static_echoes(array, pair, snr) for pair in self.pairs]
-            for array, snr in zip(self.arrays, self.snr, strict=True)
-        ]
-
-
-def _static_echoes(array: ArrayReceiver, pair: Multistatic, snr: float) -> NDArray[np.complex128]:
-    echoes = pair.background()
-    near = echoes.r <= array.reach
-    elements = np.array(pair.receiver.position) + array.offsets[:, None] * np.array(pair.receiver.axis)
-    middle = np.linalg.norm(echoes.source - np.array(pair.receiver.position), axis=1)
-    back = np.linalg.norm(echoes.source[:, None] - elements, axis=2)
-    delays = (2.0 * echoes.r[:, None] - middle[:, None] + back)[near] / SPEED_OF_LIGHT
-    amplitudes = np.sqrt(0.5 * STATIC * snr_at(echoes.r, snr, echoes.reflected))[near]
-    every = np.broadcast_to(delays[:, None], (len(delays), array.train.count, array.elements))
-    return array.receive(every, amplitudes)[0]
-
-
-def _stream(key: np.uint64, *numbers: int) -> np.uint64:
-    """A nested random stream; compiled code returns Python integers, which have to be made unsigned again."""
-    for number in numbers:
-        key = np.uint64(stream(key, number))
-    return key
+    def _peaks(self, outputs: Array, waveform: int) -> Peaks:
+        array = self.arrays[waveform]
+        return array.measured(array.transform(outputs), self.thresholds[waveform])
