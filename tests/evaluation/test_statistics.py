@@ -80,6 +80,13 @@ def test_the_interval_of_a_ratio_covers_that_of_the_means():
     assert 0.87 <= covered / trials <= 0.99  # as for paired ratios above
 
 
+def test_a_ratio_meets_the_same_worlds_above_and_below():
+    """Where one cost is always twice the other, no resample has another ratio."""
+    costs = np.exp(rng().standard_normal((1, 50)))
+    found = statistics.ratio(2.0 * costs, costs, rng())
+    np.testing.assert_allclose([found.value, *found.ci], 2.0, rtol=1e-12)
+
+
 def test_constant_ratio_is_exact():
     baseline = np.random.default_rng(4).lognormal(0.0, 1.0, (1, 30))
     result = statistics.difference(0.85 * baseline, baseline, rng())

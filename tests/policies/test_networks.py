@@ -11,6 +11,7 @@ import torch
 from gymnasium import spaces
 from runs_for_tests import SMALL
 
+from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.learning.policies.export import export
@@ -138,6 +139,20 @@ def test_the_same_network_makes_the_same_file_and_no_pickle_is_read(tmp_path: An
     np.savez(tmp_path / "evil.npz", _kind=np.array({"code": 1}, dtype=object))
     with pytest.raises(ValueError, match="an array of object"):
         Network.from_bytes((tmp_path / "evil.npz").read_bytes())
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_weights_that_are_not_finite_are_refused_one_by_one(value: float) -> None:
+    """tanh of an infinite sum is finite, so outputs alone would not tell."""
+    model, _ = untrained("ppo")
+    content = export(model.policy).to_bytes()
+    weights = [name for name, array in unpack_arrays(content).items() if array.dtype == np.float32]
+    assert len(weights) >= 4
+    for name in weights:
+        arrays = {other: np.array(array) for other, array in unpack_arrays(content).items()}
+        arrays[name].reshape(-1)[0] = value
+        with pytest.raises(ValueError, match=f"weights {name} are not finite"):
+            Network.from_bytes(pack_arrays(arrays))
 
 
 def test_a_scorer_wants_one_index_and_a_width() -> None:
