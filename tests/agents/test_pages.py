@@ -8,6 +8,7 @@ import pytest
 
 from agents import pages as module
 from agents.pages import FOLDER, main, page, pages
+from benchmarks.steps import read
 from wavegym.envs.describe import describe
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
@@ -26,7 +27,8 @@ def test_there_is_a_page_for_every_environment_and_no_other():
     assert {path.name for path in FOLDER.glob("*.md")} == set(PAGES) == names
 
 
-def test_a_page_begins_with_picture_and_best_scores():
+def test_a_page_begins_with_picture_and_best_scores(monkeypatch):
+    monkeypatch.setattr(module, "read_speeds", list)
     text = page("wavegym/SectorSetup-v0")
     picture, best, table = text.split("\n\n", 5)[2:5]
     assert picture == "![an episode, step after step](../images/SectorSetup.webp)"
@@ -39,9 +41,19 @@ def test_a_page_begins_with_picture_and_best_scores():
     assert text.replace("\n\n".join([picture, best, table, ""]), "") == describe("wavegym/SectorSetup-v0")
 
 
+def test_a_page_ends_with_its_own_speed():
+    """Of random actions, the best simple rule and the agent, in the order of results/speed.csv."""
+    last = page("wavegym/SectorSetup-v0").rpartition("## Speed")[2].splitlines()
+    rows = [[cell.strip() for cell in line.split("|")[1:4]] for line in last if line.startswith("| Sector")]
+    own = [speed for speed in read() if speed.environment == "SectorSetup" and speed.batch == 1]
+    assert rows == [["SectorSetup", speed.actions, f"{speed.per_second:,.0f}"] for speed in own]
+    assert [speed.actions for speed in own] == ["random", "best-simple", "trained"]
+
+
 def test_a_page_without_picture_and_scores_is_what_describe_says(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "IMAGES", tmp_path)
     monkeypatch.setattr(module, "HEADROOM", tmp_path)
+    monkeypatch.setattr(module, "read_speeds", list)
     assert page("wavegym/KershawEvans-v0") == describe("wavegym/KershawEvans-v0")
 
 
