@@ -60,7 +60,7 @@ class Player:
         self.play(0.0, time.process_time)  # kernels are compiled
 
     def play(self, seconds: float, clock: Callable[[], float]) -> float:
-        """Seconds of a step of one environment, from steps that take so long, decisions included."""
+        """Play for so many seconds, at least two steps; the mean time of a step, s for each environment."""
         steps, stepping, begun = 0, 0.0, time.perf_counter()
         while steps < 2 or time.perf_counter() - begun < seconds:
             actions, start = self._policy(), clock()

@@ -64,7 +64,7 @@ class Episodes:
         forecasts: whether observations also hold forecasts of each candidate.
         measurements: whether a step also returns what the sensors reported.
         observation: "belief", or "measurements" for what the sensors reported alone.
-        num_threads: in so many threads episodes advance.
+        num_threads: number of threads in which the episodes advance.
 
     Raises:
         InputError: measurements of a system that does not measure apart from tracking; another observation, or one

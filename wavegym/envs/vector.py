@@ -36,8 +36,7 @@ class WaveformVectorEnv(VectorEnv):
     Args:
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
         num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts, measurements, observation,
-        num_threads: the
-            settings of every environment; ``wavegym.envs.build.SETTINGS`` holds their meaning, and
+            num_threads: the settings of every environment; ``wavegym.envs.build.SETTINGS`` holds their meaning, and
             ``wavegym.describe`` lists them.
         **parameters: the system's parameters.
 
