@@ -121,6 +121,7 @@ headroom: $(READY)
 benchmarks: $(READY)
 	$(BIN)/python -m benchmarks.run
 	$(BIN)/python -m benchmarks.steps
+	$(BIN)/python -m benchmarks.startup
 
 # Files changed at random, commands killed at random, intervals simulated, and planted defects: half an hour.
 promises: $(READY)

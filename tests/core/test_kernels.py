@@ -79,6 +79,19 @@ def test_results_do_not_share_memory_with_the_arguments():
     assert (before == P).all()
 
 
+def test_a_constant_argument_compiles_no_version_of_its_own():
+    @kernels.kernel
+    def entry(x, i):
+        return x[i]
+
+    @kernels.kernel
+    def ends(x, last):
+        return entry(x, 0) + entry(x, 1) + entry(x, last)
+
+    assert ends(np.array([1.0, 2.0, 4.0]), 2) == 7.0
+    assert len(entry.signatures) == 1
+
+
 def test_kernels_live_in_kernel_files():
     """The hashes of cache folders cover these files only."""
     made = re.compile(r"^\s*@(kernel|batched|numba\.|njit|jit|vectorize|guvectorize)|\bnjit\(", re.MULTILINE)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.gate_kernels import gate_volume_one, in_gate, reach_one
@@ -40,7 +41,7 @@ def room(z, count):
     if count <= len(z):
         return z
     larger = np.empty((2 * count, z.shape[1]))
-    larger[: len(z)] = z
+    copy_matrix(z, larger[: len(z)])
     return larger
 
 

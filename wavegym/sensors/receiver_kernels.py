@@ -54,8 +54,10 @@ def add_echoes(delays, amplitudes, carrier, rate, latest, table, outputs):
     for w in range(paths):
         if delays[w].max() > latest:
             continue
-        turns[:] = -carrier * delays[w].reshape(-1)
-        turns -= np.rint(turns)
+        for q in range(pulses):
+            for k in range(elements):
+                turn = -carrier * delays[w, q, k]
+                turns[q * elements + k] = turn - np.rint(turn)
         cosines_and_sines(turns, cosines, sines)
         for q in range(pulses):
             place = -phases * rate * delays[w, q].mean()

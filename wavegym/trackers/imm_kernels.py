@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrices, copy_matrix
 from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, update_one
@@ -152,7 +153,8 @@ def ukf_update_one(row, x, P, z0, z1, R, r, tx, ty, sx, sy, A, z, S, G, K, nn):
 def ukf_update(x, P, measurement, R, transmitter, receiver, x_out, P_out, log_likelihood, nn, bb, aa):
     """``ukf_update_one`` for a batch: x_out, P_out and the log likelihood of each measurement."""
     E, n = len(x), len(nn)
-    x_out[...], P_out[...] = x, P
+    copy_matrix(x, x_out)
+    copy_matrices(P, P_out)
     A, z, S, G, K = np.empty((E, n, n)), np.empty((E, 2)), np.empty((E, 2, 2)), np.empty((E, n, 2)), np.empty((n, 2))
     for e in range(E):
         log_likelihood[e] = ukf_update_one(

@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_vector
 from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.trackers.sigma_point_kernels import moments_one, sigma_points_one
@@ -85,7 +86,7 @@ def to_polar(x, P, sensor, p, S, nn, mm):
     n = len(nn)
     A, points, centred = np.empty((n, n)), np.empty((2 * n, n)), np.empty((1, n))
     for e in range(x.shape[0]):
-        centred[0] = x[e]
+        copy_vector(x[e], centred[0])
         centred[0, 0] -= sensor[e, 0]
         centred[0, 2] -= sensor[e, 1]
         middle = bearing(centred[0, 0], centred[0, 2])

@@ -13,6 +13,7 @@ Shapes: n states, m measured quantities, 2 n points.
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined
 from wavegym.trackers.rank_one_kernels import absorb_rows_one
 from wavegym.trackers.sigma_point_kernels import regression_one
@@ -41,7 +42,7 @@ def update_from_one(i, x, P, prior, at, z, h, H, R, y, d, v, nn):
         y[a] = z[a] - h[a]
         for k in range(len(nn)):
             y[a] += H[a, k] * (at[0, k] - x[i, k])
-    P[i] = prior
+    copy_matrix(prior, P[i])
     absorb_rows_one(i, P, H, y, R, d, v, nn)
     moved = 0.0
     for k in range(len(nn)):

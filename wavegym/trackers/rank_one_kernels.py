@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import batched, inlined
 
 
@@ -80,7 +81,7 @@ def rank_one_update(x, P, y, H, variance, x_out, P_out, nn, mm):
     n = len(nn)
     v, d = np.empty(n), np.empty(n)
     for e in range(x.shape[0]):
-        P_out[e] = P[e]
+        copy_matrix(P[e], P_out[e])
         absorb_rows_one(e, P_out, H[e], y[e], variance[e], d, v, nn)
         for i in range(n):
             x_out[e, i] = x[e, i] + d[i]

@@ -15,7 +15,8 @@ has measured; ``measure`` reports the returns inside them, ``track`` drops those
 (t,) bool: no sensor of the step has illuminated the target yet, so that its gates are those predicted before the step.
 Only they count returns outside and clutter points: ``measure`` does not know the later gates.
 ``particles`` = (X (e, particle, t, n), V (e, particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n),
-V (e, t, c, n, n)). A tracker without particles or mixtures hands over arrays of no particle or no component.
+V (e, t, c, n, n)); ``jpda`` = True. Of the three, those that are not the tracker are None: the compiler leaves a block
+under ``is not None`` out, and only such a block.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -23,6 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_vector
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.clutter_kernels import add_clutter, most_load, room
@@ -242,23 +244,22 @@ def move(step, path, targets, truth):
 
 
 @kernel
-def transition(step, mean, covariance, particles, mixtures, path, first, uniform, error, key, pulse, targets, world, F,
-            Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, every,
+def transition(step, mean, covariance, particles, mixtures, jpda, path, first, uniform, error, key, pulse, targets,
+            world, F, Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, every,
             nn):  # fmt: skip
     """One step of every environment, sensor after sensor; tapes read at [e, step]. F and Q are the tracker's.
 
-    With particles or mixtures, they are the tracker, and mean and covariance are their moments; else the tracker is
-    JPDA. outside (e, t) is counted up; scan (e, 4): detections, clutter points (NaN for too many), effective sample
-    size, distinct ancestors. With ``every`` (bool), every sensor counts returns outside and clutter points.
+    mean and covariance are moments of the particles or mixtures, if there are any. outside (e, t) is counted up;
+    scan (e, 4): detections, clutter points (NaN for too many), effective sample size, distinct ancestors. With
+    ``every`` (bool), every sensor counts returns outside and clutter points.
     """
-    (birth, lifetime), sensors, (X, V), (X_out, V_out) = targets, radar[0], particles, particles_out
-    count_t, count_p, count_c, n = len(birth), X.shape[1], mixtures[0].shape[2], len(nn)
+    (birth, lifetime), sensors, count_t, n = targets, radar[0], len(targets[0]), len(nn)
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     sent = np.empty(count_t, np.bool_)
     work, z = workspace(count_t, nn), np.empty((64, 2))
-    bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
+    bank, opened = bank_of(mixtures, nn)
+    cloud = cloud_of(particles, count_t, nn)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
-    Y, U, weight = np.empty((count_p, count_t, n)), np.empty((count_p, count_t, n, n)), np.empty(count_p)
     for e in range(len(step)):
         k = step[e] + 1
         stream_of_step = stream(key[e], k)
@@ -266,18 +267,14 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
         fresh[:] = True
-        predict_particles(X[e], V[e], present, F, Q, Y, U, nn)
-        mixture_of, log_weight = of_environment(e, mixtures_out), np.zeros(count_p)
-        gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
+        predict_hypotheses(e, particles, mixtures, present, F, Q, cloud, mixtures_out, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], sent)
-            lit[:] = sent
-            # as predict_gates, whose call would cost a tenth of the step
+            copy_vector(sent, lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             gates = lit, work[0], work[2], radar[5]
-            if count_c:
-                gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
-                gates = opened, bank[0], bank[1], radar[5]
+            if mixtures is not None:
+                gates = gates_of_components(i, mixture_at(e, mixtures_out), lit, radar, work, bank, opened, nn)
             z, count = sense(
                 e, i, k, stream(stream_of_step, i), sent, fresh, truth, uniform, error, pulse, world, gates, 1.0, z,
                 outside, scan
@@ -286,29 +283,27 @@ def transition(step, mean, covariance, particles, mixtures, path, first, uniform
                 break
             if not every:
                 illuminated(lit, fresh)
-            if count_c:
-                track_mixtures(present, lit, x, P, mixture_of, z, count, radar, work, bank, nn)
-            else:
-                track(i, stream_of_step, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn)
-        if count_p:
+            track(
+                e, i, stream_of_step, present, lit, x, P, particles, cloud, mixtures_out, jpda, z, count, radar, work,
+                bank, nn
+            )  # fmt: skip
+        if particles is not None:
+            Y, U, log_weight, weight = cloud
             scan[e, 2] = normalise(log_weight, weight)
-            scan[e, 3] = resample(stream(stream_of_step, 2 * len(sensors)), weight, Y, U, X_out[e], V_out[e], nn)
+            own = stream(stream_of_step, 2 * len(sensors))
+            scan[e, 3] = resample(own, weight, Y, U, particles_out[0][e], particles_out[1][e], nn)
         for t in range(count_t):
             copy_one(t, x, P, mean_out[e], covariance_out[e], nn)
             if k == birth[t]:
-                hand_over(e, t, first, mean_out, X_out, mixtures_out, nn)
+                hand_over(e, t, first, mean_out, particles_out, mixtures_out, nn)
 
 
 @inlined
-def predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn):
-    """The gates of the belief x, P, or of its mixture if there is one; fills ``work``, and ``bank`` and ``opened``."""
-    predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
-    gates = lit, work[0], work[2], radar[5]
-    if len(opened):
-        sensors = radar[0]
-        gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
-        gates = opened, bank[0], bank[1], radar[5]
-    return gates
+def gates_of_components(i, mixture_of, lit, radar, work, bank, opened, nn):
+    """The gates of sensor i, one for each component; fills ``bank`` and ``opened``."""
+    sensors = radar[0]
+    gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
+    return opened, bank[0], bank[1], radar[5]
 
 
 @kernel
@@ -319,24 +314,28 @@ def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse,
     Of each sensor by increasing range: their order does not tell which are targets'. count (e, i) is their number;
     outside (e, t) and scan (e, 2) are counted up as in ``transition``.
     """
-    (birth, lifetime), sensors = targets, radar[0]
-    count_t, count_c, n, filled = len(birth), mixtures[0].shape[2], len(nn), 0
+    (birth, lifetime), sensors, count_t, n, filled = targets, radar[0], len(targets[0]), len(nn), 0
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     sent = np.empty(count_t, np.bool_)
     work, z, found = workspace(count_t, nn), np.empty((64, 2)), np.empty((64, 2))
-    bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
-    mixture_of = gaussian_mixture.empty_mixtures(count_t, count_c, nn)
+    bank, opened = bank_of(mixtures, nn)
+    if mixtures is not None:
+        mixture_of = gaussian_mixture.empty_mixtures(count_t, mixtures[0].shape[2], nn)
     for e in range(len(step)):
         k = step[e] + 1
         fresh[:] = True
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
-        gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
+        if mixtures is not None:
+            gaussian_mixture.predict_mixtures(mixture_at(e, mixtures), present, F, Q, mixture_of, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], sent)
-            lit[:] = sent
-            gates = predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn)
+            copy_vector(sent, lit)
+            predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
+            gates = lit, work[0], work[2], radar[5]
+            if mixtures is not None:
+                gates = gates_of_components(i, mixture_of, lit, radar, work, bank, opened, nn)
             z, count[e, i] = sense(
                 e, i, k, stream(stream(key[e], k), i), sent, fresh, truth, uniform, error, pulse, world, gates, WINDOW,
                 z, outside, scan
@@ -352,40 +351,34 @@ def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse,
 
 
 @kernel
-def track_returns(step, mean, covariance, mixtures, z, count, first, pulse, targets, F, Q, radar, mean_out,
+def track_returns(step, mean, covariance, mixtures, jpda, z, count, first, pulse, targets, F, Q, radar, mean_out,
             covariance_out, mixtures_out, nn):  # fmt: skip
-    """One step of JPDA, or of the mixtures if there are any, with the returns z[e, i, : count[e, i]] (e, i, m, 2)."""
-    (birth, lifetime), sensors, (X, V) = targets, radar[0], no_particles(len(step), len(targets[0]), nn)
-    count_t, count_c, n = len(birth), mixtures[0].shape[2], len(nn)
+    """One step of JPDA or of the mixtures with the returns z[e, i, : count[e, i]] (e, i, m, 2)."""
+    (birth, lifetime), sensors, count_t, n = targets, radar[0], len(targets[0]), len(nn)
     present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     work, inside = workspace(count_t, nn), np.empty((z.shape[2], 2))
-    bank, opened = gaussian_mixture.workspace(count_t * count_c, nn), np.empty(count_t * count_c, np.bool_)
-    x, P, none = np.empty((count_t, n)), np.empty((count_t, n, n)), np.empty(0)
+    bank, opened = bank_of(mixtures, nn)
+    x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
     for e in range(len(step)):
         k = step[e] + 1
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
-        mixture_of = of_environment(e, mixtures_out)
-        gaussian_mixture.predict_mixtures(of_environment(e, mixtures), present, F, Q, mixture_of, nn)
+        predict_hypotheses(e, None, mixtures, present, F, Q, None, mixtures_out, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
-            gates = predict_gates(e, i, x, P, mixture_of, lit, pulse, radar, work, bank, opened, nn)
+            predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
+            gates = lit, work[0], work[2], radar[5]
+            if mixtures is not None:
+                gates = gates_of_components(i, mixture_at(e, mixtures_out), lit, radar, work, bank, opened, nn)
             kept = keep_in_gates(z[e, i], count[e, i], gates, inside)
-            if count_c:
-                track_mixtures(present, lit, x, P, mixture_of, inside, kept, radar, work, bank, nn)
-            else:
-                track(i, np.uint64(0), present, lit, x, P, X[e], V[e], none, none, inside, kept, radar, work, nn)
+            track(
+                e, i, np.uint64(0), present, lit, x, P, None, None, mixtures_out, jpda, inside, kept, radar, work, bank,
+                nn
+            )  # fmt: skip
         for t in range(count_t):
             copy_one(t, x, P, mean_out[e], covariance_out[e], nn)
             if k == birth[t]:
-                hand_over(e, t, first, mean_out, X, mixtures_out, nn)
-
-
-@inlined
-def no_particles(count, count_t, nn):
-    """Particles of a tracker that has none."""
-    n = len(nn)
-    return np.empty((count, 0, count_t, n)), np.empty((count, 0, count_t, n, n))
+                hand_over(e, t, first, mean_out, None, mixtures_out, nn)
 
 
 @kernel
@@ -431,43 +424,81 @@ def assume(i, step, mean, covariance, pulse, targets, radar, lit_out, noise, pd,
 
 
 @inlined
-def of_environment(e, arrays):
-    """The entries of environment e of a mixture's three arrays."""
-    return arrays[0][e], arrays[1][e], arrays[2][e]
+def mixture_at(e, mixtures):
+    """The mixtures of environment e."""
+    return mixtures[0][e], mixtures[1][e], mixtures[2][e]
+
+
+@inlined
+def predict_hypotheses(e, particles, mixtures, present, F, Q, cloud, mixtures_out, nn):
+    """Predict environment e's particles to ``cloud`` or its mixtures to ``mixtures_out``, where there are any."""
+    if particles is not None:
+        predict_particles(particles[0][e], particles[1][e], present, F, Q, cloud[0], cloud[1], nn)
+        cloud[2][:] = 0.0
+    if mixtures is not None:
+        gaussian_mixture.predict_mixtures(mixture_at(e, mixtures), present, F, Q, mixture_at(e, mixtures_out), nn)
 
 
 @kernel
-def hand_over(e, t, first, mean, X, mixtures, nn):
+def cloud_of(particles, targets, nn):
+    """Arrays of one environment's particles, none without particles: X, V, log weight and weight."""
+    count, n = 0, len(nn)
+    if particles is not None:
+        count = particles[0].shape[1]
+    return np.empty((count, targets, n)), np.empty((count, targets, n, n)), np.empty(count), np.empty(count)
+
+
+@kernel
+def bank_of(mixtures, nn):
+    """Arrays of one sensor's scan: the bank and ``opened`` of the components of all targets, none without mixtures."""
+    count = 0
+    if mixtures is not None:
+        count = mixtures[0].shape[1] * mixtures[0].shape[2]
+    return gaussian_mixture.workspace(count, nn), np.empty(count, np.bool_)
+
+
+@kernel
+def hand_over(e, t, first, mean, particles, mixtures, nn):
     """Set the means of the belief, of every particle and of every component to target t's first estimate."""
     for a in range(len(nn)):
         mean[e, t, a] = first[e, t, a]
-        for j in range(X.shape[1]):
-            X[e, j, t, a] = first[e, t, a]
-        for c in range(mixtures[1].shape[2]):
-            mixtures[1][e, t, c, a] = first[e, t, a]
+        if particles is not None:
+            for j in range(particles[0].shape[1]):
+                particles[0][e, j, t, a] = first[e, t, a]
+        if mixtures is not None:
+            for c in range(mixtures[1].shape[2]):
+                mixtures[1][e, t, c, a] = first[e, t, a]
 
 
 @kernel
-def track(i, own, present, lit, x, P, Y, U, log_weight, weight, z, count, radar, work, nn):
-    """Update the belief x (t, n), P (t, n, n), and particles Y, U if there are any, with sensor i's scan z[: count]."""
-    centre, S, L, G, N, pd, _ = work
-    sensors, density, gate, gate_probability = radar[0], max(radar[4], LEAST_DENSITY), radar[5], radar[6]
-    if len(weight):
-        update_particles(
-            stream(own, len(sensors) + i), lit, Y, U, log_weight, z, count, pd, N,
-            sensors[i, 0], sensors[i, 1], (centre, L, gate, gate_probability), density, nn
-        )  # fmt: skip
-        normalise(log_weight, weight)
-        mixture(weight, Y, U, present, x, P, nn)
-    else:
+def track(e, i, own, present, lit, x, P, particles, cloud, mixtures, jpda, z, count, radar, work, bank, nn):
+    """Update the belief x (t, n), P (t, n, n) of environment e with sensor i's scan z[: count].
+
+    By the particles in ``cloud`` or by mixtures, of which x and P are then the moments, or by JPDA.
+    ``own``: the environment's random numbers in this step.
+    """
+    centre, S, L, G, _, pd, _ = work
+    density, gate, gate_probability = max(radar[4], LEAST_DENSITY), radar[5], radar[6]
+    if mixtures is not None:
+        mixture_of = mixture_at(e, mixtures)
+        gaussian_mixture.update_mixtures(
+            lit, mixture_of, z, count, pd, bank, gate, gate_probability, density, gaussian_mixture.NEGLIGIBLE, nn
+        )
+        gaussian_mixture.moments(mixture_of, present, x, P, nn)
+    if particles is not None:
+        track_particles(i, own, present, lit, x, P, cloud, z, count, radar, work, nn)
+    if jpda is not None:
         update_targets(lit, x, P, z, count, pd, centre, L, S, G, gate, gate_probability, density, nn)
 
 
 @kernel
-def track_mixtures(present, lit, x, P, mixtures, z, count, radar, work, bank, nn):
-    """Update the mixtures of one environment, and their moments x (t, n), P (t, n, n), with a scan z[: count]."""
-    density, gate, gate_probability = max(radar[4], LEAST_DENSITY), radar[5], radar[6]
-    gaussian_mixture.update_mixtures(
-        lit, mixtures, z, count, work[5], bank, gate, gate_probability, density, gaussian_mixture.NEGLIGIBLE, nn
-    )
-    gaussian_mixture.moments(mixtures, present, x, P, nn)
+def track_particles(i, own, present, lit, x, P, cloud, z, count, radar, work, nn):
+    """Update the particles of ``cloud``, and their moments x (t, n), P (t, n, n), with sensor i's scan z[: count]."""
+    (centre, _, L, _, N, pd, _), (Y, U, log_weight, weight) = work, cloud
+    sensors, density, gate, gate_probability = radar[0], max(radar[4], LEAST_DENSITY), radar[5], radar[6]
+    update_particles(
+        stream(own, len(sensors) + i), lit, Y, U, log_weight, z, count, pd, N, sensors[i, 0], sensors[i, 1],
+        (centre, L, gate, gate_probability), density, nn
+    )  # fmt: skip
+    normalise(log_weight, weight)
+    mixture(weight, Y, U, present, x, P, nn)

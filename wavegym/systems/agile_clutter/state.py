@@ -91,16 +91,12 @@ class PredictedTargets(NamedTuple):
 
 
 def kernel_hypotheses(
-    hypotheses: Particles | GaussianMixture | None, count: int, targets: int
-) -> tuple[Particles, GaussianMixture]:
-    """Particles and mixtures as the kernels take them: of no particle or component where the tracker has none."""
-    n = len(NN)
-    particles = Particles(np.empty((count, 0, targets, n)), np.empty((count, 0, targets, n, n)))
-    none = (count, targets, 0)
-    mixtures = GaussianMixture(np.empty(none), np.empty((*none, n)), np.empty((*none, n, n)))
+    hypotheses: Particles | GaussianMixture | None,
+) -> tuple[Particles | None, GaussianMixture | None, bool | None]:
+    """Particles, mixtures and whether the tracker is JPDA, as the kernels take them: None but for one."""
     if isinstance(hypotheses, Particles):
-        return hypotheses, mixtures
-    return particles, mixtures if hypotheses is None else hypotheses
+        return hypotheses, None, None
+    return None, hypotheses, True if hypotheses is None else None
 
 
 def drawn_around(centre: ArrayLike, spread: ArrayLike, place: Array) -> Array:

@@ -398,8 +398,8 @@ class AgileClutter(
         truth, (step, mean, covariance, hypotheses) = state.truth, state.belief[:4]
         x, P, true_states = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         outside, scan = truth.outside.copy(), np.zeros(truth.scan.shape)
-        given = kernel_hypotheses(hypotheses, len(step), len(self.starts))
-        fresh = [trees.tree_map(np.empty_like, each) for each in given]
+        given = kernel_hypotheses(hypotheses)
+        fresh = [trees.tree_map(np.empty_like, each) for each in given[:2]]
         kernels.transition(
             step, mean, covariance, *given, truth.path, truth.first, world.detection, world.error, world.key,
             pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, *fresh,
@@ -437,7 +437,7 @@ class AgileClutter(
         count = np.zeros((len(step), len(self.sensors)), np.int64)
         outside, scan = np.zeros((len(step), targets), np.int64), np.zeros((len(step), 2))
         found = kernels.measure(
-            *belief[:3], kernel_hypotheses(belief.hypotheses, len(step), targets)[1], truth.targets, world.detection,
+            *belief[:3], kernel_hypotheses(belief.hypotheses)[1], truth.targets, world.detection,
             world.error, world.key, pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model,
             self._radar, count, outside, scan, NN
         )  # fmt: skip
@@ -465,14 +465,13 @@ class AgileClutter(
             return own.follow(belief, pulse.rows((len(belief.step), 1)), measurements)
         step, mean, covariance, hypotheses = belief[:4]
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
-        given = kernel_hypotheses(hypotheses, len(step), len(self.starts))[1]
-        fresh = trees.tree_map(np.empty_like, given)
+        fresh = trees.tree_map(np.empty_like, hypotheses)
         kernels.track_returns(
-            step, mean, covariance, given, measurements.z, measurements.present.sum(axis=2), measurements.first,
-            pulse.rows((len(step), 1)), self._targets, *self._model, self._radar, x, P, fresh, NN
+            step, mean, covariance, *kernel_hypotheses(hypotheses)[1:], measurements.z,
+            measurements.present.sum(axis=2), measurements.first, pulse.rows((len(step), 1)), self._targets,
+            *self._model, self._radar, x, P, fresh, NN
         )  # fmt: skip
-        after = None if hypotheses is None else fresh
-        return belief._replace(step=step + 1, mean=x, covariance=P, hypotheses=after)
+        return belief._replace(step=step + 1, mean=x, covariance=P, hypotheses=fresh)
 
     def note(self, truth: Any, measurements: Any) -> Any:
         """The truth with the counts of detections, clutter points and returns outside their gates."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.kernels import inverse_snr
@@ -88,13 +89,16 @@ def gain(step, mean, covariance, visible, wait, ahead, code_of, codes, chirps, w
                 continue
             if wait[e, c] != known:
                 known = wait[e, c]
-                x[0], P[0] = mean[e], covariance[e]
+                copy_matrix(mean[e], x[0])
+                copy_matrices(covariance[e], P[0])
                 for _ in range(known + 1):
                     predict_targets(0, x, P, present, F, Q, x[0], P[0], nn)
                 for t in range(count_t):
                     worth[t] = 0.0
                     if visible[e, k, t]:
-                        own[:], spread[0] = x[0, t], P[0, t]
+                        for code in range(codes):
+                            copy_vector(x[0, t], own[code])
+                        copy_matrix(P[0, t], spread[0])
                         counted = M[min(ahead[e, t], horizon - k) - 1]
                         predict_codes(own, spread, chirps, windows, radar, q2, counted, worth[t], work, nn)
             for t in range(count_t):

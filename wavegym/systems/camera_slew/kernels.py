@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.rf_eo.kernels import move_one, receive_one, rows_of
@@ -282,8 +283,10 @@ def predict(
             after, left, sees = turn_towards(towards, pointing[e], settling[e], mount)
             pointing_out[e, c], settling_out[e, c] = after, left
             for t in range(targets):
-                polar_out[e, c, t], S_out[e, c, t] = p[t], unseen[t]
-                x[e, c, t], P_out[e, c, t] = x_unseen[t], P_unseen[t]
+                copy_vector(p[t], polar_out[e, c, t])
+                copy_matrix(unseen[t], S_out[e, c, t])
+                copy_vector(x_unseen[t], x[e, c, t])
+                copy_matrix(P_unseen[t], P_out[e, c, t])
                 share = share_of(e, step[e], t, visible, mount)
                 if not sees or share == 0.0 or h[t, 0] < rules.nearest:
                     continue
@@ -291,16 +294,20 @@ def predict(
                 if chance < UNLIKELY:
                     continue
                 if not known[t]:
-                    known[t], found[t] = True, unseen[t]
+                    known[t] = True
+                    copy_matrix(unseen[t], found[t])
                     absorb_predicted(t, found, h, H, variance, low, high, rules, True, v, nn)
                     to_cartesian_one(t, p, found, sx, sy, x_found, P_found, nn)
                 if sampled and draws[e, c if draws.shape[1] > 1 else 0, t] < chance:
-                    x[e, c, t], P_out[e, c, t], S_out[e, c, t] = x_found[t], P_found[t], found[t]
+                    copy_vector(x_found[t], x[e, c, t])
+                    copy_matrix(P_found[t], P_out[e, c, t])
+                    copy_matrix(found[t], S_out[e, c, t])
                     continue
                 miss_image(t, polar_out[e, c], S_out[e, c], after, mount, v, nn)
                 to_cartesian_one(t, polar_out[e, c], S_out[e, c], sx, sy, x[e, c], P_out[e, c], nn)
                 if not sampled:
-                    polar_out[e, c, t], x[e, c, t] = p[t], x_unseen[t]
+                    copy_vector(p[t], polar_out[e, c, t])
+                    copy_vector(x_unseen[t], x[e, c, t])
                     blended(S_out[e, c, t], found[t], chance, S_out[e, c, t], nn)
                     blended(P_out[e, c, t], P_found[t], chance, P_out[e, c, t], nn)
 
@@ -351,7 +358,7 @@ def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, v
                 if share == 0.0 or h[0] < rules.nearest or not in_image(h[AZIMUTH], pointing, mount):
                     continue
                 scaled(Q[w], density[e, t], noise[0], nn)
-                step_on[0] = F[w]
+                copy_matrix(F[w], step_on[0])
                 predict_covariance_one(t, P[e], step_on, noise, 0, T, V, nn)
                 for a in range(h.shape[0]):
                     j, q = a // 3, a % 3

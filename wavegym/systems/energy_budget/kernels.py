@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrices, copy_matrix
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.systems.agile_clutter.kernels import echo_of, is_lit, is_present, predict_targets, weakness_one
@@ -87,7 +88,8 @@ def predict_later(e, step, mean, covariance, wait, targets, F, Q, present, x, P,
     for k in range(wait + 1):
         is_present(step + 1 + k, birth, lifetime, present)
         predict_targets(0, y, V, present, F, Q, x, P, nn)
-        y[0], V[0] = x, P
+        copy_matrix(x, y[0])
+        copy_matrices(P, V[0])
 
 
 @kernel

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers.kernels import (
@@ -164,7 +165,7 @@ def lookahead(mean, P, C, r, step, horizon, weights, F, Q, M, r0, nearest, nn, m
         levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action nobody will use
         f = e if F.shape[0] > 1 else 0
         C_own = C[e if C.shape[0] > 1 else 0]
-        updated[0] = P[e]
+        copy_matrix(P[e], updated[0])
         level = 0
         tried[0] = -1
         while level >= 0:

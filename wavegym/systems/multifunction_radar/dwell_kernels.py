@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.multifunction_radar.beam_kernels import (
@@ -103,7 +104,7 @@ def weighted_number(undetected, area):
 def drift(undetected, seconds, area, before):
     """Move the intensity (s, b) on by ``seconds``, a short time against one over the rates; before: scratch space."""
     sectors, bins = undetected.shape
-    before[:] = undetected
+    copy_matrix(undetected, before)
     for b in range(bins):
         lateral, usual = area.lateral / middle_of(b, bins, area), usual_number(b, undetected.shape, area)
         for s in range(sectors):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.capabilities import CONFIRMED
+from wavegym.core.copy_kernels import copy_matrices
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection, mean_inverse_power
 from wavegym.systems.multifunction_radar.dwell_kernels import middle_of, reported_cost, weight_at
@@ -49,7 +50,7 @@ def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
         pd, _ = expected_detection(h[0], 0.0, across, seconds[a], threshold, beam)
         S = energy(h[0], 0.0, seconds[a], beam)
         errors(1.0 / mean_inverse_power(S, threshold), beam, variance)
-        after[:] = covariance
+        copy_matrices(covariance, after)
         for j in range(2):
             s = gain_one(0, after, H, j, v, NN, PLACE) + variance[j]
             shrink_one(0, after, v, s, NN)

@@ -173,7 +173,10 @@ def foresee_update(k, time, slots, seconds, draws, laws):
         before, modes_before = P.copy(), mu.copy()
         errors(1.0 / mean_inverse_power(S, threshold), beam, variance)
         update_slot(k, time, slots, modes, x, P, mu, h[0], h[1], variance)
-        P[:] = before + chance * (P - before)
+        for m in range(len(P)):
+            for a in range(P.shape[1]):
+                for b in range(P.shape[2]):
+                    P[m, a, b] = before[m, a, b] + chance * (P[m, a, b] - before[m, a, b])
         keep_slot(k, time, slots, modes, x, P, modes_before)
     elif draws[0] < chance:
         z = threshold - (1.0 + S) * np.log1p(-draws[1])

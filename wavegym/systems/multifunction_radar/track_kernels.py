@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.trackers.imm_kernels import combine_one, mix_one, reweigh_one, squared_length
@@ -156,7 +157,10 @@ def keep_slot(k, time, slots, modes, x, P, mu):
     """Store x (m, n), P (m, n, n), mu (1, m) and their moments as slot k at ``time``."""
     mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
     combine_one(0, x, P, mu, mean, covariance, NN, MM)
-    slots.time[k], slots.mean[k], slots.covariance[k], slots.probability[k] = time, x, P, mu[0]
+    slots.time[k] = time
+    copy_matrix(x, slots.mean[k])
+    copy_matrices(P, slots.covariance[k])
+    copy_vector(mu[0], slots.probability[k])
     C, moments = covariance[0], slots.moments[k]
     moments[0], moments[1], moments[2] = C[0, 0], C[0, 2], C[2, 2]
     moments[3], moments[4], moments[5] = C[0, 1], 0.5 * (C[0, 3] + C[1, 2]), C[2, 3]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import kernel
 from wavegym.systems.rf_eo.look_kernels import weighted_information
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
@@ -111,7 +112,7 @@ def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, tota
         least, total = worth(totals, threshold)
         if least > share or (least == share and total > gain):
             share, gain = least, total
-            chosen[:] = tried
+            copy_matrix(tried, chosen)
         if start == 0 and share >= threshold:
             break
     return share

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import apparent
 from wavegym.sensors.platform_kernels import penalty_one, polar
@@ -120,7 +121,10 @@ def transition(
         for t in range(targets):
             i = e * targets + t
             if not is_here(t, k + 1, stay):
-                truth_out[i], x[i], P_out[i], received[e, t], unseen_out[e, t] = truth[i], mean[i], P[i], 0, 0
+                copy_vector(truth[i], truth_out[i])
+                copy_vector(mean[i], x[i])
+                copy_matrix(P[i], P_out[i])
+                received[e, t], unseen_out[e, t] = 0, 0
                 continue
             move_one(e, k, t, i, truth, true_F, true_L, process, truth_out, nn)
             predict_mean_one(i, mean, F, 0, x, nn)
@@ -133,7 +137,8 @@ def transition(
             received[e, t], unseen_out[e, t] = got, 0 if got > 0 else unseen[e, t] + 1
             if rules.folding:
                 unfold_one(i, P_out, z, R, h, H, view[2], rules, u, part, y, d, v, nn)
-                z[:], R[:] = u, part
+                copy_vector(u, z)
+                copy_vector(part, R)
             track_one(i, x, P_out, z, R, h, H, aimed, rules, y, d, v, nn)
         share[e] = share[e] if share[e] < np.inf else 0.0  # an empty scene
 
@@ -148,7 +153,7 @@ def move(step, truth, process, F, L, stay, truth_out, nn):
         if is_here(t, step[e] + 1, stay):
             move_one(e, step[e], t, i, truth, F, L, process, truth_out, nn)
         else:
-            truth_out[i] = truth[i]
+            copy_vector(truth[i], truth_out[i])
 
 
 @kernel
@@ -199,12 +204,14 @@ def track(step, mean, P, z, R, settings, F, Q, places, rules, stay, x, P_out, nn
             view_all(i // targets, settings, rules, *view)
             aim_all(settings[i // targets, :, 3], places, aimed)
         if not is_here(i % targets, step[i // targets] + 1, stay):
-            x[i], P_out[i] = mean[i], P[i]
+            copy_vector(mean[i], x[i])
+            copy_matrix(P[i], P_out[i])
             continue
         predict_mean_one(i, mean, F, 0, x, nn)
         predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
         look_one(i, x, aimed, rules, h, H)
-        u[:], part[:] = z[i], R[i]
+        copy_vector(z[i], u)
+        copy_vector(R[i], part)
         if rules.folding:
             unfold_one(i, P_out, z[i], R[i], h, H, view[2], rules, u, part, y, d, v, nn)
         track_one(i, x, P_out, u, part, h, H, aimed, rules, y, d, v, nn)

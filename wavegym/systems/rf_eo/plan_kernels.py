@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
@@ -75,7 +76,7 @@ def change(
             best, least = g, cost
     if best >= 0:
         kept[:] = best
-    chosen[k:end, j, axis] = kept
+    copy_vector(kept, chosen[k:end, j, axis])
     if turns:
         turn_later(j, k, ahead, tables[0], chosen, axes, fence, rules)
     return least

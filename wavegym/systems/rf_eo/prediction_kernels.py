@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import kernel
 from wavegym.systems.rf_eo.look_kernels import (
     expected_innovation,
@@ -35,7 +36,9 @@ def predict_ahead(step, mean, P, F, Q, places, rules, stay, x, V, h, H, nn):
     T = np.empty((len(nn), len(nn)))
     for t in range(mean.shape[0]):
         if not is_here(t, step + 1, stay):
-            x[t], V[t], h[t], H[t] = mean[t], P[t], -1.0, 0.0
+            copy_vector(mean[t], x[t])
+            copy_matrix(P[t], V[t])
+            h[t], H[t] = -1.0, 0.0
             continue
         predict_mean_one(t, mean, F, 0, x, nn)
         predict_covariance_one(t, P, F, Q, 0, T, V, nn)
@@ -56,7 +59,8 @@ def predict(step, mean, P, settings, F, Q, places, fence, rules, stay, x, P_out,
             view_all(c, own, rules, variance, low, high)
             out = P_out[e, c]
             for t in range(targets):
-                x[e, c, t], out[t] = ahead[t], V[t]
+                copy_vector(ahead[t], x[e, c, t])
+                copy_matrix(V[t], out[t])
                 for turn in range(6 * platforms if rules.folding else 3 * platforms):
                     a = turn % (3 * platforms)
                     j, q = a // 3, a % 3

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrices, copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.look_kernels import (
@@ -116,7 +117,7 @@ def weighted_trace(V, here, weights):
 @kernel
 def cost_of(V, H, tables, chosen, weights, W, v, nn):
     """trace(W P) summed over the targets after all measurements of ``chosen``; W: scratch space."""
-    W[:] = V
+    copy_matrices(V, W)
     absorb_all(W, H, tables, chosen, v, nn)
     return weighted_trace(W, tables[3], weights)
 
@@ -180,7 +181,7 @@ def best_platform(V, H, R, here, j, sizes, weights, W, v, nn):
     for f in range(sizes[0]):
         total = 0.0
         for t in range(targets):
-            W[t] = V[t]
+            copy_matrix(V[t], W[t])
             for q in range(2):
                 s = gain_of(q, t, W, H[t], 3 * j + q, v, nn) + R[t, 3 * j + q, f]
                 shrink_one(t, W, v, s, nn)
@@ -215,7 +216,7 @@ def search(V, H, tables, sizes, weights, backwards, chosen, W, rest, v, nn):
         changed = False
         for order in range(platforms):
             j = platforms - 1 - order if backwards else order
-            rest[:] = V
+            copy_matrices(V, rest)
             for other in range(platforms):
                 if other != j and chosen[other, 0] >= 0:
                     absorb_platform(rest, H, tables, other, chosen[other, 0], chosen[other, 1], v, nn)

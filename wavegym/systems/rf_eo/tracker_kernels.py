@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import certain_reach, fold_pair_one, nearest_fold, nearest_pair, shifted
 from wavegym.sensors.platform_kernels import polar as polar_quantities
@@ -83,7 +84,7 @@ def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, polar, nn):
     n = len(nn)
     prior, at = P[i].copy(), x[i : i + 1].copy()
     for spent in range(1, rules.iterations + 1):
-        P[i] = prior
+        copy_matrix(prior, P[i])
         absorb_one(i, P, H, y, R, d, v, nn)
         moved = 0.0
         for k in range(n):
@@ -165,7 +166,7 @@ def regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
             for k in range(n):
                 y[a] += H[a, k] * (x[i, k] - prior_x[0, k])
         whiten_one(values, R, C, H, y, rows)
-        P[i] = prior
+        copy_matrix(prior, P[i])
         for k in range(n):
             d[k] = 0.0
         for a in range(rows):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
@@ -260,7 +261,7 @@ def update_one(i, x, P, w, z, seen, radar, work, nn):
             work.y[2 * j + a] = z[2 * j + a] - work.h[2 * j + a]
         curved |= seen[j] and curved_one(i, x, P, j, work.R, eta, radar)
     if curved:
-        work.prior[:] = P[i]
+        copy_matrix(P[i], work.prior)
     absorb_rows_one(i, P, work.H, work.y, work.R, work.d, work.v, nn)
     for a in range(len(nn)):
         work.at[0, a] = x[i, a] + work.d[a]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.sector_setup.kernels import (
     ALL,
@@ -54,14 +55,6 @@ def none_detects(pd):
 
 
 @inlined
-def copy_one(i, P, o, P_out, nn):
-    """P_out[o] = P[i]; faster than slices."""
-    for a in range(len(nn)):
-        for b in range(len(nn)):
-            P_out[o, a, b] = P[i, a, b]
-
-
-@inlined
 def look_all(i, x, radar, work):
     """Write SNR, Pd, predicted measurements and Jacobians of x[i] at all receivers to ``work``."""
     eta, pd, h, H, _, _ = work
@@ -79,7 +72,7 @@ def expect(i, P, w, radar, clear, P_missed, work, o, P_out, nn):
     eta, pd, _, H, V, v = work
     P_out[o] = 0.0
     for combination in range(1 << len(eta)):
-        copy_one(i, P if combination else P_missed, 0, V, nn)
+        copy_matrix(P[i] if combination else P_missed[i], V[0])
         chance = clear
         for j in range(len(eta)):
             if combination >> j & 1:
@@ -145,7 +138,7 @@ def look_ahead(t, x, P, last, radar, work, sight, P_missed, nn):
     Returns the probability that the target is visible.
     """
     look_all(t, x, radar, work)
-    copy_one(t, P, t, P_missed, nn)
+    copy_matrix(P[t], P_missed[t])
     if not is_foretold(radar):
         return 1.0
     clear = sight_one(t, x, P, last, radar, sight)
@@ -177,7 +170,7 @@ def predict(
             pointed_out[e, c], dead_out[e, c], sent = turn(pointed[e], dead[e], t, radar.dead_steps)
             looked_out[e, c], last = 0, looked[e] if pointed[e] == t else 0
             for i in range(targets):
-                copy_one(i, V, i, P_out[e, c], nn)
+                copy_matrix(V[i], P_out[e, c, i])
                 for a in range(n):
                     x_out[e, c, i, a] = ahead[i, a]
             if not (sent and is_visible(e, step[e], t, visible)):
