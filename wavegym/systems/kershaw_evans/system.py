@@ -5,6 +5,7 @@ The paper leaves carrier, library and scenario open; the values here are proposa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -33,7 +34,7 @@ from wavegym.core.recursion import Recursion
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
-from wavegym.systems.kershaw_evans.actions import GaussianActions
+from wavegym.systems.kershaw_evans.actions import GaussianActions, Pulses
 from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
 from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
 from wavegym.systems.precision import check_precision
@@ -330,14 +331,21 @@ class KershawEvans(
         if self._own_tracker:
             return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance, *_) = state
-        ahead = np.minimum(step + 1, self.horizon)  # past the end of an episode nobody uses the result
-        C = self._received(action, path[np.arange(len(step)), ahead, 0])
+        pulses = self._sent(action, path, step)
         x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
         kernels.transition(
-            mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar(state.belief), x, P,
-            truth
+            mean, covariance, step, path, world.normal, *pulses, self.truth_model._snr_law, *self._radar(state.belief),
+            x, P, truth
         )  # fmt: skip
         return State(Truth(truth, path), Belief(step + 1, x, P))
+
+    def _sent(self, action: Array, path: Array, step: Array) -> Pulses:
+        """The pulses of a step; of pulses that are cut by tables, what the receiver sees of them."""
+        if not (self.library and self.eclipsing):
+            return self.action_set.pulses(action)
+        each = np.arange(len(step))
+        ahead = np.minimum(step + 1, self.horizon)  # past the end of an episode nobody uses the result
+        return Pulses(self._received(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The target one step along its path."""
