@@ -506,12 +506,12 @@ class CameraSlew(
         thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (steps).
         """
         truth, belief = state
-        position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
-        measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
+        values = np.empty((3, *truth.unseen.shape))
+        measure(belief.mean, belief.covariance, truth.targets, values, NN)
         return {
-            "position_error": position,
-            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
-            "nees": nees,
+            "position_error": values[0],
+            "position_variance": values[1],
+            "nees": values[2],
             "received": truth.received.copy(),
             "found": truth.seen.copy(),
             "lost": truth.unseen > LOST_AFTER,
