@@ -51,9 +51,29 @@ def track_one(e, mean, P, z, R, scale, F, Q, M, T, y, L, D, V, w, x, P_out, nn, 
 
 @kernel
 def transition(
-    mean, P, step, path, normal, C, duration, which, half, true_law, F, Q, M, r0, nearest, nn, mm, x, P_out, truth
+    mean,
+    P,
+    step,
+    path,
+    normal,
+    C,
+    duration,
+    which,
+    half,
+    true_law,
+    F,
+    Q,
+    M,
+    r0,
+    nearest,
+    nn,
+    mm,
+    x,
+    P_out,
+    truth,
+    step_out,
 ):
-    """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n) and truth (e, n).
+    """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n), truth (e, n) and step_out (e,).
 
     C, duration, which (e,), half: the ``Pulses`` that are sent. ``true_law``: reference and nearest range by
     which the world's SNR falls; the tracker assumes r0 and nearest. An episode that is over stays at the path's end.
@@ -62,7 +82,8 @@ def transition(
     y, z, received = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2, 2))
     T, L, D, V, w = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2)), np.empty(2)
     for e in range(count):
-        k = min(step[e] + 1, last)
+        step_out[e] = step[e] + 1
+        k = min(step_out[e], last)
         for i in range(n):
             truth[e, i] = path[e, k, i]
         received_one(C, duration, which[e], truth[e, 0], half, e, received)
@@ -129,12 +150,12 @@ def observe(mean, P, step, horizon, r0, nearest, nn, out):
 
 @kernel
 def measure(mean, P, truth, out):
-    """out (3, e): |range error|, |range-rate error|, and the NEES over both (2 degrees of freedom)."""
+    """out (4, e): |range error|, variance of range, |range-rate error|, NEES over both (2 degrees of freedom)."""
     for e in range(mean.shape[0]):
         a, b = mean[e, 0] - truth[e, 0], mean[e, 1] - truth[e, 1]
         determinant = P[e, 0, 0] * P[e, 1, 1] - P[e, 0, 1] * P[e, 1, 0]
-        out[0, e], out[1, e] = abs(a), abs(b)
-        out[2, e] = (a * a * P[e, 1, 1] - 2.0 * a * b * P[e, 0, 1] + b * b * P[e, 0, 0]) / determinant
+        out[0, e], out[1, e], out[2, e] = abs(a), P[e, 0, 0], abs(b)
+        out[3, e] = (a * a * P[e, 1, 1] - 2.0 * a * b * P[e, 0, 1] + b * b * P[e, 0, 0]) / determinant
 
 
 @kernel

@@ -332,12 +332,12 @@ class KershawEvans(
             return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance, *_) = state
         pulses = self._sent(action, path, step)
-        x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
+        x, P, truth, ahead = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape), np.empty_like(step)
         kernels.transition(
             mean, covariance, step, path, world.normal, *pulses, self.truth_model._snr_law, *self._radar(state.belief),
-            x, P, truth
+            x, P, truth, ahead
         )  # fmt: skip
-        return State(Truth(truth, path), Belief(step + 1, x, P))
+        return State(Truth(truth, path), Belief(ahead, x, P))
 
     def _sent(self, action: Array, path: Array, step: Array) -> Pulses:
         """The pulses of a step; of pulses that are cut by tables, what the receiver sees of them."""
@@ -484,10 +484,9 @@ class KershawEvans(
         """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2);
         ``position_variance`` (m^2).
         """
-        out = np.empty((3, len(state.belief.step)))
+        out = np.empty((4, len(state.belief.step)))
         kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
-        variance = state.belief.covariance[:, 0, 0].copy()
-        return {"position_error": out[0], "position_variance": variance, "velocity_error": out[1], "nees": out[2]}
+        return {"position_error": out[0], "position_variance": out[1], "velocity_error": out[2], "nees": out[3]}
 
 
 def _measured(states: Array) -> Array:
