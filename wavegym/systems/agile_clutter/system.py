@@ -413,8 +413,9 @@ class AgileClutter(
 
     def _check_clutter_of_step(self, step: Array, scan: Array) -> None:
         """InputError where ``scan`` (env, ...) has a NaN: a gate with too much clutter."""
-        bad = np.isnan(scan).any(axis=1)
-        if bad.any():
+        unknown = np.isnan(scan)
+        if unknown.any():
+            bad = unknown.any(axis=1)
             where = f"environment {np.argmax(bad)} at step {step[bad][0]}"
             wanted = f"at most {kernels.MOST_CLUTTER:g} (smaller clutter_density, dt or q)"
             raise InputError(f"clutter in a gate of {where} has no bound or one too large, expected {wanted}")
