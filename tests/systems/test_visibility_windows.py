@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
-from wavegym.systems.visibility_windows import alternating_windows, given_windows, window_draws
+from wavegym.systems.visibility_windows import alternating_windows, coming, given_windows, window_draws
 
 SHOWN, HIDDEN = (6, 14), (4, 10)
 
@@ -129,3 +129,16 @@ def test_bounds_that_make_no_windows_are_refused(shown, hidden, words):
 def test_too_few_draws_are_refused():
     with pytest.raises(InputError, match=r"uniforms have shape \(2, 14\), expected \(..., n\) with n >= 15"):
         alternating_windows(np.zeros((2, 14)), 60)
+
+
+@given(st.integers(0, 2**32), st.integers(1, 12))
+def test_what_comes_is_read_off_the_windows(seed, most):
+    rng = np.random.default_rng(seed)
+    visible, step = rng.random((3, 8, 2)) < 0.6, rng.integers(0, 9, 3)
+    found = coming(visible, step, most)
+    for e in range(3):
+        for t in range(2):
+            ahead = [k < 8 and bool(visible[e, k, t]) for k in range(step[e], step[e] + most)]
+            change = next((k for k, seen in enumerate(ahead) if seen != ahead[0]), most)
+            got = found.now[e, t], found.changes[e, t], found.share[e, t]
+            assert got == (ahead[0], change, sum(ahead) / most)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,14 @@ from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_choice, check_positive
 
 _ROUNDING = 1e-12  # relative to the bound: a value this far outside is a rounded bound, not a mistake
+
+
+@cache
+def _decoder() -> Any:
+    """The kernel that decodes actions, imported here so that importing waveforms loads no compiler."""
+    from wavegym.core.parameter_box_kernels import decode
+
+    return decode
 
 
 @dataclass(frozen=True)
@@ -82,12 +91,10 @@ class ParameterBox:
         Raises:
             InputError: if the last axis is not d long, or an action is NaN or outside [-1, 1].
         """
-        from wavegym.core.parameter_box_kernels import decode  # here, so that importing waveforms loads no compiler
-
         actions = self._shaped("action", action)
         values = np.empty(actions.shape)
-        flat = (np.ascontiguousarray(actions).reshape(-1, len(self)), *self._bounds, values.reshape(-1, len(self)))
-        if not decode(*flat):
+        rows = (-1, actions.shape[-1])
+        if not _decoder()(np.ascontiguousarray(actions).reshape(rows), *self._bounds, values.reshape(rows)):
             self._require("action", actions, np.full(len(self), -1.0), np.ones(len(self)))
         return values
 

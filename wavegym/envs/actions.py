@@ -12,7 +12,10 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, WrongTypeError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
+from wavegym.envs import action_kernels
 from wavegym.schedulers.rollout import allowed
+
+NOBODY = np.zeros(0, np.bool_)  # whose action is ignored
 
 
 class ActionReader(Protocol):
@@ -57,10 +60,8 @@ class IndexReader:
         if ignored is not None:
             array = np.where(ignored.reshape(-1, *[1] * len(self.shape)), 0, array)
         array = np.array(array, np.int64, order="C")
-        # In two's complement a negative index is huge: one comparison finds both. A batch of one takes no reduction.
-        bits = array.view(np.uint64)
-        if (max(bits.ravel().tolist()) if len(array) == 1 else np.maximum.reduce(bits, axis=None)) >= self.count:
-            raise self._out_of_range(array, bits)
+        if not action_kernels.are_indices(array.reshape(-1), self.count):
+            raise self._out_of_range(array)
         mask = allowed(self.system, belief) if self.system.strict else None
         if mask is not None:
             _check_mask(array, mask, ignored)
@@ -70,9 +71,9 @@ class IndexReader:
         """The indices chosen, (env,) or (env, sensor)."""
         return {"waveform": chosen.copy()}  # a system or a film may keep ``chosen``
 
-    def _out_of_range(self, array: Array, bits: Array) -> InputError:
+    def _out_of_range(self, array: Array) -> InputError:
         """The error that names the first index out of range."""
-        first = np.argwhere(bits >= self.count)[0]
+        first = np.argwhere((array < 0) | (array >= self.count))[0]
         wrong, last = int(array[tuple(first)]), self.count - 1
         sensor = "".join(f" of sensor {i + 1}" for i in first[1:])
         wanted = f"an index in [0, {last}] (nearest: {min(max(wrong, 0), last)})"
@@ -95,14 +96,18 @@ class BoxReader:
             raise InputError(f"actions have the shape {array.shape}, expected ({num_envs}, {self.dimension})")
         if ignored is not None:
             array = np.where(ignored[:, None], 0.0, array)
-        finite = np.isfinite(array).all(axis=1)
-        if not finite.all():
-            raise InputError(f"action is {array[~finite][0].tolist()}, expected finite numbers in [-1, 1]")
-        return np.minimum(np.maximum(array.astype(np.float64), -1.0), 1.0)
+        points = np.array(array, np.float64, order="C")
+        if not action_kernels.clip(points):
+            given = array.astype(np.float64)
+            wrong = given[~np.isfinite(given).all(axis=1)][0]
+            raise InputError(f"action is {wrong.tolist()}, expected finite numbers in [-1, 1]")
+        return points
 
     def transition_info(self, actions: Any, chosen: Array) -> dict[str, Array]:
         """The physical parameters, (env, d), and whether the action was clipped, (env,)."""
-        return {"parameters": self.box.decode(chosen), "action_clipped": (chosen != np.asarray(actions)).any(-1)}
+        clipped = np.empty(len(chosen), np.bool_)
+        action_kernels.differ(chosen, np.array(actions, np.float64, order="C"), clipped)
+        return {"parameters": self.box.decode(chosen), "action_clipped": clipped}
 
 
 def action_reader(system: System) -> ActionReader:
@@ -120,11 +125,10 @@ def action_reader(system: System) -> ActionReader:
 
 def _check_mask(chosen: Array, mask: Array, ignored: Array | None) -> None:
     """Raise an InputError where ``mask`` (env, actions) forbids an action (env,) in a row that is not ``ignored``."""
-    forbidden = ~mask[np.arange(len(chosen)), chosen]
-    if ignored is not None:
-        forbidden &= ~ignored
-    if forbidden.any():
-        i = int(forbidden.argmax())
+    i = action_kernels.first_forbidden(
+        chosen, np.ascontiguousarray(mask, np.bool_), NOBODY if ignored is None else ignored
+    )
+    if i >= 0:
         action, permitted = int(chosen[i]), np.flatnonzero(mask[i])
         nearest = int(permitted[np.abs(permitted - action).argmin()]) if permitted.size else "none"
         where = f"environment {i} does not allow" if len(chosen) > 1 else "is not allowed"

@@ -92,7 +92,7 @@ class WaveformEnv(gym.Env):
         observation, reward, terminated, truncated, state_info, transition_info = self.batch.transmit(one[None], None)
         over, late = terminated.item(), truncated.item()
         self._over = over or late
-        return observation[0], reward.item(), over, late, {**_first(state_info), **_first(transition_info)}
+        return observation[0], reward.item(), over, late, _first(state_info | transition_info)
 
     def render(self) -> Array | None:
         """A frame (height, width, 3) uint8, or None without a render mode."""

@@ -156,7 +156,7 @@ class WaveformVectorEnv(VectorEnv):
             reward = np.where(active, reward, 0.0)
             terminated, truncated = terminated & active, truncated & active
         self._ended = terminated | truncated
-        self._some_ended = bool(np.logical_or.reduce(self._ended))
+        self._some_ended = 1 in self._ended.tobytes()  # NumPy's any() takes a microsecond
         info: dict[str, Any] = {}
         if self._some_ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
             active = ~self._ended

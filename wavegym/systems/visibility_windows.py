@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_ordered, check_within
+from wavegym.systems import visibility_windows_kernels
 
 Window = tuple[int, int, int]
 LONGEST = 1_000_000  # steps
@@ -109,8 +110,19 @@ def visibility(system: Any, draws: Array, targets: int) -> Array:
     return np.ascontiguousarray(np.swapaxes(drawn, 1, 2))
 
 
-def coming(visible: Array, step: Array, steps: int) -> Array:
-    """``visible`` (env, H, target) in ``steps`` steps from ``step`` (env,) on, (env, steps, target); False beyond H."""
-    when, horizon = step[:, None] + np.arange(steps), visible.shape[1]
-    seen: Array = visible[np.arange(len(when))[:, None], np.minimum(when, horizon - 1)]
-    return seen & (when < horizon)[..., None]
+class Coming(NamedTuple):
+    """What the windows say of the next step and those after it, (env, target) each."""
+
+    now: Array  # bool: visible in the next step
+    changes: Array  # int: steps until that changes, at most ``most``
+    share: Array  # of the next ``most`` steps in which the target is visible
+
+
+def coming(visible: Array, step: Array, most: int) -> Coming:
+    """See ``Coming``: ``visible`` (env, H, target) from ``step`` (env,) on; nothing is visible beyond H."""
+    shape = len(step), visible.shape[2]
+    found = Coming(np.empty(shape, np.bool_), np.empty(shape, np.int64), np.empty(shape))
+    visibility_windows_kernels.coming(
+        np.require(visible, requirements=["C", "W"]), np.ascontiguousarray(step), most, *found
+    )
+    return found

@@ -7,10 +7,12 @@ import oracles
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import erfc, erfcx
 from scipy.stats import norm
 
 from wavegym.schedulers.registry import make_policy
-from wavegym.systems.kershaw_evans.eclipsing import LEAST_VISIBLE, visible_information
+from wavegym.systems.kershaw_evans.eclipsing import HALF_LENGTH, visible_information
+from wavegym.systems.kershaw_evans.eclipsing_kernels import LEAST_VISIBLE
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.waveforms import GaussianChirp
 
@@ -42,6 +44,19 @@ def test_the_whole_information_falls_by_one_share(chirp_rate, r):
     whole, seen = chirp.fisher_information(), gated_information(chirp, half - 2 * r / oracles.C)
     share = visible_information(np.array(K), np.array(r))
     np.testing.assert_allclose(seen, whole * share, rtol=1e-6)  # of the differences with step 1e-6
+
+
+def test_the_share_is_the_formula_to_the_last_bit_where_it_is_one_too():
+    """Published tables depend on the bits. From 9 deviations on, the share is 1 without a formula."""
+    r = np.linspace(0.0, 400e3, 100_001)
+    a = np.sqrt(2.0) * (HALF_LENGTH - (2.0 / oracles.C) * r / K)
+    tail = np.sqrt(0.5) * a
+    with np.errstate(over="ignore"):
+        m = np.sqrt(2.0 / np.pi) / erfcx(tail)
+    share = np.maximum(0.5 * erfc(tail) * (1.0 + m * (a - m)), LEAST_VISIBLE)
+    np.testing.assert_array_equal(visible_information(np.array(K), r), share)
+    assert np.ptp(a) > 20
+    assert a.min() < -30
 
 
 @given(st.floats(-5, 3), st.floats(0, 6))

@@ -203,18 +203,28 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
 
 
 @kernel
-def measure(step, mean, covariance, truth, targets, weights, present, squared, position, nees):
-    """Presence (e, t); weighted squared error, position error and NEES (e, t) of the targets present, else 0."""
+def measure(step, mean, covariance, truth, outside, most, weight, targets, weights, values, flags, components):
+    """Figures of the targets present, else 0, and the number of components of their mixtures, (e, t) each.
+
+    values (4, e, t): position error, position variance, squared error (weighted) and NEES. flags (2, e, t): whether a
+    target is present, and lost: more than ``most`` of its returns fell ``outside`` its gates. weight (e, t, c): of the
+    components of mixtures.
+    """
     birth, lifetime = targets
     n = len(weights)
     L, d = np.empty((n, n)), np.empty(n)
+    values[:], components[:] = 0.0, 0
     for e in range(len(step)):
-        is_present(step[e], birth, lifetime, present[e])
+        present = flags[0, e]
+        is_present(step[e], birth, lifetime, present)
         for t in range(len(birth)):
-            squared[e, t] = position[e, t] = nees[e, t] = 0.0
-            if present[e, t]:
+            flags[1, e, t] = outside[e, t] > most
+            if present[t]:
                 for a in range(n):
                     d[a] = mean[e, t, a] - truth[e, t, a]
-                    squared[e, t] += weights[a] * d[a] * d[a]
-                position[e, t] = np.sqrt(d[0] * d[0] + d[1] * d[1])
-                nees[e, t] = squared_mahalanobis_one(t, d, covariance[e], L, (0, 0, 0, 0))
+                    values[2, e, t] += weights[a] * d[a] * d[a]
+                values[0, e, t] = np.sqrt(d[0] * d[0] + d[1] * d[1])
+                values[1, e, t] = covariance[e, t, 0, 0] + covariance[e, t, 1, 1]
+                values[3, e, t] = squared_mahalanobis_one(t, d, covariance[e], L, (0, 0, 0, 0))
+                for c in range(weight.shape[2]):
+                    components[e, t] += weight[e, t, c] > 0.0

@@ -69,6 +69,7 @@ from wavegym.trackers.protocol import Tracker, own_tracker
 from wavegym.waveforms import PulseTiming, check_range_folds, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
+NO_MIXTURE = np.empty((1, 1, 0))  # in place of the weights of its components
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 MOST_SENSORS = 16
 MOST_STARTS = 256  # of a recording, at which the clutter in the gates is checked
@@ -412,8 +413,9 @@ class AgileClutter(
 
     def _check_clutter_of_step(self, step: Array, scan: Array) -> None:
         """InputError where ``scan`` (env, ...) has a NaN: a gate with too much clutter."""
-        bad = np.isnan(scan).any(axis=1)
-        if bad.any():
+        unknown = np.isnan(scan)
+        if unknown.any():
+            bad = unknown.any(axis=1)
             where = f"environment {np.argmax(bad)} at step {step[bad][0]}"
             wanted = f"at most {kernels.MOST_CLUTTER:g} (smaller clutter_density, dt or q)"
             raise InputError(f"clutter in a gate of {where} has no bound or one too large, expected {wanted}")
@@ -601,21 +603,25 @@ class AgileClutter(
         the particles; with ``tracker="mixture"`` of each target the ``components`` in use.
         """
         truth, belief = state
-        present = np.empty(truth.outside.shape, np.bool_)
-        squared, position, nees = np.empty((3, *present.shape))
-        prediction.measure(*belief[:3], truth.targets, self._targets, self._weights, present, squared, position, nees)
+        values, flags = np.empty((4, *truth.outside.shape)), np.empty((2, *truth.outside.shape), np.bool_)
+        components = np.empty(truth.outside.shape, np.int64)
+        weight = belief.hypotheses.weight if self.tracker == "mixture" else NO_MIXTURE
+        prediction.measure(
+            *belief[:3], truth.targets, truth.outside, LOST_AFTER, weight, self._targets, self._weights, values, flags,
+            components
+        )  # fmt: skip
         figures = {
-            "present": present,
-            "position_error": position,
-            "position_variance": np.where(present, belief.covariance[..., 0, 0] + belief.covariance[..., 1, 1], 0.0),
-            "squared_error": squared,
-            "nees": nees,
-            "lost": truth.outside > LOST_AFTER,
+            "present": flags[0],
+            "position_error": values[0],
+            "position_variance": values[1],
+            "squared_error": values[2],
+            "nees": values[3],
+            "lost": flags[1],
             "detections": truth.scan[:, 0].copy(),
             "clutter": truth.scan[:, 1].copy(),
         }
         if self.tracker == "particle":
             figures["ess"], figures["ancestors"] = (truth.scan[:, i] / self.particles for i in (2, 3))
         if self.tracker == "mixture":
-            figures["components"] = np.where(present, (belief.hypotheses.weight > 0.0).sum(axis=2), 0)
+            figures["components"] = components
         return figures

@@ -155,7 +155,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
 
     def pulse(self, belief: Any, actions: Array) -> Pulse:
         """Every sensor illuminates one target, with chance 1 if that target is visible."""
-        seen = coming(belief.visible, belief.step, 1)[:, :, None]
+        seen = coming(belief.visible, belief.step, 1).now[:, None, None]
         illuminated = self.action_set.illuminated.take(actions, 0)
         sent = self.action_set
         strength = self._full_illumination[0]
@@ -209,10 +209,6 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     def observe(self, belief: Any) -> Array:
         """See ``observation_fields``."""
         out = super().observe(belief)
-        soon = coming(belief.visible, belief.step, SOON + 1)
-        changes = soon != soon[:, :1]
-        until = np.where(changes.any(axis=1), changes.argmax(axis=1), SOON)
-        share = np.ascontiguousarray(np.swapaxes(soon[:, :SOON], 1, 2)).mean(axis=2)
-        windows = np.stack([soon[:, 0], until, share], axis=2)  # (env, target, 3)
-        out[:, -windows[0].size :] = windows.reshape(len(out), -1)
+        own = out[:, out.shape[1] - 3 * len(self.starts) :]  # three fields of each target's window
+        own[:, 0::3], own[:, 1::3], own[:, 2::3] = coming(belief.visible, belief.step, SOON)
         return out

@@ -8,7 +8,6 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
-from wavegym.systems import visibility_windows as windows
 from wavegym.systems.rf_eo.state import Belief as PlatformBelief
 
 SOON = 10  # steps of visibility that are observed
@@ -83,17 +82,6 @@ def camera_fields(targets: int) -> tuple[ObservationField, ...]:
             ObservationField(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
         ]
     return tuple(listed)
-
-
-def coming(belief: Belief) -> tuple[Array, Array]:
-    """Whether each target is in sight in the next step, and steps until that changes, at most SOON: (env, target).
-
-    After the episode's end nothing is in sight.
-    """
-    ahead = windows.coming(belief.visible, belief.step, SOON + 1)
-    other = ahead != ahead[:, :1]
-    other[:, SOON] = True
-    return ahead[:, 0], other.argmax(axis=1)
 
 
 def platform_belief(belief: Belief, earlier_noise: Array, platforms: int) -> PlatformBelief:

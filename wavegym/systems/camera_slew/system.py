@@ -28,12 +28,12 @@ from wavegym.sensors.penalties import KINDS
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
 from wavegym.systems.camera_slew.state import (
+    SOON,
     Belief,
     Measurements,
     Truth,
     World,
     camera_fields,
-    coming,
     platform_belief,
 )
 from wavegym.systems.recorded_targets import (
@@ -59,7 +59,7 @@ from wavegym.systems.rf_eo.scenario import (
 from wavegym.systems.rf_eo.state import received_fields, received_values
 from wavegym.systems.rf_eo.system import NN, RfEo
 from wavegym.systems.rf_eo.weights import StateWeights
-from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
+from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel
 from wavegym.trackers.polar_kernels import to_polar
 from wavegym.waveforms import PulseTiming
@@ -471,11 +471,13 @@ class CameraSlew(
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         delay, off = self._turns(belief)
-        now, changes = coming(belief)
-        own = np.stack([off, delay, delay == 0, now, changes, np.log10(belief.q)], axis=-1).reshape(len(delay), -1)
+        now, changes, _ = coming(belief.visible, belief.step, SOON)
         platforms = self.loop.observe(platform_belief(belief, self._earlier_noise, len(self.platforms)))
-        left = 1.0 - belief.step / self.horizon
-        return np.concatenate([platforms, left[:, None], belief.settling[:, None], own], axis=1)
+        out, first = np.empty((len(off), len(self.observation_fields))), platforms.shape[1]
+        out[:, :first], out[:, first], out[:, first + 1] = platforms, 1.0 - belief.step / self.horizon, belief.settling
+        for i, values in enumerate((off, delay, delay == 0, now, changes, np.log10(belief.q)), first + 2):
+            out[:, i::6] = values
+        return out
 
     @property
     def measurement_fields(self) -> tuple[ObservationField, ...]:
@@ -506,12 +508,12 @@ class CameraSlew(
         thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (steps).
         """
         truth, belief = state
-        position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
-        measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
+        values = np.empty((3, *truth.unseen.shape))
+        measure(belief.mean, belief.covariance, truth.targets, values, NN)
         return {
-            "position_error": position,
-            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
-            "nees": nees,
+            "position_error": values[0],
+            "position_variance": values[1],
+            "nees": values[2],
             "received": truth.received.copy(),
             "found": truth.seen.copy(),
             "lost": truth.unseen > LOST_AFTER,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,10 +13,20 @@ from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse
-from wavegym.systems.kershaw_evans.eclipsing import visible_information
+from wavegym.systems.kershaw_evans import eclipsing_kernels
+from wavegym.systems.kershaw_evans.eclipsing import HALF_LENGTH
 from wavegym.waveforms import gaussian_chirp_library, measurement_covariances
 from wavegym.waveforms.fisher import unchecked_covariance
 from wavegym.waveforms.gaussian import unchecked_gaussian_factors
+
+
+class Pulses(NamedTuple):
+    """Pulses as kernels take them: a table, which of them are sent, and how the receiver cuts them."""
+
+    C: Array  # (pulse, 2, 2) at unit SNR
+    duration: Array  # (pulse,) s
+    which: Array  # (...) int
+    half_length: float  # of the transmitted interval, in durations; -inf: the receiver is always open
 
 
 @dataclass(frozen=True)
@@ -64,9 +76,10 @@ class GaussianActions:
         return EclipsedLibrary([EclipsedPulse(pulse) for pulse in self.library])
 
     @cached_property
-    def _distinct_durations(self) -> tuple[Array, Array]:
-        """The durations (d,) in s, and which of them each pulse of the library has, (A,) int."""
-        return np.array(self.durations), np.repeat(np.arange(len(self.durations)), len(self.sweeps))
+    def _library_pulses(self) -> tuple[Array, Array]:
+        """C (A, 2, 2) and durations (A,) of the library. Durations count where Gaussian chirps are eclipsed."""
+        count = len(self.library)
+        return self.covariances, np.ones(count) if self.own else np.repeat(self.durations, len(self.sweeps))
 
     @property
     def middle(self) -> int:
@@ -89,12 +102,23 @@ class GaussianActions:
 
     def unit_covariance(self, actions: Array) -> Array:
         """C (..., 2, 2) of the waveforms that ``actions`` name."""
-        if not self.continuous:
-            return self.covariances.take(actions, axis=0)
-        values = self.box.decode(actions)
+        return self._chirps(actions)[0] if self.continuous else self.covariances.take(actions, axis=0)
+
+    def _chirps(self, points: Array) -> tuple[Array, Array]:
+        """C (..., 2, 2) and durations (...) of points of the box."""
+        values = self.box.decode(points)
         duration, sweep = values[..., 0], values[..., 1]
         rate = np.pi * sweep / (2.0 * duration)
-        return unchecked_covariance(*unchecked_gaussian_factors(duration, rate), self.carrier_hz)
+        return unchecked_covariance(*unchecked_gaussian_factors(duration, rate), self.carrier_hz), duration
+
+    def pulses(self, actions: Array) -> Pulses:
+        """The pulses that ``actions`` name, unless they are given ones that a receiver cuts."""
+        half_length = HALF_LENGTH if self.eclipsing else -math.inf
+        if not self.continuous:
+            return Pulses(*self._library_pulses, np.ascontiguousarray(actions, np.int64), half_length)
+        C, duration = self._chirps(actions)
+        which = np.arange(duration.size).reshape(duration.shape)
+        return Pulses(C.reshape(-1, 2, 2), duration.flatten(), which, half_length)
 
     def received_covariance(self, actions: Array, ranges: Array) -> Array:
         """C at unit SNR of what the receiver sees of echoes from ``ranges`` (env,) in m, (env or 1, candidate, 2, 2).
@@ -102,14 +126,11 @@ class GaussianActions:
         ``actions`` are (env or 1, candidate), in a box (env or 1, candidate, 2). The first axis is that of ``actions``
         without eclipsing. With it the information of a Gaussian chirp falls as a whole; see ``visible_information``.
         """
-        if self.eclipsing and self.own:
-            return self._eclipsed_pulses.measurement_covariance(actions, abs(ranges)[:, None], self.carrier_hz)
-        C = self.unit_covariance(actions)
         if not self.eclipsing:
-            return C
-        if self.continuous:
-            share = visible_information(self.box.decode(actions)[..., 0], ranges[:, None])
-        else:
-            each, which = self._distinct_durations
-            share = np.take_along_axis(visible_information(each, ranges[:, None]), which.take(actions), axis=1)
-        return C / share[..., None, None]
+            return self.unit_covariance(actions)
+        if self.own:
+            return self._eclipsed_pulses.measurement_covariance(actions, abs(ranges)[:, None], self.carrier_hz)
+        C, duration, which, half_length = self.pulses(actions)
+        out = np.empty((len(ranges), actions.shape[1], 2, 2))
+        eclipsing_kernels.received(C, duration, which, np.array(ranges), half_length, out)
+        return out

@@ -5,17 +5,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.special import erfc, erfcx, erfinv
+from scipy.special import erfinv
 
 from wavegym.core.arrays import Array
-from wavegym.waveforms import SPEED_OF_LIGHT
+from wavegym.systems.kershaw_evans.eclipsing_kernels import visible_shares
 from wavegym.waveforms.timing import ENERGY
 
-LEAST_VISIBLE = 1e-9
-"""A pulse that is wholly eclipsed keeps this share of its information: its errors are 3e4 times as large."""
-
-_HALF_LENGTH = float(erfinv(ENERGY))  # durations k: half of the interval that holds this share of the energy
+HALF_LENGTH = float(erfinv(ENERGY))
+"""Half of the interval that holds this share of the energy, in durations k."""
 
 
 def visible_information(duration: Array, range_m: Array) -> Array:
@@ -35,7 +32,4 @@ def visible_information(duration: Array, range_m: Array) -> Array:
         duration: k, s, any shape.
         range_m: r, m; broadcasts.
     """
-    a = np.sqrt(2.0) * (_HALF_LENGTH - (2.0 / SPEED_OF_LIGHT) * abs(range_m) / duration)
-    tail = np.sqrt(0.5) * a
-    m = np.sqrt(2.0 / np.pi) / erfcx(tail)
-    return np.maximum(0.5 * erfc(tail) * (1.0 + m * (a - m)), LEAST_VISIBLE)
+    return visible_shares(duration, range_m, HALF_LENGTH)

@@ -14,6 +14,7 @@ import numpy as np
 from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.kernels import inverse_snr
+from wavegym.systems.kershaw_evans.eclipsing_kernels import received_one
 from wavegym.trackers.kernels import (
     factor_innovation_one,
     predict_covariance_one,
@@ -50,21 +51,46 @@ def track_one(e, mean, P, z, R, scale, F, Q, M, T, y, L, D, V, w, x, P_out, nn, 
 
 
 @kernel
-def transition(mean, P, step, path, normal, C, true_law, F, Q, M, r0, nearest, nn, mm, x, P_out, truth):
-    """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n) and truth (e, n).
+def transition(
+    mean,
+    P,
+    step,
+    path,
+    normal,
+    C,
+    duration,
+    which,
+    half,
+    true_law,
+    F,
+    Q,
+    M,
+    r0,
+    nearest,
+    nn,
+    mm,
+    x,
+    P_out,
+    truth,
+    step_out,
+):
+    """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n), truth (e, n) and step_out (e,).
 
-    ``true_law``: reference and nearest range by which the world's SNR falls; the tracker assumes r0 and nearest.
+    C, duration, which (e,), half: the ``Pulses`` that are sent. ``true_law``: reference and nearest range by
+    which the world's SNR falls; the tracker assumes r0 and nearest. An episode that is over stays at the path's end.
     """
-    count, n = mean.shape[0], len(nn)
-    y, z = np.empty((count, 2)), np.empty((count, 2))
+    count, n, last = mean.shape[0], len(nn), path.shape[1] - 1
+    y, z, received = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2, 2))
     T, L, D, V, w = np.empty((n, n)), np.empty((2, 2)), np.empty(2), np.empty((n, 2)), np.empty(2)
     for e in range(count):
-        k = step[e] + 1
+        step_out[e] = step[e] + 1
+        k = min(step_out[e], last)
         for i in range(n):
             truth[e, i] = path[e, k, i]
-        receive_one(e, k, truth, normal, C, inverse_snr(truth[e, 0], true_law[0], true_law[1]), z)
+        received_one(C, duration, which[e], truth[e, 0], half, e, received)
+        receive_one(e, k, truth, normal, received, inverse_snr(truth[e, 0], true_law[0], true_law[1]), z)
         scale = inverse_snr(truth[e, 0], r0, nearest)
-        track_one(e, mean, P, z, C, scale, F, Q, M, T, y, L, D, V, w, x, P_out, nn, mm)
+        track_one(e, mean, P, z, received, scale, F, Q, M, T, y, L, D, V, w, x, P_out, nn, mm)
 
 
 @kernel
@@ -125,12 +151,12 @@ def observe(mean, P, step, horizon, r0, nearest, nn, out):
 
 @kernel
 def measure(mean, P, truth, out):
-    """out (3, e): |range error|, |range-rate error|, and the NEES over both (2 degrees of freedom)."""
+    """out (4, e): |range error|, variance of range, |range-rate error|, NEES over both (2 degrees of freedom)."""
     for e in range(mean.shape[0]):
         a, b = mean[e, 0] - truth[e, 0], mean[e, 1] - truth[e, 1]
         determinant = P[e, 0, 0] * P[e, 1, 1] - P[e, 0, 1] * P[e, 1, 0]
-        out[0, e], out[1, e] = abs(a), abs(b)
-        out[2, e] = (a * a * P[e, 1, 1] - 2.0 * a * b * P[e, 0, 1] + b * b * P[e, 0, 0]) / determinant
+        out[0, e], out[1, e], out[2, e] = abs(a), P[e, 0, 0], abs(b)
+        out[3, e] = (a * a * P[e, 1, 1] - 2.0 * a * b * P[e, 0, 1] + b * b * P[e, 0, 0]) / determinant
 
 
 @kernel

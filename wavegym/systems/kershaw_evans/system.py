@@ -5,6 +5,7 @@ The paper leaves carrier, library and scenario open; the values here are proposa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -33,7 +34,7 @@ from wavegym.core.recursion import Recursion
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
-from wavegym.systems.kershaw_evans.actions import GaussianActions
+from wavegym.systems.kershaw_evans.actions import GaussianActions, Pulses
 from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
 from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
 from wavegym.systems.precision import check_precision
@@ -330,14 +331,21 @@ class KershawEvans(
         if self._own_tracker:
             return self.composed_transition(state, action, world)
         (_, path), (step, mean, covariance, *_) = state
-        ahead = np.minimum(step + 1, self.horizon)  # past the end of an episode nobody uses the result
-        C = self._received(action, path[np.arange(len(step)), ahead, 0])
-        x, P, truth = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
+        pulses = self._sent(action, path, step)
+        x, P, truth, ahead = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape), np.empty_like(step)
         kernels.transition(
-            mean, covariance, step, path, world.normal, C, self.truth_model._snr_law, *self._radar(state.belief), x, P,
-            truth
+            mean, covariance, step, path, world.normal, *pulses, self.truth_model._snr_law, *self._radar(state.belief),
+            x, P, truth, ahead
         )  # fmt: skip
-        return State(Truth(truth, path), Belief(step + 1, x, P))
+        return State(Truth(truth, path), Belief(ahead, x, P))
+
+    def _sent(self, action: Array, path: Array, step: Array) -> Pulses:
+        """The pulses of a step; of pulses that are cut by tables, what the receiver sees of them."""
+        if not (self.library and self.eclipsing):
+            return self.action_set.pulses(action)
+        each = np.arange(len(step))
+        ahead = np.minimum(step + 1, self.horizon)  # past the end of an episode nobody uses the result
+        return Pulses(self._received(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The target one step along its path."""
@@ -476,10 +484,9 @@ class KershawEvans(
         """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2);
         ``position_variance`` (m^2).
         """
-        out = np.empty((3, len(state.belief.step)))
+        out = np.empty((4, len(state.belief.step)))
         kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
-        variance = state.belief.covariance[:, 0, 0].copy()
-        return {"position_error": out[0], "position_variance": variance, "velocity_error": out[1], "nees": out[2]}
+        return {"position_error": out[0], "position_variance": out[1], "velocity_error": out[2], "nees": out[3]}
 
 
 def _measured(states: Array) -> Array:

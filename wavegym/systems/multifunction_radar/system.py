@@ -453,13 +453,18 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         ]
         return (*slots, *cells)
 
+    @cached_property
+    def _centres(self) -> Array:
+        """Of the columns of a slot after its existence."""
+        return np.array([field.centre for field in self.observation_fields[1:COLUMNS]])
+
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``; what a free slot does not have is at the field's centre."""
         rows = self.slots_now(belief)
         taken = rows[..., 0] > 0.0
         own = rows[taken]
         own[:, LOGARITHMS] = np.log2(np.maximum(own[:, LOGARITHMS], TINY))
-        rows[..., 1:] = [field.centre for field in self.observation_fields[1:COLUMNS]]
+        rows[..., 1:] = self._centres
         rows[taken] = own
         share = np.log2(np.clip(belief.undetected / np.maximum(self.usual_numbers, TINY), FEW, None))
         return np.concatenate([rows.reshape(len(rows), -1), share.reshape(len(rows), -1)], axis=1)

@@ -246,13 +246,40 @@ def observe(mean, P, looks, F, Q, places, rules, out, nn):
                     column += 2
 
 
+@inlined
+def measure_one(e, t, mean, P, truth, L, d, values, nn):
+    """Fill position error, position variance and NEES e' P^-1 e of a target, values[:, e, t]."""
+    for a in range(len(nn)):
+        d[a] = mean[e, t, a] - truth[e, t, a]
+    values[0, e, t] = np.sqrt(d[0] * d[0] + d[2] * d[2])
+    values[1, e, t] = P[e, t, 0, 0] + P[e, t, 2, 2]
+    values[2, e, t] = squared_mahalanobis_one(t, d, P[e], L, nn)
+
+
 @kernel
-def measure(mean, P, truth, position, nees, nn):
-    """Fill position error and NEES e' P^-1 e of every target, (e, t) each."""
+def measure(mean, P, truth, values, nn):
+    """``measure_one`` of every target, values (3, e, t)."""
     L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
     for e in range(mean.shape[0]):
         for t in range(mean.shape[1]):
-            for a in range(len(nn)):
-                d[a] = mean[e, t, a] - truth[e, t, a]
-            position[e, t] = np.sqrt(d[0] * d[0] + d[2] * d[2])
-            nees[e, t] = squared_mahalanobis_one(t, d, P[e], L, nn)
+            measure_one(e, t, mean, P, truth, L, d, values, nn)
+
+
+@kernel
+def figures(step, mean, P, truth, unseen, share, stay, come_and_go, threshold, longest, values, flags, below, nn):
+    """The figures of a state: values (3, e, t) of ``measure_one``, 0 for a target that is not in the scene.
+
+    flags (2, e, t): whether a target is lost, as nothing was received for more than ``longest`` steps, and whether it
+    is in the scene, as all are unless they ``come_and_go``. below (e,): whether ``share``, the least information of
+    targets in the scene, lies below the threshold.
+    """
+    L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
+    for e in range(mean.shape[0]):
+        some = False
+        for t in range(mean.shape[1]):
+            measure_one(e, t, mean, P, truth, L, d, values, nn)
+            here = not come_and_go or is_here(t, step[e], stay)
+            flags[0, e, t], flags[1, e, t], some = unseen[e, t] > longest, here, some or here
+            if not here:
+                values[:, e, t] = 0.0
+        below[e] = some and step[e] > 0 and share[e] < threshold

@@ -243,7 +243,7 @@ class PlatformScenario(System, PlaysRecordings):
         """(x, y) of every platform in m and its look direction in rad, (env, platform, 3)."""
         return np.concatenate([np.broadcast_to(self.platforms, (*belief.looks.shape, 2)), belief.looks[..., None]], -1)
 
-    @property
+    @cached_property
     def _stay(self) -> Array:
         """The steps after which each target comes and goes, (target, 2) int."""
         births = np.array(self.births or (0,) * len(self.starts), np.int64)

@@ -420,16 +420,19 @@ class RfEo(
         first choice, or without a target.
         """
         truth, belief = state
-        position, nees = np.empty(truth.unseen.shape), np.empty(truth.unseen.shape)
-        kernels.measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
-        here = self.present(belief.step) if self._come_and_go else np.ones(position.shape, np.bool_)
+        values, flags = np.empty((3, *truth.unseen.shape)), np.empty((2, *truth.unseen.shape), np.bool_)
+        below = np.empty(len(belief.step), np.bool_)
+        kernels.figures(
+            belief.step, belief.mean, belief.covariance, truth.targets, truth.unseen, truth.share, self._stay,
+            self._come_and_go, self.threshold, LOST_AFTER, values, flags, below, NN
+        )  # fmt: skip
         figures = {
-            "position_error": position * here,
-            "position_variance": (belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2]) * here,
-            "nees": nees * here,
+            "position_error": values[0],
+            "position_variance": values[1],
+            "nees": values[2],
             "received": truth.received.copy(),
-            "lost": truth.unseen > LOST_AFTER,
+            "lost": flags[0],
             "information": truth.share.copy(),
-            "below_threshold": (truth.share < self.threshold) & (belief.step > 0) & here.any(axis=1),
+            "below_threshold": below,
         }
-        return {**figures, "present": here} if self._come_and_go else figures
+        return {**figures, "present": flags[1]} if self._come_and_go else figures

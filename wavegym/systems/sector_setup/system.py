@@ -415,13 +415,13 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         sent.
         """
         truth, belief = state
-        position, nees = np.empty(belief.mean.shape[:2]), np.empty(belief.mean.shape[:2])
-        measure(belief.mean, belief.covariance, truth.targets, position, nees, NN)
+        values = np.empty((3, *belief.mean.shape[:2]))
+        measure(belief.mean, belief.covariance, truth.targets, values, NN)
         return {
-            "position_error": position,
-            "position_variance": belief.covariance[..., 0, 0] + belief.covariance[..., 2, 2],
-            "nees": nees,
-            "lost": position > self.lost_beyond,
+            "position_error": values[0],
+            "position_variance": values[1],
+            "nees": values[2],
+            "lost": values[0] > self.lost_beyond,
             "detections": truth.detections.copy(),
             "dead": truth.silent.copy(),
         }

@@ -14,9 +14,9 @@ from wavegym.core.errors import InputError
 from wavegym.core.system import ObservationField, State
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.sensors.urban_map import UrbanMap
+from wavegym.systems.urban import figure_kernels
 from wavegym.targets import ScriptedPath
-from wavegym.trackers import Tracks, gospa
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+from wavegym.trackers import gospa_kernels
 
 HELD_WITHIN = 20.0  # m, cutoff of GOSPA too: a confirmed track farther from a target does not hold it
 MOST = 64  # least room for the measurements of a pair in a scan
@@ -159,30 +159,28 @@ def urban_fields(slots: int, models: tuple[str, ...], reach: float) -> tuple[Obs
 def urban_info(state: State, direct: Array) -> dict[str, Array]:
     """See ``Urban.state_info``; direct (scan, target): whether both direct paths to a target are visible."""
     truth, belief = state
-    x, P = Tracks(*belief[1:]).combined()
-    sure = belief.status == CONFIRMED
-    off = truth.targets[:, :, None, :4] - x[:, None, :, :4]  # (env, target, slot, 4)
-    distance = np.where(sure[:, None], np.hypot(off[..., 0], off[..., 1]), np.inf)
-    near = distance.argmin(axis=2)
-    least = distance.min(axis=2)
-    held = truth.present & (least <= HELD_WITHIN)
-    e, g = np.nonzero(held)
-    nees, variance = np.zeros((2, *held.shape))
-    own, spread = off[e, g, near[e, g]], P[e, near[e, g], :4, :4]
-    nees[e, g] = (own * np.linalg.solve(spread, own[..., None])[..., 0]).sum(axis=-1)
-    variance[e, g] = spread[:, 0, 0] + spread[:, 1, 1]
-    nobody = (np.where(truth.present[:, :, None], distance, np.inf).min(axis=1) > HELD_WITHIN) & sure
+    values, flags = np.empty((3, *truth.present.shape)), np.empty((2, *truth.present.shape), np.bool_)
+    counts, sure = np.empty((4, len(belief.step)), np.int64), np.empty(belief.status.shape, np.bool_)
+    places = np.empty((*sure.shape, 2))
+    sizes = (0,) * belief.x.shape[3], (0,) * belief.x.shape[2]
+    figure_kernels.figures(
+        belief.step, belief.x, belief.P, belief.mu, belief.status, truth.targets, truth.present, truth.number, direct,
+        HELD_WITHIN, values, flags, counts, sure, places, *sizes
+    )  # fmt: skip
+    distance = np.empty((len(sure), 4))
+    there = np.ascontiguousarray(truth.targets[..., :2])
+    gospa_kernels.gospa(there, truth.present, places, sure, HELD_WITHIN, 2.0, distance)
     return {
-        "position_error": np.where(truth.present, np.minimum(least, HELD_WITHIN), 0.0),
-        "position_variance": variance,
-        "nees": nees,
-        "present": held,
-        "held": held,
-        "lost": direct[belief.step] & ~held,
-        "confirmed": sure.sum(axis=1),
-        "false": nobody.sum(axis=1),
-        "tentative": ((belief.status != EMPTY) & ~sure).sum(axis=1),
+        "position_error": values[0],
+        "position_variance": values[1],
+        "nees": values[2],
+        "present": flags[0],
+        "held": flags[0],
+        "lost": flags[1],
+        "confirmed": counts[0],
+        "false": counts[1],
+        "tentative": counts[2],
         "refused": belief.refused,
-        "gospa": gospa(truth.targets[..., :2], x[..., :2], truth.present, sure, HELD_WITHIN).distance,
-        "measurements": truth.number.sum(axis=1),
+        "gospa": distance[:, 0],
+        "measurements": counts[3],
     }

@@ -20,7 +20,7 @@ from wavegym.sensors import Antenna, Multistatic, range_and_rate
 from wavegym.sensors.fluctuation import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
-from wavegym.systems.urban import kernels
+from wavegym.systems.urban import figure_kernels, kernels
 from wavegym.systems.urban.drivers import deviation_model
 from wavegym.systems.urban.receivers import UrbanReceivers
 from wavegym.systems.urban.state import (
@@ -36,6 +36,7 @@ from wavegym.systems.urban.state import (
 )
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import Tracks, UrbanTracker
+from wavegym.trackers.gospa import MOST_TARGETS
 from wavegym.trackers.urban.tracker import EMPTY, MODELS
 from wavegym.waveforms import (
     GaussianChirp,
@@ -190,6 +191,8 @@ class Urban(System, DecisionMakers, TimedPulses):
     def __post_init__(self) -> None:
         """Check what single fields cannot say."""
         check_positive("sum of weights", sum(self.weights))
+        if len(self.arrivals) > MOST_TARGETS:
+            raise InputError(f"arrivals has {len(self.arrivals)} targets, expected at most {MOST_TARGETS}, for GOSPA")
         if self.charged > self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
         if self.fidelity == "signal" and self.false_alarm is not None:
@@ -433,7 +436,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     def _weights(self) -> Array:
         return np.repeat(np.array(self.weights), 2)
 
-    @property
+    @cached_property
     def absent(self) -> float:
         """c0, the cost of an absent track: that of a new track of greatest uncertainty."""
         tracker, (position, velocity, acceleration) = self.urban_tracker, self.weights
@@ -441,10 +444,12 @@ class Urban(System, DecisionMakers, TimedPulses):
 
     def cost(self, belief: Belief) -> Array:
         """See Rewards."""
-        _, P = Tracks(*belief[1:]).combined()
-        trace = np.minimum((np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1), self.absent)
-        each = self.absent - belief.existence * (self.absent - trace)
-        return np.sort(each, axis=-1)[..., : self.charged].sum(axis=-1)
+        lead = belief.existence.ndim - 1
+        x, P, mu, existence = (np.ascontiguousarray(leaf).reshape(-1, *leaf.shape[lead:]) for leaf in belief[1:5])
+        each = np.empty(existence.shape)
+        sizes = (0,) * x.shape[3], (0,) * x.shape[2]
+        figure_kernels.costs(x, P, mu, existence, self._weights, self.absent, each, *sizes)
+        return np.add.reduce(each[:, : self.charged], axis=1).reshape(belief.existence.shape[:-1])
 
     def trace(self, belief: Belief) -> Array:
         """trace(W P) summed over the tracks in use, however doubtful they are."""

@@ -131,6 +131,26 @@ def scratch_for(slots, models, n, m):
 
 
 @kernel
+def are_counts(count, most):
+    """Whether all of count (env, pair) are integers from 0 to ``most``."""
+    fine = True
+    for number in count.flat:
+        fine = fine and 0 <= number <= most and number == np.floor(number)
+    return fine
+
+
+@kernel
+def are_waves(R, snr):
+    """Whether all of R (env, pair, 2, 2) are positive definite and all of snr (env, pair) finite and positive."""
+    fine = True
+    for e in range(snr.shape[0]):
+        for pair in range(snr.shape[1]):
+            S = R[e, pair]
+            fine = fine and S[0, 0] > 0.0 and S[0, 0] * S[1, 1] > S[0, 1] * S[1, 0] and 0.0 < snr[e, pair] < np.inf
+    return fine
+
+
+@kernel
 def direct_errors(z, count, wave, reference, constants, errors, ll):
     """errors (env, pair, measurement, m, m): covariances at the SNR of a direct path of each measured range."""
     for e in range(len(z)):

@@ -224,15 +224,15 @@ class UrbanTracker:
         """
         envs, pairs = len(tracks.existence), len(self.transmitters) * len(self.receivers)
         size = self.quantities
-        z, count = np.array(check_last_axes("z", z, size), order="C"), np.array(count)
+        z, count = np.array(check_last_axes("z", z, size), order="C"), np.array(count, np.float64, order="C")
         if z.shape[:2] != (envs, pairs) or z.ndim != 4 or count.shape != (envs, pairs):
             raise InputError(
                 f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, {size}) and "
                 f"({envs}, {pairs})"
             )
-        wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
-        if wrong.any():
-            raise InputError(f"count is {count[wrong][0]}, expected an integer from 0 to {z.shape[2]}, the size of z")
+        if not scan_kernels.are_counts(count, z.shape[2]):
+            wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
+            raise InputError(f"count is {count[wrong][0]:g}, expected an integer from 0 to {z.shape[2]}, the size of z")
         after, waves, count = self._copied(tracks), self._waves(R, snr, envs), count.astype(np.int64)
         given = self.direct_errors(z, count, *waves) if errors is None else np.array(errors, np.float64, order="C")
         check_shape("errors", given, (*z.shape, size))
@@ -272,19 +272,17 @@ class UrbanTracker:
     def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
         """R and SNR of each pair in each environment."""
         lead = envs, len(self.transmitters) * len(self.receivers)
+        covariance, ratio = np.empty((*lead, 2, 2)), np.empty(lead)
         try:
-            covariance = np.broadcast_to(check_last_axes("R", R, 2, 2), (*lead, 2, 2))
-            ratio = np.broadcast_to(np.asarray(snr, np.float64), lead)
+            covariance[...], ratio[...] = check_last_axes("R", R, 2, 2), snr
         except ValueError:
             raise InputError(
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
-        check_elements(check_positive, "snr", ratio)
-        # written out: eigenvalues would take as long as the scan
-        variance, other = covariance[..., 0, 0], covariance[..., 1, 1]
-        if not ((variance > 0.0) & (variance * other > covariance[..., 0, 1] * covariance[..., 1, 0])).all():
+        if not scan_kernels.are_waves(covariance, ratio):
+            check_elements(check_positive, "snr", ratio)
             raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
-        return np.ascontiguousarray(covariance), np.ascontiguousarray(ratio)
+        return covariance, ratio
 
     @property
     def _sizes(self) -> tuple[tuple[int, ...], ...]:
