@@ -1,8 +1,8 @@
 """Planted defects: ``python -m promises.mutate [--only TEXT]``.
 
 promises/defects.toml holds single lines of the suite with a defect in each, and the tests that must find it. The
-command copies the sources, plants one defect after the other, and runs its tests, which have passed without it. A
-defect that no test finds survives: then the command fails.
+command copies the sources, plants one defect after the other, and runs its tests. A test that fails must pass without
+the defect. A defect that no test finds survives: then the command fails.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ from wavegym.core.errors import InputError
 
 ROOT = Path(__file__).parents[1]
 FILE = Path(__file__).parent / "defects.toml"
-LEFT_OUT = shutil.ignore_patterns(".git", ".venv*", "out", "site", "results", "*.egg-info", ".hypothesis")
+LEFT_OUT = shutil.ignore_patterns(
+    ".git", ".pytest_cache", ".venv*", "out", "site", "results", "*.egg-info", ".hypothesis"
+)
 FAILED = 1  # pytest's exit status where tests fail; others are mistakes of the command
 
 
@@ -66,7 +68,7 @@ def is_found(defect: Defect, copy: Path) -> bool:
     """Whether a test fails with the defect, planted in a copy of the sources and taken out again.
 
     Raises:
-        InputError: the tests cannot be run.
+        InputError: the tests cannot be run, or the one that fails does so without the defect, too.
     """
     file = copy / defect.file
     whole, known = file.read_text(encoding="utf-8"), file.stat()
@@ -78,31 +80,23 @@ def is_found(defect: Defect, copy: Path) -> bool:
         os.utime(file, ns=(known.st_atime_ns, known.st_mtime_ns))  # kernels of an older file are not compiled again
     if status not in (0, FAILED):
         raise InputError(f"{defect.what}: pytest ends with status {status}, expected 0 or {FAILED}")
+    if status and (again := run_tests(("--last-failed", *defect.tests), copy)):
+        raise InputError(f"{defect.what}: pytest ends with status {again} without the defect, expected 0")
     return status == FAILED
 
 
 def run_tests(tests: Sequence[str], copy: Path) -> int:
-    """pytest's exit status in a copy of the sources."""
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "", *tests]
+    """pytest's exit status in a copy of the sources, which remembers the test that failed."""
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "", *tests]
     environment = {**os.environ, "PYTHONPATH": str(copy)}
     return subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False).returncode
 
 
-def check_pass(tests: Sequence[str], copy: Path) -> None:
-    """Raise an InputError unless tests pass without any defect: else they would find all defects."""
-    status = run_tests(tests, copy)
-    if status:
-        raise InputError(f"{' '.join(tests)}: pytest ends with status {status} without a defect, expected 0")
-
-
 def survivors(defects: Sequence[Defect], copy: Path) -> list[str]:
-    """The words of those that no test finds; prints a line for each defect. Tests run once without a defect before."""
-    passed, survived = set[tuple[str, ...]](), list[str]()
+    """The words of those that no test finds; prints a line for each defect."""
+    survived = list[str]()
     for n, defect in enumerate(defects, start=1):
         start = perf_counter()
-        if defect.tests not in passed:
-            check_pass(defect.tests, copy)
-            passed.add(defect.tests)
         found = is_found(defect, copy)
         survived += [] if found else [defect.what]
         took = f"{n} of {len(defects)}, {perf_counter() - start:.0f} s"

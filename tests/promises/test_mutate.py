@@ -40,10 +40,10 @@ def test_a_defect_is_found_if_a_test_fails(copy: Path, capsys: pytest.CaptureFix
     assert re.fullmatch(r"SURVIVED: x\*\*2 \(double\.py; 2 of 2, \d+ s\)", second)
 
 
-def test_tests_that_fail_without_a_defect_find_none(copy: Path) -> None:
+def test_a_test_that_fails_without_the_defect_finds_none(copy: Path) -> None:
     (copy / "test_double.py").write_text("def test_it():\n    raise OSError\n")
-    with pytest.raises(InputError, match=r"test_double\.py: pytest ends with status 1 without a defect, expected 0"):
-        survivors([Defect("wrong", "double.py", "2 * x", "3 * x", ("test_double.py",))], copy)
+    with pytest.raises(InputError, match="wrong: pytest ends with status 1 without the defect, expected 0"):
+        is_found(Defect("wrong", "double.py", "2 * x", "3 * x", ("test_double.py",)), copy)
 
 
 def test_tests_that_cannot_run_are_a_mistake(copy: Path) -> None:
