@@ -9,9 +9,12 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from small_systems import Burner, Tank
 
 from wavegym.core.errors import InputError
 from wavegym.integrations.minari import collect, load, stored_in
+from wavegym.integrations.minari.returns import ReturnsOfAll
+from wavegym.schedulers import Fixed
 
 SHORT = {"horizon": 6}
 
@@ -94,6 +97,17 @@ def test_returns_of_all_are_those_of_replays(tmp_path):
                 _, reward, terminated, truncated, _ = env.step(choose())
                 total += reward
             assert returns[step, action] == pytest.approx(total, rel=1e-12)
+
+
+@pytest.mark.parametrize("limit", [None, 3])
+def test_returns_of_all_end_with_each_alternative(limit):
+    """Alternatives burn the tank at different rates: 1 / (a + 1) for a + 1 units, then 1 for each unit that is left."""
+    left = np.array([2.0, 5.0, 6.0])
+    world, taken = Tank(left), np.arange(1.0, 4.0)
+    returns = ReturnsOfAll(Burner(), Fixed(0), limit)(Burner().initial(world), world)
+    steps = left[:, None] - taken if limit is None else np.minimum(left[:, None] - taken, limit - 1)
+    want = np.where(taken <= left[:, None], -(1 / taken + steps), np.nan)
+    np.testing.assert_allclose(returns, want, rtol=1e-14)
 
 
 def test_returns_of_masked_actions_are_nan(tmp_path):
