@@ -262,12 +262,14 @@ def test_two_targets_a_resolution_cell_or_two_apart_are_two():
     assert len(LONG.peaks(LONG.image(one + other), 7.0).z) == 2
 
 
-@pytest.mark.parametrize("rate", [0.0, 9.0])
-def test_a_target_beside_a_stronger_one_is_kept_wherever_the_doppler_cells_begin(rate):
-    """In one resolution cell of range-rate, far apart in range; the cells begin at a range-rate of 0."""
-    both = echo(LONG, 60.0, rate - 0.2, 800.0) + echo(LONG, 200.0, rate + 0.2, 200.0)
+@pytest.mark.parametrize("rate", [-9.0, 0.0, 9.0])
+@pytest.mark.parametrize("cells", [-1, 1])
+def test_a_target_beside_a_stronger_one_is_kept_wherever_the_doppler_cells_begin(rate, cells):
+    """One Doppler cell apart, a quarter of a resolution cell, and far apart in range; cells begin at a rate of 0."""
+    other = rate + cells * SPEED_OF_LIGHT / CARRIER / 2e-3 / 100
+    both = echo(LONG, 60.0, rate, 800.0) + echo(LONG, 200.0, other, 200.0)
     peaks = LONG.peaks(LONG.image(both), 7.0)
-    np.testing.assert_allclose(peaks.z[:, :2], [[60.0, rate - 0.2], [200.0, rate + 0.2]], atol=0.1)
+    np.testing.assert_allclose(peaks.z[:, :2], [[60.0, rate], [200.0, other]], atol=0.1)
 
 
 def test_range_rates_fold():
