@@ -109,6 +109,21 @@ def test_a_box_of_parameters_has_no_counts():
     assert np.isfinite(played.cost).all()
 
 
+def test_the_share_of_decisions_outside_the_training_is_of_each_worlds_own():
+    """Outside in the first two decisions; every world is as long as its own episode."""
+
+    class Lost(Fixed):
+        def act(self, belief, observation, mask):
+            self.outside = belief.step < 2
+            return super().act(belief, observation, mask)
+
+        def is_outside_training(self):
+            return self.outside
+
+    played = play(UNEVEN, Lost(0), SEEDS)
+    np.testing.assert_allclose(played.outside, np.minimum(2, WORLDS.length) / WORLDS.length, rtol=1e-15)
+
+
 def test_a_time_limit_truncates():
     played = play(Task("x", Uneven(), 4, {}), Fixed(0), SEEDS)
     np.testing.assert_array_equal(played.steps, np.minimum(WORLDS.length, 4))

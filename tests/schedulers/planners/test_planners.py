@@ -16,6 +16,7 @@ from wavegym.schedulers.planners import (
     RecedingHorizon,
     RolloutPlanner,
     TreeSearch,
+    sampled_futures,
 )
 from wavegym.schedulers.planners.receding_horizon import neighbours
 from wavegym.schedulers.planners.sampled_futures import SampledFutures, significant
@@ -96,6 +97,32 @@ def expected_cost(system, policy, belief, tries, seed):
         here = system.predict(here, action, rng.random((tries, 1)))
         total = total + system.cost(here)
     return total.mean(), total.std() / np.sqrt(tries)
+
+
+def test_chunks_of_environments_meet_their_own_futures(monkeypatch):
+    system, rng = DelaySystem(), np.random.default_rng(0)
+    belief = system.initial(delay_worlds(system, 7)).belief
+    futures = SampledFutures(base(), 5, 4)
+    futures.begin(system, 7, rng)
+    draws, plans = futures.draw(7), rng.integers(-1, len(CANDIDATES), (7, 3, 2))
+    whole = futures.costs(belief, plans, None, draws)
+    assert whole.shape == (7, 3, 4)
+    monkeypatch.setattr(sampled_futures, "ROWS", 3 * 4 * 2)  # two environments at a time, and one
+    np.testing.assert_array_equal(futures.costs(belief, plans, None, draws), whole)
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_the_shortlist_holds_the_candidates_of_least_cost_one_step_ahead(masked):
+    system = DelaySystem(setup=0)
+    belief = system.initial(delay_worlds(system, 20)).belief
+    planner = RolloutPlanner(base(), shortlist=2)
+    planner.begin(system, 20, np.random.default_rng(0))
+    mask = np.arange(len(CANDIDATES)) % 2 == 0 if masked else np.ones(len(CANDIDATES), np.bool_)
+    listed, permitted = planner.options(belief, np.tile(mask, (20, 1)) if masked else None)
+    costs = np.stack([system.cost(system.predict(belief, np.full(20, k))) for k in range(len(CANDIDATES))], axis=1)
+    left = np.where(mask, costs, np.inf)
+    np.testing.assert_array_equal(np.take_along_axis(costs, listed, axis=1), np.sort(left, axis=1)[:, :2])
+    assert permitted.all()
 
 
 def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():

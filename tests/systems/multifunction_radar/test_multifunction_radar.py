@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import RandomChoice, rollout
 from wavegym.schedulers.heuristics.registry import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
-from wavegym.systems.multifunction_radar.figures import estimates
+from wavegym.systems.multifunction_radar.figures import _follow, estimates
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.testing import check_vector_env
@@ -35,6 +36,24 @@ def by_gain(system, ahead=0.5, worth=1.0):
     policy = GainPerSecond(ahead, worth)
     policy.begin(system, 1, np.random.default_rng(0))
     return lambda belief, mask: policy.choose(belief, mask, None)
+
+
+def test_a_track_is_lost_where_its_target_stays():
+    """Slots follow targets 0 and 1 and a false alarm; 1 has left, 2 is there without its track, 3 never had one."""
+    truth = SimpleNamespace(
+        held=np.array([[True, True, True, False]]), here=np.array([[True, False, True, True]]), lost=np.zeros(1, int),
+        origin=np.array([[0, 1, -1, 2]]), confirmed=np.array([[1.0, 1.0, 1.0, np.nan]])
+    )  # fmt: skip
+    follows = np.array([True, True, True, False])
+    _follow(truth, 0, follows, 5.0)
+    assert truth.lost[0] == 1
+    assert truth.held[0].tolist() == [True, False, False, False]
+    truth.origin[0, 2] = 3
+    _follow(truth, 0, follows, 6.0)
+    assert truth.lost[0] == 1
+    np.testing.assert_array_equal(truth.confirmed[0], [1.0, 1.0, 1.0, 6.0])
+    _follow(truth, 0, np.zeros(4, bool), 7.0)
+    assert truth.lost[0] == 3
 
 
 def worlds_of(system, count, root=0):
