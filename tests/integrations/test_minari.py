@@ -75,6 +75,22 @@ def test_probabilities_are_the_frequencies(tmp_path):
         assert episode.infos["probability"][0] == pytest.approx(expected if is_own else 0.4 / count)
 
 
+def test_the_probability_of_several_sensors_is_the_product(tmp_path):
+    dataset = collect("AgileClutter-v0", "random", 1, out=tmp_path, horizon=2)
+    sizes = dataset.action_space.nvec
+    assert len(sizes) == 2
+    np.testing.assert_allclose(dataset[0].infos["probability"], 1.0 / (int(sizes[0]) * int(sizes[1])), rtol=1e-15)
+
+
+def test_a_dataset_does_not_depend_on_its_batches(tmp_path, monkeypatch):
+    whole = collect("KershawEvans-v0", "myopic", 5, out=tmp_path / "whole", seed=3, **SHORT)
+    monkeypatch.setattr(sys.modules[collect.__module__], "BATCH", 2)
+    parts = collect("KershawEvans-v0", "myopic", 5, out=tmp_path / "parts", seed=3, **SHORT)
+    assert seeds(parts) == seeds(whole) == [3, 4, 5, 6, 7]
+    for one, other in zip(parts, whole, strict=True):
+        np.testing.assert_array_equal(one.observations, other.observations)
+
+
 def test_masked_actions_are_never_explored(tmp_path):
     dataset = collect("EnergyBudgetKnown-v0", "random", 4, out=tmp_path, horizon=12)
     for seed, episode in zip(seeds(dataset), dataset, strict=True):

@@ -16,6 +16,7 @@ from wavegym.schedulers.planners import (
     RecedingHorizon,
     RolloutPlanner,
     TreeSearch,
+    mcts,
     sampled_futures,
 )
 from wavegym.schedulers.planners.receding_horizon import neighbours
@@ -97,6 +98,43 @@ def expected_cost(system, policy, belief, tries, seed):
         here = system.predict(here, action, rng.random((tries, 1)))
         total = total + system.cost(here)
     return total.mean(), total.std() / np.sqrt(tries)
+
+
+def test_a_node_of_the_tree_search_knows_the_cost_to_come_from_it(monkeypatch):
+    """Of two certain steps: the root that of both, its children that of the second alone."""
+    roots, given = [], mcts._line
+    monkeypatch.setattr(mcts, "_line", lambda root, options: roots.append(root) or given(root, options))
+    belief = CERTAIN.initial(delay_worlds(CERTAIN, 1)).belief
+    planner = MonteCarloTree(base(), 60, 2)
+    planner.begin(CERTAIN, 1, np.random.default_rng(0))
+    planner.act(belief, None, CERTAIN.mask(belief))
+    seen = 0
+    for (first, _), child in roots[0].children.items():
+        after = CERTAIN.predict(belief, np.array([first]))
+        for second in np.flatnonzero(child.visits):
+            want = CERTAIN.cost(CERTAIN.predict(after, np.array([second])))[0]
+            assert child.total[second] == pytest.approx(child.visits[second] * want, rel=1e-12)
+            seen += 1
+    assert seen > 5
+
+
+def test_the_tree_search_tries_what_it_knows_least():
+    node = mcts._Node(np.array([True, True, False]))
+    node.visits[:2], node.total[:2] = (10, 2), (10.0, 2.1)  # means 1 and 1.05
+    assert [node.option(0, spread) for spread in (0.0, 0.01, 1.0)] == [0, 0, 1]  # roots of ln 12 / n differ by .62
+
+
+def test_a_receding_horizon_goes_on_with_the_plan_it_has_made():
+    """Given the best plan of an episode it plays the rest of it, without any search: its base would cost more."""
+    worlds = delay_worlds(CERTAIN, 12)
+    best = rollout(CERTAIN, PlanOnce(base(), rounds=80), worlds)
+    planner = RecedingHorizon(base(), STEPS, rounds=0, first=0, asks=False)
+    planner.begin(CERTAIN, 12, np.random.default_rng(0))
+    planner._plan, planner._made = best.actions.copy(), np.zeros(12, np.int64)
+    state = CERTAIN.transition(CERTAIN.initial(worlds), best.actions[:, 0], worlds)
+    for t in range(1, STEPS):
+        state = CERTAIN.transition(state, planner.act(state.belief, None, CERTAIN.mask(state.belief)), worlds)
+        np.testing.assert_allclose(CERTAIN.cost(state.belief), best.cost[:, t], rtol=1e-9)
 
 
 def test_chunks_of_environments_meet_their_own_futures(monkeypatch):
