@@ -14,7 +14,7 @@ from wavegym.core.errors import InputError
 
 def test_each_defect_has_its_line_and_its_tests() -> None:
     defects = read_defects()
-    assert len({defect.what for defect in defects}) == len(defects) >= 50
+    assert len({defect.what for defect in defects}) == len(defects) >= 100
     for defect in defects:
         assert defect.line != defect.planted
         for test in defect.tests:
