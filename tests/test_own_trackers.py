@@ -21,7 +21,7 @@ from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Puls
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.testing import check_vector_env
 from wavegym.testing.capability_check import capability_defect
-from wavegym.trackers.protocol import ExtendedKalman
+from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan
 from wavegym.waveforms import TrapezoidChirp
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
@@ -71,6 +71,24 @@ def test_a_tracker_of_ones_own_costs_more(plain) -> None:
         plain.cost("myopic"),
         rtol=1e-8,
     )
+
+
+def test_returns_of_one_target_add_their_information() -> None:
+    """The information form: P^-1 grows by H' R^-1 H and P^-1 x by H' R^-1 z for each return."""
+    rng, H = np.random.default_rng(0), np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 2.0]])
+    mean, P = rng.standard_normal((4, 2, 3)), oracles.random_covariance(rng, 3, (4, 2))
+    z, R = rng.standard_normal((4, 3, 2)), oracles.random_covariance(rng, 2, (4, 3))
+    model = MeasurementModel(lambda x: x @ H.T, lambda x: np.broadcast_to(H, (*x.shape[:-1], 2, 3)))
+    scan = Scan(z, np.ones((4, 3), bool), np.ones((4, 3), int), R, model)
+    after = ExtendedKalman().update(Estimate(mean, P), scan)
+    np.testing.assert_array_equal(after.mean[:, 0], mean[:, 0])
+    for e in range(4):
+        information, weighted = np.linalg.inv(P[e, 1]), np.linalg.solve(P[e, 1], mean[e, 1])
+        for i in range(3):
+            information = information + H.T @ np.linalg.solve(R[e, i], H)
+            weighted = weighted + H.T @ np.linalg.solve(R[e, i], z[e, i])
+        np.testing.assert_allclose(after.covariance[e, 1], np.linalg.inv(information), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(after.mean[e, 1], np.linalg.solve(information, weighted), rtol=1e-9, atol=1e-12)
 
 
 def test_a_tracker_of_ones_own_passes_the_check_of_capabilities() -> None:

@@ -16,6 +16,7 @@ from wavegym.core.capabilities import (
     DeterministicRecursion,
     Gain,
     LinearCost,
+    MostInformation,
     SequencePlan,
     offers,
     why_not,
@@ -129,6 +130,33 @@ def test_wrong_gains_are_found():
 
     assert capability_defect(DelaySystem()) is None
     assert "Gain at step" in capability_defect(Greedy())
+
+
+def test_too_little_information_in_one_environment_is_found():
+    class Informed(DelaySystem, MostInformation):
+        threshold = 2.0
+
+        def information(self, belief, actions):
+            return np.repeat(1.0 + np.asarray(actions, float)[..., None], 2, axis=-1)
+
+        def most_information(self, belief, threshold=None):
+            return np.ones(len(belief.step), int), np.ones(len(belief.step), bool)
+
+    class Wanting(Informed):
+        def most_information(self, belief, threshold=None):
+            actions, feasible = super().most_information(belief)
+            actions[-1] = 0
+            return actions, feasible
+
+    class Honest(Wanting):
+        def most_information(self, belief, threshold=None):
+            actions, _ = super().most_information(belief)
+            return actions, actions > 0
+
+    assert capability_defect(Informed()) is None
+    assert capability_defect(Honest()) is None
+    wanted = "most_information() gives [2.0, 2.0, 1.0], less than the threshold 2"
+    assert capability_defect(Wanting()) == f"MostInformation at step 0: {wanted}"
 
 
 @pytest.mark.parametrize("name", [name for name in SYSTEMS if "Signal" not in name])

@@ -98,6 +98,24 @@ def test_a_partial_reset_leaves_the_others_and_the_callers_options_alone():
     assert info["cost"][0] == 0.0
 
 
+def test_a_partial_reset_remembers_which_others_have_ended():
+    """Both have ended and one is reset: the other begins anew in the next step, or that step is refused."""
+    for mode in ("NextStep", "Disabled"):
+        env = make(mode)
+        env.reset(seed=0)
+        for _ in range(HORIZON):
+            env.step(np.array([0, 0]))
+        env.reset(options={"reset_mask": np.array([True, False])})
+        if mode == "Disabled":
+            with pytest.raises(InputError, match=r"environments \[1\] have ended, expected a reset"):
+                env.step(np.array([0, 0]))
+        else:
+            rewards = env.step(np.array([0, 0]))[1]
+            assert env.belief.step.tolist() == [1, 0]
+            assert rewards[0] < 0.0
+            assert rewards[1] == 0.0
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from evaluation_systems import Measured, Uneven
 
+from wavegym.core.capabilities import UnequalSteps
 from wavegym.evaluation import draw_worlds, make_task, world_seeds
 from wavegym.evaluation.play import merged, play
 from wavegym.evaluation.task import Task
@@ -43,6 +44,27 @@ def test_metrics_are_means_over_steps_and_targets_and_losses_those_of_the_end():
     np.testing.assert_array_equal(played.nees_count, 2 * running)
     np.testing.assert_array_equal(played.nees_sum, np.where(running, 8.0 * np.arange(1, 10), 0.0))
     np.testing.assert_array_equal(played.lost, 1 + (WORLDS.length >= 3))
+
+
+class Slowing(Measured, UnequalSteps):
+    """Steps of 1, 2, 3, ... seconds."""
+
+    def duration(self, belief):
+        return 1.0 * belief.step
+
+    def gain_per_second(self, belief, ahead=None, worth=None):
+        return np.zeros((len(belief.step), len(self.gains)))
+
+
+def test_where_steps_differ_in_length_means_are_over_seconds():
+    played = play(Task("x", Slowing(), None, {}), Fixed(1), SEEDS)
+    seconds = [np.arange(1, length + 1.0) for length in WORLDS.length]  # of each step, and the GOSPA distance in it
+    mean_square = np.array([np.sum(s * s**2) / s.sum() for s in seconds])
+    np.testing.assert_allclose(played.gospa**2, mean_square, rtol=1e-14)
+    np.testing.assert_allclose(played.target_rmse**2, mean_square[:, None] * [1, 49], rtol=1e-14)
+    np.testing.assert_allclose(played.rmse**2, 25 * mean_square, rtol=1e-14)
+    want = [2.0 * level * len(s) / s.sum() for level, s in zip(WORLDS.level, seconds, strict=True)]
+    np.testing.assert_allclose(played.episode_cost(), want, rtol=1e-14)
 
 
 def test_metrics_that_a_system_lacks_are_not_numbers():
@@ -85,6 +107,21 @@ def test_a_box_of_parameters_has_no_counts():
     played = play(make_task("KershawEvans-v0", {"horizon": 3, "action": "box"}), Myopic(), SEEDS[:2])
     assert played.chosen.shape == (2, 0, 0)
     assert np.isfinite(played.cost).all()
+
+
+def test_the_share_of_decisions_outside_the_training_is_of_each_worlds_own():
+    """Outside in the first two decisions; every world is as long as its own episode."""
+
+    class Lost(Fixed):
+        def act(self, belief, observation, mask):
+            self.outside = belief.step < 2
+            return super().act(belief, observation, mask)
+
+        def is_outside_training(self):
+            return self.outside
+
+    played = play(UNEVEN, Lost(0), SEEDS)
+    np.testing.assert_allclose(played.outside, np.minimum(2, WORLDS.length) / WORLDS.length, rtol=1e-15)
 
 
 def test_a_time_limit_truncates():

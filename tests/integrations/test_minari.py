@@ -9,9 +9,12 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from small_systems import Burner, Tank
 
 from wavegym.core.errors import InputError
 from wavegym.integrations.minari import collect, load, stored_in
+from wavegym.integrations.minari.returns import ReturnsOfAll
+from wavegym.schedulers import Fixed
 
 SHORT = {"horizon": 6}
 
@@ -72,6 +75,22 @@ def test_probabilities_are_the_frequencies(tmp_path):
         assert episode.infos["probability"][0] == pytest.approx(expected if is_own else 0.4 / count)
 
 
+def test_the_probability_of_several_sensors_is_the_product(tmp_path):
+    dataset = collect("AgileClutter-v0", "random", 1, out=tmp_path, horizon=2)
+    sizes = dataset.action_space.nvec
+    assert len(sizes) == 2
+    np.testing.assert_allclose(dataset[0].infos["probability"], 1.0 / (int(sizes[0]) * int(sizes[1])), rtol=1e-15)
+
+
+def test_a_dataset_does_not_depend_on_its_batches(tmp_path, monkeypatch):
+    whole = collect("KershawEvans-v0", "myopic", 5, out=tmp_path / "whole", seed=3, **SHORT)
+    monkeypatch.setattr(sys.modules[collect.__module__], "BATCH", 2)
+    parts = collect("KershawEvans-v0", "myopic", 5, out=tmp_path / "parts", seed=3, **SHORT)
+    assert seeds(parts) == seeds(whole) == [3, 4, 5, 6, 7]
+    for one, other in zip(parts, whole, strict=True):
+        np.testing.assert_array_equal(one.observations, other.observations)
+
+
 def test_masked_actions_are_never_explored(tmp_path):
     dataset = collect("EnergyBudgetKnown-v0", "random", 4, out=tmp_path, horizon=12)
     for seed, episode in zip(seeds(dataset), dataset, strict=True):
@@ -94,6 +113,17 @@ def test_returns_of_all_are_those_of_replays(tmp_path):
                 _, reward, terminated, truncated, _ = env.step(choose())
                 total += reward
             assert returns[step, action] == pytest.approx(total, rel=1e-12)
+
+
+@pytest.mark.parametrize("limit", [None, 3])
+def test_returns_of_all_end_with_each_alternative(limit):
+    """Alternatives burn the tank at different rates: 1 / (a + 1) for a + 1 units, then 1 for each unit that is left."""
+    left = np.array([2.0, 5.0, 6.0])
+    world, taken = Tank(left), np.arange(1.0, 4.0)
+    returns = ReturnsOfAll(Burner(), Fixed(0), limit)(Burner().initial(world), world)
+    steps = left[:, None] - taken if limit is None else np.minimum(left[:, None] - taken, limit - 1)
+    want = np.where(taken <= left[:, None], -(1 / taken + steps), np.nan)
+    np.testing.assert_allclose(returns, want, rtol=1e-14)
 
 
 def test_returns_of_masked_actions_are_nan(tmp_path):

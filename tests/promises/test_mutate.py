@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from promises import mutate
-from promises.mutate import Defect, is_found, read_defects
+from promises.mutate import Defect, is_found, read_defects, survivors
 from wavegym.core.errors import InputError
 
 
 def test_each_defect_has_its_line_and_its_tests() -> None:
     defects = read_defects()
-    assert len({defect.what for defect in defects}) == len(defects) >= 25
+    assert len({defect.what for defect in defects}) == len(defects) >= 100
     for defect in defects:
         assert defect.line != defect.planted
         for test in defect.tests:
@@ -28,11 +29,21 @@ def copy(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize(("planted", "found"), [("3 * x", True), ("x**2", False)])
-def test_a_defect_is_found_if_a_test_fails(copy: Path, planted: str, found: bool) -> None:
-    before = (copy / "double.py").read_text()
-    assert is_found(Defect("wrong", "double.py", "2 * x", planted, ("test_double.py",)), copy) == found
-    assert (copy / "double.py").read_text() == before
+def test_a_defect_is_found_if_a_test_fails(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = copy / "double.py"
+    before, written = file.read_text(), file.stat().st_mtime_ns
+    defects = [Defect(what, "double.py", "2 * x", what, ("test_double.py",)) for what in ("3 * x", "x**2")]
+    assert survivors(defects, copy) == ["x**2"]
+    assert (file.read_text(), file.stat().st_mtime_ns) == (before, written)
+    first, second = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"found: 3 \* x \(double\.py; 1 of 2, \d+ s\)", first)
+    assert re.fullmatch(r"SURVIVED: x\*\*2 \(double\.py; 2 of 2, \d+ s\)", second)
+
+
+def test_a_test_that_fails_without_the_defect_finds_none(copy: Path) -> None:
+    (copy / "test_double.py").write_text("def test_it():\n    raise OSError\n")
+    with pytest.raises(InputError, match="wrong: pytest ends with status 1 without the defect, expected 0"):
+        is_found(Defect("wrong", "double.py", "2 * x", "3 * x", ("test_double.py",)), copy)
 
 
 def test_tests_that_cannot_run_are_a_mistake(copy: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import oracles
@@ -13,6 +14,7 @@ from scheduler_systems import CA, Ladder, Start
 from wavegym.core.capabilities import BestAction
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, rollout
+from wavegym.schedulers.myopic import determinant
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 
@@ -170,6 +172,13 @@ def test_margins_that_cannot_be_are_refused():
         Myopic(margin=-1)
     with pytest.raises(InputError, match="'myopic-margin:2' cannot be computed for KershawEvans: it has no margin"):
         Myopic(margin=2.0).begin(KershawEvans(), 1, None)
+
+
+def test_a_small_product_of_determinants_counts_not_a_small_sum():
+    dets = np.array([[[1.0, 16.0], [4.0, 5.0]]])  # (env, candidate, target); products 16 and 20, sums 17 and 9
+    covariance = dets[..., None, None] ** 0.5 * np.eye(2)
+    system = SimpleNamespace(predict=lambda belief, actions: SimpleNamespace(covariance=covariance))
+    np.testing.assert_allclose(determinant(system, None, np.arange(2)[None]), [[16.0, 20.0]], rtol=1e-12)
 
 
 def test_the_determinant_of_several_targets_is_their_product():

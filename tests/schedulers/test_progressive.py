@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import oracles
@@ -65,6 +66,30 @@ def test_it_finds_what_a_fine_grid_finds(beliefs):
         found = predicted(BOX, belief, chosen(BOX, belief))
         np.testing.assert_array_less(found, best * 1.01)
         np.testing.assert_array_less(best, found * 1.01)
+
+
+def test_finer_grids_reach_to_the_neighbours_of_the_best_point():
+    """Durations 1 to 16 and a best one of 3.2: each grid of five spans the points beside the best of the one before."""
+    tried = []
+
+    def covariance(law, duration, sweep):
+        tried.append(np.unique(duration.round(9)))
+        return np.stack([duration, 0.0 * duration, 0.0 * duration, sweep], axis=-1).reshape(*duration.shape, 2, 2)
+
+    actions = SimpleNamespace(
+        sensors=1, laws=("only",), durations=(1.0, 16.0), sweeps=(1.0, 16.0), chirp_covariance=covariance,
+        chirp_windows=lambda law, duration, sweep: np.zeros((*duration.shape, 10)), encode_chirps=lambda *chirp: chirp
+    )  # fmt: skip
+    policy = Progressive(points=5, levels=3)
+    policy._system = SimpleNamespace(
+        action_set=actions,
+        predicted_targets=lambda belief: SimpleNamespace(mean=np.zeros((1, 1, 4))),
+        sensor_costs=lambda predicted, sensor, C, windows: np.log(C[..., 0, 0] / 3.2) ** 2 + (C[..., 1, 1] - 4.0) ** 2,
+    )
+    _, duration, sweep = policy.act(None, None, None)
+    for found, (low, high) in zip(tried, [(1, 16), (2, 8), (2, 4)], strict=True):
+        np.testing.assert_allclose(found, np.geomspace(low, high, 5), rtol=1e-8)
+    np.testing.assert_allclose([duration, sweep], [[[2.0**1.75]], [[4.0]]], rtol=1e-12)
 
 
 def test_more_levels_leave_less_trace(beliefs):

@@ -1,5 +1,7 @@
 """The advantages of a rollout planner: each action's saving in shares of the mean cost, in common futures."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -11,21 +13,22 @@ from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 
-def test_without_chance_it_is_the_exact_saving():
+@pytest.mark.parametrize("holds", [(1,), (1, 3)])
+def test_without_chance_it_is_the_exact_saving_of_the_best_hold(holds):
     system = KershawEvansPosition(horizon=9)
     belief = system.initial(draw_worlds(system, world_seeds(0, "tune", 3))).belief
-    planner = RolloutPlanner(Myopic(), 4, shortlist=100)
+    planner = RolloutPlanner(Myopic(), 4, shortlist=100, holds=holds)
     planner.begin(system, 3, np.random.default_rng(0))
     saving = planner.advantages(belief, None)
-    costs = np.empty((3, 56))
-    for first in range(56):
+    costs = np.full((3, 56), np.inf)
+    for first, hold in itertools.product(range(56), holds):
         here, total = belief, 0.0
         for k in range(4):
-            policy = Fixed(first) if k == 0 else Myopic()
+            policy = Fixed(first) if k < hold else Myopic()
             policy.begin(system, 3, np.random.default_rng(0))
             here = system.predict(here, policy.act(here, None, None))
             total = total + system.cost(here)
-        costs[:, first] = total
+        costs[:, first] = np.minimum(costs[:, first], total)
     np.testing.assert_allclose(saving, 1.0 - costs / costs.mean(axis=1, keepdims=True), rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(saving.sum(axis=1), 0.0, atol=1e-10)
 

@@ -9,9 +9,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from wavegym.core.errors import InputError
 from wavegym.sensors import Antenna, ArrayReceiver, Multistatic, UrbanMap
+from wavegym.sensors.multistatic_kernels import direction_variance
 from wavegym.sensors.receiver import noise_law
 from wavegym.waveforms import SPEED_OF_LIGHT, GaussianChirp, PulseTrain
 
@@ -260,6 +262,16 @@ def test_two_targets_a_resolution_cell_or_two_apart_are_two():
     assert len(LONG.peaks(LONG.image(one + other), 7.0).z) == 2
 
 
+@pytest.mark.parametrize("rate", [-9.0, 0.0, 9.0])
+@pytest.mark.parametrize("cells", [-1, 1])
+def test_a_target_beside_a_stronger_one_is_kept_wherever_the_doppler_cells_begin(rate, cells):
+    """One Doppler cell apart, a quarter of a resolution cell, and far apart in range; cells begin at a rate of 0."""
+    other = rate + cells * SPEED_OF_LIGHT / CARRIER / 2e-3 / 100
+    both = echo(LONG, 60.0, rate, 800.0) + echo(LONG, 200.0, other, 200.0)
+    peaks = LONG.peaks(LONG.image(both), 7.0)
+    np.testing.assert_allclose(peaks.z[:, :2], [[60.0, rate], [200.0, other]], atol=0.1)
+
+
 def test_range_rates_fold():
     """One pulse per ms folds by lambda / (2 x 1 ms) = 37.5 m/s."""
     peaks = LONG.peaks(LONG.image(echo(LONG, 100.0, 25.0, 200.0)), 7.0)
@@ -288,6 +300,23 @@ def test_noise_has_unit_power_and_passes_the_threshold_as_often_as_theory_says(e
     assert np.mean(power) == pytest.approx(1.0, abs=0.02)
     area = 150 * 300.0 * SPEED_OF_LIGHT / CARRIER / 2e-3
     assert count / area == pytest.approx(1e-3, rel=0.2)
+
+
+@pytest.mark.parametrize("elements", [2, 3])
+def test_what_a_plane_wave_leaves_is_chi_square(elements):
+    """2 L numbers less those of amplitude, phase and direction, X = chi2 / (2 L - 3): the variance of the direction is
+    that of the bound times max(X, 1). Its mean, by the chi-square's own moments, within four standard errors.
+    """
+    array, rng, count, free = receiver(8, 0.5e-6, elements=elements), np.random.default_rng(0), 400, 2 * elements - 3
+    factors = np.empty(count)
+    for k in range(count):
+        r, rate = rng.uniform(60.0, 250.0), rng.uniform(-10.0, 10.0)
+        signal = echo(array, r, rate, 200.0, *rng.uniform(0.0, 2.0 * np.pi, 2))
+        peaks = array.peaks(array.image(signal + noise(array, rng)), 15.0)
+        factors[k] = peaks.R[0, 2, 2] / direction_variance(peaks.snr[0], elements)
+    mean = chi2.cdf(free, free) + chi2.sf(free, free + 2)
+    square = chi2.cdf(free, free) + chi2.sf(free, free + 4) * (free + 2) / free
+    assert factors.mean() == pytest.approx(mean, abs=4.0 * math.sqrt((square - mean**2) / count))
 
 
 @pytest.mark.slow

@@ -48,6 +48,33 @@ def test_after_the_first_round_the_learner_itself_acts(monkeypatch: pytest.Monke
     assert [actor.network.to_bytes() for actor in actors[1:]] == weights[1:], "with its weights of then"
 
 
+def test_each_round_learns_from_the_lessons_of_all_rounds_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, settings = taught(imitation_rounds=3)
+    rounds, learned = iter([np.arange(2), np.arange(2, 5), np.arange(5, 6)]), list[Any]()
+    lessons = ((decisions[:, None], -decisions) for decisions in rounds)
+    monkeypatch.setattr(imitation, "demonstrations", lambda *given: next(lessons))
+    monkeypatch.setattr(imitation, "imitate", lambda model, *given: learned.append(given[:2]))
+    imitation.pretrain(model, settings, [SYSTEM], 3)
+    assert [labels.tolist() for _, labels in learned] == [[0, -1], [0, -1, -2, -3, -4], [0, -1, -2, -3, -4, -5]]
+    assert all((observations[:, 0] == -labels).all() for observations, labels in learned)
+
+
+def test_each_round_plays_worlds_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, settings = taught(imitation_rounds=3)
+    given, played = draw_worlds, list[Any]()
+
+    def noted(system: Any, seeds: Any) -> Any:
+        played.append(seeds)
+        return given(system, seeds)
+
+    monkeypatch.setattr(imitation, "draw_worlds", noted)
+    monkeypatch.setattr(imitation, "demonstrations", lambda *given: (np.zeros((1, 1)), np.zeros(1)))
+    monkeypatch.setattr(imitation, "imitate", lambda *given: None)
+    imitation.pretrain(model, settings, [SYSTEM], 3)
+    assert [len(seeds) for seeds in played[-3:]] == [4, 4, 4]
+    assert len({seed for seeds in played[-3:] for seed in seeds}) == 12
+
+
 def test_labels_are_twenty_times_the_advantages_up_to_ten(monkeypatch: pytest.MonkeyPatch) -> None:
     planner = make_policy("rollout:6", SYSTEM, None)
     advantages = np.array([[0.0, -0.1, 0.3, -2.0, 2.0, 0.01, np.nan, 0.0]])

@@ -115,6 +115,21 @@ def test_the_index_is_its_formula():
     np.testing.assert_allclose(values[np.arange(len(chosen)), chosen], values.max(axis=1), rtol=1e-12)
 
 
+def test_the_bonus_is_for_the_present_set_up_alone():
+    """A bonus that outweighs all else: a pulse that can be sent at once, wherever one is worth anything."""
+    belief = beliefs()
+    delay = SYSTEM.delay(belief)
+    worth = SYSTEM.gain(belief, delay, 3) - 0.3 * SYSTEM.gain(belief, delay + 2, 3)
+    at_once = np.where(delay == 0, worth, 0.0)
+    counts = at_once.max(axis=1) > 0.0
+    rows, (plain, loyal) = (
+        np.arange(len(counts)),
+        (begun(CostOfDelay(0.3, 2, 3, 0.0, bonus)).act(belief, None, None) for bonus in (0.0, 1e9)),
+    )
+    np.testing.assert_array_equal(worth[rows, loyal][counts], at_once.max(axis=1)[counts])
+    assert (delay[rows, plain][counts] > 0).any()  # without it another set-up is worth more somewhere
+
+
 def test_a_target_about_to_hide_comes_first():
     """Two equal targets, set up for neither in particular (no delays): the one that hides next step is looked at."""
     system = DelaySystem(setup=0)

@@ -98,6 +98,17 @@ def test_the_prepared_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
         assert followed(SYSTEM, one, begun(LagrangianPrice(prepared[env], 3))) <= belief.energy[env]
 
 
+@pytest.mark.parametrize("thrift", [0.5, 1.0, 1.5])
+def test_the_predicted_account_is_spent_as_the_thrift_says(thrift):
+    """Of a unit that the expected recursion spends, 1 / thrift leaves the account."""
+    belief = start(5)
+    prepared = begun(AdaptiveLagrangianPrice(3, thrift)).prepare(belief)
+    for env in range(5):
+        one = trees.take(belief, np.array([env]))
+        spent = followed(SYSTEM, one, begun(LagrangianPrice(prepared[env, 0], 3)))
+        assert prepared[env, -1] == pytest.approx(belief.energy[env] - spent / thrift, abs=1e-9)
+
+
 def test_in_a_simulated_future_the_price_rises_with_the_cube_of_what_is_missing():
     """At the root it is the prepared price; with an account of 1 / 1.1 of the prediction, 1.1 cubed of it."""
     belief = start(6)

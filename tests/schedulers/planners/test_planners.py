@@ -16,6 +16,8 @@ from wavegym.schedulers.planners import (
     RecedingHorizon,
     RolloutPlanner,
     TreeSearch,
+    mcts,
+    sampled_futures,
 )
 from wavegym.schedulers.planners.receding_horizon import neighbours
 from wavegym.schedulers.planners.sampled_futures import SampledFutures, significant
@@ -96,6 +98,74 @@ def expected_cost(system, policy, belief, tries, seed):
         here = system.predict(here, action, rng.random((tries, 1)))
         total = total + system.cost(here)
     return total.mean(), total.std() / np.sqrt(tries)
+
+
+def test_a_node_of_the_tree_search_knows_the_cost_to_come_from_it(monkeypatch):
+    """Of two certain steps: the root that of both, its children that of the second alone."""
+    roots, given = [], mcts._line
+    monkeypatch.setattr(mcts, "_line", lambda root, options: roots.append(root) or given(root, options))
+    belief = CERTAIN.initial(delay_worlds(CERTAIN, 1)).belief
+    planner = MonteCarloTree(base(), 60, 2)
+    planner.begin(CERTAIN, 1, np.random.default_rng(0))
+    planner.act(belief, None, CERTAIN.mask(belief))
+    seen = 0
+    for (first, _), child in roots[0].children.items():
+        after = CERTAIN.predict(belief, np.array([first]))
+        for second in np.flatnonzero(child.visits):
+            want = CERTAIN.cost(CERTAIN.predict(after, np.array([second])))[0]
+            assert child.total[second] == pytest.approx(child.visits[second] * want, rel=1e-12)
+            seen += 1
+    assert seen > 5
+
+
+def test_the_tree_search_tries_what_it_knows_least():
+    node = mcts._Node(np.array([True, True, False]))
+    node.visits[:2], node.total[:2] = (10, 2), (10.0, 2.1)  # means 1 and 1.05
+    assert [node.option(0, spread) for spread in (0.0, 0.01, 1.0)] == [0, 0, 1]  # roots of ln 12 / n differ by .62
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_a_receding_horizon_goes_on_with_the_plan_it_has_made(is_given):
+    """Given a good plan of an episode it plays the rest of it, without any search; left to its base it costs more."""
+    system = DelaySystem(horizon=8, setup=1, budget=3.0, pd=1.0)
+    worlds = delay_worlds(system, 12)
+    good = rollout(system, PlanOnce(base(), rounds=40), worlds)
+    planner = RecedingHorizon(base(), 8, rounds=0, first=0, asks=False)
+    planner.begin(system, 12, np.random.default_rng(0))
+    if is_given:
+        planner._plan, planner._made = good.actions.copy(), np.zeros(12, np.int64)
+    state, more = system.transition(system.initial(worlds), good.actions[:, 0], worlds), np.zeros(12)
+    for t in range(1, 8):
+        state = system.transition(state, planner.act(state.belief, None, system.mask(state.belief)), worlds)
+        more += system.cost(state.belief) - good.cost[:, t]
+    assert (np.abs(more) < 1e-6).all() == is_given
+    assert (more > -1e-6).all()
+
+
+def test_chunks_of_environments_meet_their_own_futures(monkeypatch):
+    system, rng = DelaySystem(), np.random.default_rng(0)
+    belief = system.initial(delay_worlds(system, 7)).belief
+    futures = SampledFutures(base(), 5, 4)
+    futures.begin(system, 7, rng)
+    draws, plans = futures.draw(7), rng.integers(-1, len(CANDIDATES), (7, 3, 2))
+    whole = futures.costs(belief, plans, None, draws)
+    assert whole.shape == (7, 3, 4)
+    monkeypatch.setattr(sampled_futures, "ROWS", 3 * 4 * 2)  # two environments at a time, and one
+    np.testing.assert_array_equal(futures.costs(belief, plans, None, draws), whole)
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_the_shortlist_holds_the_candidates_of_least_cost_one_step_ahead(masked):
+    system = DelaySystem(setup=0)
+    belief = system.initial(delay_worlds(system, 20)).belief
+    planner = RolloutPlanner(base(), shortlist=2)
+    planner.begin(system, 20, np.random.default_rng(0))
+    mask = np.arange(len(CANDIDATES)) % 2 == 0 if masked else np.ones(len(CANDIDATES), np.bool_)
+    listed, permitted = planner.options(belief, np.tile(mask, (20, 1)) if masked else None)
+    costs = np.stack([system.cost(system.predict(belief, np.full(20, k))) for k in range(len(CANDIDATES))], axis=1)
+    left = np.where(mask, costs, np.inf)
+    np.testing.assert_array_equal(np.take_along_axis(costs, listed, axis=1), np.sort(left, axis=1)[:, :2])
+    assert permitted.all()
 
 
 def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():

@@ -123,6 +123,12 @@ def test_where_nobody_looks_the_undetected_are_the_traffic():
     np.testing.assert_allclose(undetected, np.tile(usual, (12, 1)), rtol=1e-6)
 
 
+def test_the_beams_tile_the_region():
+    """120 beams side by side: each points at the middle of its 120th part."""
+    axes = [dwells.axis_of(sector, turn, 12, AREA) for sector in range(12) for turn in range(10)]
+    np.testing.assert_allclose(axes, -np.pi / 3 + (np.arange(120) + 0.5) * (2.0 * np.pi / 3 / 120), rtol=1e-12)
+
+
 def test_an_empty_search_thins_the_undetected_of_its_sector():
     slots, undetected = empty(), np.full((12, 7), 0.1)
     found = np.empty((9, 4))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import RandomChoice, rollout
 from wavegym.schedulers.heuristics.registry import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
-from wavegym.systems.multifunction_radar.figures import estimates
+from wavegym.systems.multifunction_radar.figures import _errors, _follow, _gospa, estimates
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.testing import check_vector_env
@@ -35,6 +36,53 @@ def by_gain(system, ahead=0.5, worth=1.0):
     policy = GainPerSecond(ahead, worth)
     policy.begin(system, 1, np.random.default_rng(0))
     return lambda belief, mask: policy.choose(belief, mask, None)
+
+
+def test_a_track_is_lost_where_its_target_stays():
+    """Slots follow targets 0 and 1 and a false alarm; 1 has left, 2 is there without its track, 3 never had one."""
+    truth = SimpleNamespace(
+        held=np.array([[True, True, True, False]]), here=np.array([[True, False, True, True]]), lost=np.zeros(1, int),
+        origin=np.array([[0, 1, -1, 2]]), confirmed=np.array([[1.0, 1.0, 1.0, np.nan]])
+    )  # fmt: skip
+    follows = np.array([True, True, True, False])
+    _follow(truth, 0, follows, 5.0)
+    assert truth.lost[0] == 1
+    assert truth.held[0].tolist() == [True, False, False, False]
+    truth.origin[0, 2] = 3
+    _follow(truth, 0, follows, 6.0)
+    assert truth.lost[0] == 1
+    np.testing.assert_array_equal(truth.confirmed[0], [1.0, 1.0, 1.0, 6.0])
+    _follow(truth, 0, np.zeros(4, bool), 7.0)
+    assert truth.lost[0] == 3
+
+
+def test_errors_are_of_targets_that_are_there():
+    """Slots follow target 0, target 1 that has left, and a false alarm; a fourth track is not confirmed."""
+    rng, x = np.random.default_rng(0), np.array([[1e3, 5.0, 2e3, -5.0], [9e9, 0.0, 9e9, 0.0]])
+    off, covariance = rng.standard_normal((4, 4)), np.tile(np.diag([4.0, 1.0, 9.0, 1.0]), (4, 1, 1))
+    truth = SimpleNamespace(
+        origin=np.array([[0, 1, -1, 0]]), here=np.array([[True, False]]), false=np.zeros(1, int),
+        present=np.zeros((1, 4), bool), squared_error=np.ones((1, 4)), variance=np.ones((1, 4)), nees=np.ones((1, 4))
+    )  # fmt: skip
+    _errors(truth, 0, np.array([True, True, True, False]), x, x[0] + off, covariance)
+    assert truth.present[0].tolist() == [True, False, False, False]
+    assert truth.false[0] == 2
+    squares = off[0] ** 2
+    np.testing.assert_allclose(truth.squared_error[0], [squares[0] + squares[2], 0, 0, 0], rtol=1e-9)
+    np.testing.assert_allclose(truth.variance[0], [13.0, 0, 0, 0], rtol=1e-12)
+    np.testing.assert_allclose(truth.nees[0], [squares @ (1 / np.array([4.0, 1.0, 9.0, 1.0])), 0, 0, 0], rtol=1e-9)
+
+
+def test_a_pair_far_apart_costs_a_target_missed_and_a_false_track():
+    """Each with the weight of its range: 3 at 5 km, 1 at 40 km, and linear in between."""
+    area = MultifunctionRadar(priority=3.0).area
+    near, far = area.nearest, area.farthest
+    for target, track in ((near, far), (0.5 * (near + far), near), (far, far)):
+        weights = (1.0 + 2.0 * (far - r) / (far - near) for r in (target, track))
+        apart = _gospa(np.array([[0.0, 0.0, target, 0.0]]), np.array([[track, 0.0, 0.0, 0.0]]), 1e4, area)
+        assert apart**2 == pytest.approx(1e4 * sum(weights), rel=1e-9)
+    close = _gospa(np.array([[0.0, 0.0, near, 0.0]]), np.array([[30.0, 0.0, near, 0.0]]), 1e4, area)
+    assert close**2 == pytest.approx(3.0 * 900.0, rel=1e-9)
 
 
 def worlds_of(system, count, root=0):
