@@ -31,16 +31,16 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The oldest Gymnasium supported, in an environment of its own, and RLlib, which pins it.
+# The oldest versions supported, in an environment of its own, and RLlib, which pins Gymnasium.
 test-oldest: $(VENV)-oldest/.ready
 	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/testing -m "not slow"
 	$(VENV)-oldest/bin/python -m pytest tests/integrations/test_ray_cluster.py tests/integrations/test_rllib.py
 
-$(VENV)-oldest/.ready: pyproject.toml constraints.txt
+$(VENV)-oldest/.ready: pyproject.toml constraints-oldest.txt
 	$(PYTHON) -m venv $(VENV)-oldest
-	sed 's/^gymnasium==.*/gymnasium==1.2.2/' constraints.txt > $(VENV)-oldest/constraints.txt
-	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt torch
-	$(VENV)-oldest/bin/python -m pip install --quiet --constraint $(VENV)-oldest/constraints.txt --editable ".[agents,tune,dev,ray]"
+	$(VENV)-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt torch
+	$(VENV)-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt \
+		--editable ".[agents,tune,onnx,pettingzoo,window,stonesoup,ray]" pytest pytest-xdist hypothesis networkx
 	touch $@
 
 # The examples of examples/learners with TorchRL, skrl and RL Zoo, in an environment of its own: RL Zoo needs an older
@@ -127,6 +127,7 @@ benchmarks: $(READY)
 promises: $(READY)
 	$(BIN)/python -m promises.fuzz
 	$(BIN)/python -m promises.faults
+	$(BIN)/python -m promises.determinism
 	$(BIN)/python -m promises.coverage
 	$(BIN)/python -m promises.mutate
 

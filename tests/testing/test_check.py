@@ -295,7 +295,7 @@ NAN = np.array([1.0, np.nan])
     ("got", "want", "words"),
     [
         (NAN, NAN.copy(), None),
-        (np.array([0.0]), np.array([-0.0]), "[0] is np.float64(0.0), expected np.float64(-0.0)"),
+        (np.array([0.0]), np.array([-0.0]), f"[0] is {np.float64(0.0)!r}, expected {np.float64(-0.0)!r}"),
         (np.zeros(2, np.float32), np.zeros(2), " is float32 with shape (2,), expected float64 with shape (2,)"),
         (np.zeros((2, 1)), np.zeros(2), " is float64 with shape (2, 1), expected float64 with shape (2,)"),
         ({"a": 1}, {"a": 1, "b": 2}, " lacks the key 'b'"),
@@ -303,7 +303,7 @@ NAN = np.array([1.0, np.nan])
         (
             {"a": {"b": np.array([1, 2])}},
             {"a": {"b": np.array([1, 3])}},
-            "['a']['b'][1] is np.int64(2), expected np.int64(3)",
+            f"['a']['b'][1] is {np.int64(2)!r}, expected {np.int64(3)!r}",
         ),
         (np.array([None, NAN], object), np.array([None, NAN.copy()], object), None),
         (np.array([None, NAN], object), np.array([NAN, None], object), "[0] is None, expected array([ 1., nan])"),

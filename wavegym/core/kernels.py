@@ -57,7 +57,7 @@ def _sources(module: str) -> frozenset[Path]:
 @cache
 def _cache_folder(module: str) -> str:
     """The folder for the compiled code of a module of kernels."""
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(numba.__version__.encode())  # versions of Numba overwrite each other's caches
     for source in sorted(_sources(module)):
         digest.update(source.read_bytes())
     return str(_caches() / digest.hexdigest()[:16])

@@ -114,7 +114,7 @@ def test_the_probability_of_a_certain_fold(ratio):
 
 EPISODES = [
     (RfEoFar(), "random", 300),
-    (RfEoFar(), "myopic", 300),
+    (RfEoFar(), "myopic", 100),
     (RfEoFar(q=100.0, starts=FOUR, horizon=60), "random", 150),
 ]
 

@@ -52,28 +52,9 @@ def track_one(e, mean, P, z, R, scale, F, Q, M, T, y, L, D, V, w, x, P_out, nn, 
 
 @kernel
 def transition(
-    mean,
-    P,
-    step,
-    path,
-    normal,
-    C,
-    duration,
-    which,
-    half,
-    true_law,
-    F,
-    Q,
-    M,
-    r0,
-    nearest,
-    nn,
-    mm,
-    x,
-    P_out,
-    truth,
-    step_out,
-):
+    mean, P, step, path, normal, C, duration, which, half, true_law, F, Q, M, r0, nearest, nn, mm, x, P_out, truth,
+    step_out
+):  # fmt: skip
     """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n), truth (e, n) and step_out (e,).
 
     C, duration, which (e,), half: the ``Pulses`` that are sent. ``true_law``: reference and nearest range by
