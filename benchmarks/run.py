@@ -46,7 +46,7 @@ def main() -> None:
     slow = [name for name, r, wanted in peers() if wanted is not None and r.ratio < wanted / 2.0]
     if not is_quick:
         others()
-    if slow:
+    elif slow:
         raise InputError(f"less than half as fast as wanted: {'; '.join(slow)}")
 
 
