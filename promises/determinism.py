@@ -103,12 +103,10 @@ WAYS: dict[str, Callable[[str, str], list[str]]] = {
 }
 
 
-def check(env_id: str, policy: str, ways: Sequence[str]) -> None:
-    """Raise an InputError that names a way in which the episodes are not those of one batch."""
+def differing(env_id: str, policy: str, ways: Sequence[str]) -> list[str]:
+    """The ways in which the episodes are not those of one batch, with environment and policy."""
     wanted = batch(env_id, policy, SEEDS)
-    for way in ways:
-        if WAYS[way](env_id, policy) != wanted:
-            raise InputError(f"{env_id}, {policy}: episodes {way} differ, expected those of one batch")
+    return [f"{stem(env_id)} under {policy} {way}" for way in ways if WAYS[way](env_id, policy) != wanted]
 
 
 def policies_of(env_id: str) -> Sequence[str]:
@@ -125,12 +123,11 @@ def main() -> None:
     ways = [way for way in WAYS if has_ray or way != "on Ray"]
     pairs = [(env_id, policy) for env_id in ids for policy in policies_of(env_id)]
     with cluster() if has_ray else nullcontext():
-        for env_id, policy in tqdm(pairs, unit="policy", disable=None):
-            check(env_id, policy, ways)
-    listed = ", ".join(ways)
-    print(
-        f"{len(ids)} environments, {len(pairs) * len(ways)} comparisons with one batch ({listed}): all the same bytes"
-    )
+        found = [differing(env_id, policy, ways) for env_id, policy in tqdm(pairs, unit="policy", disable=None)]
+    wrong, count = [each for one in found for each in one], len(pairs) * len(ways)
+    print(f"{count - len(wrong)} of {count} comparisons with one batch ({', '.join(ways)}): the same bytes")
+    if wrong:
+        raise InputError(f"other bytes: {'; '.join(wrong)}")
 
 
 if __name__ == "__main__":
