@@ -14,14 +14,13 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
 
 from tqdm import tqdm
 
+from benchmarks.figures import read_rows, renew_rows
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.evaluation import blocks
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.table import tabulated
 from wavegym.registration import SYSTEMS, full_id, stem
 
@@ -40,14 +39,6 @@ print(time.process_time(), float(reward).hex())
 """
 
 
-class StartUp(NamedTuple):
-    """One line of the table: seconds until the first step has been made."""
-
-    environment: str
-    cold: float
-    warm: float
-
-
 def begun(env_id: str, cache: str) -> subprocess.Popen[str]:
     """A process that plays the first step of an environment with a folder for compiled kernels."""
     settings = {**os.environ, "NUMBA_CACHE_DIR": cache, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
@@ -64,11 +55,11 @@ def ended(process: subprocess.Popen[str]) -> tuple[float, str]:
     return float(seconds), reward
 
 
-def measured(env_id: str) -> StartUp:
-    """The figures of one environment."""
+def measured(env_id: str) -> tuple[float, float]:
+    """Seconds until an environment's first step with an empty cache, and with the one that this has filled."""
     with tempfile.TemporaryDirectory() as cache:
         cold, warm = (ended(begun(env_id, cache))[0] for _ in range(2))
-    return StartUp(stem(env_id), cold, warm)
+    return cold, warm
 
 
 def at_once() -> float:
@@ -86,27 +77,15 @@ def at_once() -> float:
     return time.perf_counter() - start
 
 
-def read() -> list[StartUp]:
-    """The figures of results/startup.csv."""
-    if not FILE.exists():
-        return []
-    rows = [line.split(",") for line in FILE.read_text("utf-8").splitlines()[1:]]
-    return [StartUp(name, float(cold), float(warm)) for name, cold, warm in rows]
-
-
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m benchmarks.startup", description="Seconds until the first step of an environment.")
     parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all of the suite)")
     ids = [full_id(name) for name in parser.read(None).ids] or list(SYSTEMS)
-    names = [stem(env_id) for env_id in SYSTEMS]
     for env_id in tqdm(ids, unit="environment", disable=None):
-        found = [each for each in read() if each.environment != stem(env_id)] + [measured(env_id)]
-        found.sort(key=lambda each: names.index(each.environment))
-        lines = [HEAD, *(f"{each.environment},{each.cold:.1f},{each.warm:.1f}" for each in found)]
-        write_whole(FILE.parent, {FILE.name: "".join(f"{line}\n" for line in lines).encode()})
-    rows = [[each.environment, f"{each.cold:.1f}", f"{each.warm:.1f}"] for each in read()]
-    blocks.renew(PAGE, START, END, tabulated(["environment", "cold, s", "warm, s"], rows))
+        cold, warm = measured(env_id)
+        renew_rows(FILE, HEAD, stem(env_id), [[stem(env_id), f"{cold:.1f}", f"{warm:.1f}"]])
+    blocks.renew(PAGE, START, END, tabulated(["environment", "cold, s", "warm, s"], read_rows(FILE)))
     print(f"{AT_ONCE} processes at once, {stem(SHARED)}, one empty cache: {at_once():.1f} s by the clock, same rewards")
 
 

@@ -19,9 +19,9 @@ import numpy as np
 
 import wavegym
 from agents.leaderboard import environment_of
+from benchmarks.figures import read_rows, renew_rows
 from wavegym.core.command_line import Parser, guarded
 from wavegym.evaluation import blocks
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.saved import SAVED
 from wavegym.evaluation.table import tabulated
 from wavegym.registration import SYSTEMS, full_id, stem
@@ -94,21 +94,16 @@ def all_of(env_id: str) -> Iterator[Speed]:
 
 def read() -> list[Speed]:
     """The figures of results/speed.csv."""
-    if not FILE.exists():
-        return []
-    rows = [line.split(",") for line in FILE.read_text("utf-8").splitlines()[1:]]
     return [
-        Speed(env, by, int(batch), float(speed), float(two) if two else None) for env, by, batch, speed, two in rows
+        Speed(env, by, int(batch), float(speed), float(two) if two else None)
+        for env, by, batch, speed, two in read_rows(FILE)
     ]
 
 
-def write(found: list[Speed]) -> None:
-    """Write the figures to results/speed.csv."""
-    lines = [HEAD]
-    for s in found:
-        two_cores = "" if s.two_cores is None else f"{s.two_cores:.3g}"
-        lines.append(f"{s.environment},{s.actions},{s.batch},{s.per_second:.4g},{two_cores}")
-    write_whole(FILE.parent, {FILE.name: "".join(f"{line}\n" for line in lines).encode()})
+def cells_of(speed: Speed) -> list[str]:
+    """A row of results/speed.csv."""
+    two_cores = "" if speed.two_cores is None else f"{speed.two_cores:.3g}"
+    return [speed.environment, speed.actions, str(speed.batch), f"{speed.per_second:.4g}", two_cores]
 
 
 def table(found: list[Speed]) -> str:
@@ -130,11 +125,8 @@ def main() -> None:
     parser = Parser(prog="python -m benchmarks.steps", description="Steps per second of the environments.")
     parser.add_argument("ids", nargs="*", metavar="ID", help="environments (default: all of the suite)")
     ids = [full_id(name) for name in parser.read(None).ids] or list(SYSTEMS)
-    names = [stem(env_id) for env_id in SYSTEMS]
     for env_id in ids:
-        found = [speed for speed in read() if speed.environment != stem(env_id)] + list(all_of(env_id))
-        found.sort(key=lambda speed: names.index(speed.environment))
-        write(found)
+        renew_rows(FILE, HEAD, stem(env_id), [cells_of(speed) for speed in all_of(env_id)])
     blocks.renew(PAGE, START, END, table(read()))
 
 

@@ -62,13 +62,6 @@ def predict_mixtures(mixtures, present, F, Q, mixtures_out, nn):
 
 
 @kernel
-def empty_mixtures(count_t, count_c, nn):
-    """An empty ``mixtures`` of so many targets and components."""
-    n = len(nn)
-    return np.empty((count_t, count_c)), np.empty((count_t, count_c, n)), np.empty((count_t, count_c, n, n))
-
-
-@kernel
 def workspace(rows, nn):
     """An empty ``bank`` of so many rows."""
     n = len(nn)

@@ -272,9 +272,7 @@ def transition(step, mean, covariance, particles, mixtures, jpda, path, first, u
             is_lit(e, i, present, pulse[2], sent)
             copy_vector(sent, lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
-            gates = lit, work[0], work[2], radar[5]
-            if mixtures is not None:
-                gates = gates_of_components(i, mixture_at(e, mixtures_out), lit, radar, work, bank, opened, nn)
+            gates = gates_of(e, i, mixtures_out, lit, radar, work, bank, opened, nn)
             z, count = sense(
                 e, i, k, stream(stream_of_step, i), sent, fresh, truth, uniform, error, pulse, world, gates, 1.0, z,
                 outside, scan
@@ -299,20 +297,24 @@ def transition(step, mean, covariance, particles, mixtures, jpda, path, first, u
 
 
 @inlined
-def gates_of_components(i, mixture_of, lit, radar, work, bank, opened, nn):
-    """The gates of sensor i, one for each component; fills ``bank`` and ``opened``."""
-    sensors = radar[0]
-    gaussian_mixture.predict_bank(mixture_of, lit, work[4], sensors[i, 0], sensors[i, 1], bank, opened, nn)
-    return opened, bank[0], bank[1], radar[5]
+def gates_of(e, i, mixtures, lit, radar, work, bank, opened, nn):
+    """Sensor i's gates in environment e: those in ``work``, or with mixtures those of their components."""
+    gates = lit, work[0], work[2], radar[5]
+    if mixtures is not None:
+        sx, sy = radar[0][i, 0], radar[0][i, 1]
+        gaussian_mixture.predict_bank(mixture_at(e, mixtures), lit, work[4], sx, sy, bank, opened, nn)
+        gates = opened, bank[0], bank[1], radar[5]
+    return gates
 
 
 @kernel
-def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse, targets, world, F, Q, radar, count,
-            outside, scan, nn):  # fmt: skip
+def measure(step, mean, covariance, mixtures, ahead, truth, uniform, error, key, pulse, targets, world, F, Q, radar,
+            count, outside, scan, nn):  # fmt: skip
     """Returns of all sensors in their windows, (return, 2), environment by environment and sensor by sensor.
 
-    Of each sensor by increasing range: their order does not tell which are targets'. count (e, i) is their number;
-    outside (e, t) and scan (e, 2) are counted up as in ``transition``.
+    Those of one sensor by increasing range: their order does not tell which are targets'. count (e, i) is their
+    number; outside (e, t) and scan (e, 2) are counted up as in ``transition``. ``ahead`` is filled with the predicted
+    mixtures.
     """
     (birth, lifetime), sensors, count_t, n, filled = targets, radar[0], len(targets[0]), len(nn), 0
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
@@ -320,22 +322,17 @@ def measure(step, mean, covariance, mixtures, truth, uniform, error, key, pulse,
     work, z, found = workspace(count_t, nn), np.empty((64, 2)), np.empty((64, 2))
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))
     bank, opened = bank_of(mixtures, nn)
-    if mixtures is not None:
-        mixture_of = gaussian_mixture.empty_mixtures(count_t, mixtures[0].shape[2], nn)
     for e in range(len(step)):
         k = step[e] + 1
         fresh[:] = True
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
-        if mixtures is not None:
-            gaussian_mixture.predict_mixtures(mixture_at(e, mixtures), present, F, Q, mixture_of, nn)
+        predict_hypotheses(e, None, mixtures, present, F, Q, None, ahead, nn)
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], sent)
             copy_vector(sent, lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
-            gates = lit, work[0], work[2], radar[5]
-            if mixtures is not None:
-                gates = gates_of_components(i, mixture_of, lit, radar, work, bank, opened, nn)
+            gates = gates_of(e, i, ahead, lit, radar, work, bank, opened, nn)
             z, count[e, i] = sense(
                 e, i, k, stream(stream(key[e], k), i), sent, fresh, truth, uniform, error, pulse, world, gates, WINDOW,
                 z, outside, scan
@@ -367,9 +364,7 @@ def track_returns(step, mean, covariance, mixtures, jpda, z, count, first, pulse
         for i in range(len(sensors)):
             is_lit(e, i, present, pulse[2], lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
-            gates = lit, work[0], work[2], radar[5]
-            if mixtures is not None:
-                gates = gates_of_components(i, mixture_at(e, mixtures_out), lit, radar, work, bank, opened, nn)
+            gates = gates_of(e, i, mixtures_out, lit, radar, work, bank, opened, nn)
             kept = keep_in_gates(z[e, i], count[e, i], gates, inside)
             track(
                 e, i, np.uint64(0), present, lit, x, P, None, None, mixtures_out, jpda, inside, kept, radar, work, bank,

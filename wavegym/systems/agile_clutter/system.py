@@ -438,10 +438,11 @@ class AgileClutter(
         step, targets = belief.step, len(self.starts)
         count = np.zeros((len(step), len(self.sensors)), np.int64)
         outside, scan = np.zeros((len(step), targets), np.int64), np.zeros((len(step), 2))
+        mixtures = kernel_hypotheses(belief.hypotheses)[1]
         found = kernels.measure(
-            *belief[:3], kernel_hypotheses(belief.hypotheses)[1], truth.targets, world.detection,
-            world.error, world.key, pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model,
-            self._radar, count, outside, scan, NN
+            *belief[:3], mixtures, trees.tree_map(np.empty_like, mixtures), truth.targets, world.detection, world.error,
+            world.key, pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar,
+            count, outside, scan, NN
         )  # fmt: skip
         self._check_clutter_of_step(step, scan)
         present = np.arange(count.max()) < count[..., None]
