@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from scipy.stats import gamma, norm, truncnorm
@@ -64,6 +65,7 @@ def chirp_covariance(k, sweep, fc=10.4e9):
     return np.array([[C**2 * k**2 / 2, cross], [cross, (C / wc) ** 2 * (1 / (2 * k**2) + 2 * g**2 * k**2)]])
 
 
+@cache  # futures of all actions meet the same ranges
 def received_covariance(k, sweep, r, reference):
     """Covariance of a pulse of its own echo from range r (m), SNR 1 at the range ``reference``: R of Kershaw and Evans.
 
@@ -71,7 +73,7 @@ def received_covariance(k, sweep, r, reference):
     Gaussian, and of the information the part that the variance in this tail, times its weight, is of the whole.
     """
     tail = np.sqrt(2) * (np.sqrt(2) * norm.ppf(0.995) / 2 - 2 * r / C / k)  # standard deviations of |s|^2
-    share = norm.sf(tail) * truncnorm(tail, np.inf).var()
+    share = norm.sf(tail) * truncnorm.var(tail, np.inf)
     return chirp_covariance(k, sweep) * (r / reference) ** 4 / share
 
 

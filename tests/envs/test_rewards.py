@@ -281,7 +281,7 @@ def test_the_outlook_is_a_potential_and_that_of_a_wait():
     envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="outlook", slots=12, targets=5.0)
     envs.reset(seed=2)
     first, total, cost = envs.system.outlook(envs.belief, Outlook.SECONDS), np.zeros(3), np.zeros(3)
-    rule = envs.policy("gain-per-second")
+    rule = envs.policy("round-robin")
     for _ in range(60):
         _, rewards, _, _, info = envs.step(rule())
         total, cost = total + rewards, cost + info["cost"]

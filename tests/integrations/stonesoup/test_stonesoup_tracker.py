@@ -139,7 +139,7 @@ def test_the_conformance_checks_hold():
 
 def test_a_tracker_travels_to_other_processes():
     twin = pickle.loads(pickle.dumps(UNSCENTED))
-    one, other = (play(AgileClutter(tracker=tracker), 3) for tracker in (UNSCENTED, twin))
+    one, other = (play(AgileClutter(tracker=tracker, clutter_density=2e-5), 3) for tracker in (UNSCENTED, twin))
     np.testing.assert_array_equal(one[-1].mean, other[-1].mean)
 
 

@@ -29,7 +29,8 @@ RADAR = "wavegym/MultifunctionRadar-v0"
 def small_spec(**changes):
     """Two environments of few slots, in rollouts of six steps."""
     sizes = {"network": (8,), "n_steps": 6, "num_envs": 2, "batch_size": 4, "teacher": "", "variants": ()}
-    settings = load_settings(RADAR, "ppo", {**SMALL["ppo"], **sizes, **changes}, {"slots": 4, "targets": 3.0})
+    parameters = {"slots": 4, "targets": 3.0, "horizon": 200}
+    settings = load_settings(RADAR, "ppo", {**SMALL["ppo"], **sizes, **changes}, parameters)
     return RunSpec(RADAR, "ppo", 0, settings)
 
 
