@@ -23,7 +23,9 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)
 	$(BIN)/python -m agents.demo --out $(OUT)/demo
 
+# Kernels are compiled first: two processes of pytest would both compile those that their first tests need.
 test: $(READY) lint site
+	$(BIN)/wavegym warm-up
 	$(BIN)/python -m pytest -n 2
 
 lint: $(READY)
@@ -33,6 +35,7 @@ lint: $(READY)
 
 # The oldest versions supported, in an environment of its own, and RLlib, which pins Gymnasium.
 test-oldest: $(VENV)-oldest/.ready
+	$(VENV)-oldest/bin/wavegym warm-up
 	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/testing -m "not slow"
 	$(VENV)-oldest/bin/python -m pytest tests/integrations/test_ray_cluster.py tests/integrations/test_rllib.py
 

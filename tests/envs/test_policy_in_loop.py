@@ -20,7 +20,7 @@ CASES = [
     (POSITION, "lookahead:2"),
     (POSITION, "best-fixed"),  # tuned
     (POSITION, "optimum"),  # clairvoyant
-    (CAMERA, "best-simple"),
+    (CAMERA, "cost-of-delay"),
     (CAMERA, "round-robin"),
     (ENERGY, "round-robin"),  # masked
 ]

@@ -8,7 +8,7 @@ from typing import Any
 
 from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError
-from wavegym.registration import full_id, list_envs
+from wavegym.registration import full_id, list_envs, registered_system
 
 POLICIES = ("random", "myopic", "best-simple")
 STEPS = 3
@@ -34,19 +34,39 @@ def warm_up(arguments: Sequence[str]) -> None:
 
     from wavegym.core.work import Call, run_all
 
-    begun = time.monotonic()
-    with tqdm(total=len(ids), desc="compiling", unit="environment", disable=None) as bar:
-        taken = run_all([Call(warmed, (env_id,)) for env_id in ids], options.jobs, bar.update)
-    for env_id, seconds in zip(ids, taken, strict=True):
-        print(f"{env_id}: {seconds:.1f} s")
+    begun, families = time.monotonic(), _families(ids)
+    with tqdm(total=len(families), desc="compiling", unit="package", disable=None) as bar:
+        taken = run_all([Call(warmed, (family,)) for family in families], options.jobs, bar.update)
+    for family, times in zip(families, taken, strict=True):
+        for env_id, seconds in zip(family, times, strict=True):
+            print(f"{env_id}: {seconds:.1f} s")
     print(f"all: {time.monotonic() - begun:.1f} s")
 
 
-def warmed(env_id: str) -> float:
-    """Step an environment single and in a batch, and decide as the common policies do; the seconds until then."""
+def _families(ids: Sequence[str]) -> list[list[str]]:
+    """The environments of each package together: they share kernels, which one process then compiles once."""
+    families: dict[str, list[str]] = {}
+    for env_id in ids:
+        system, _ = registered_system(env_id)
+        module = system if isinstance(system, str) else system.__module__
+        families.setdefault(module.partition(":")[0].rpartition(".")[0], []).append(env_id)
+    return list(families.values())
+
+
+def warmed(ids: Sequence[str]) -> list[float]:
+    """Step environments one after another; the seconds that each takes until all its kernels are compiled."""
+    times = []
+    for env_id in ids:
+        begun = time.monotonic()
+        _step(env_id)
+        times.append(time.monotonic() - begun)
+    return times
+
+
+def _step(env_id: str) -> None:
+    """Step an environment single and in a batch, and decide as the common policies do."""
     import gymnasium as gym
 
-    begun = time.monotonic()
     single: Any = gym.make(env_id, disable_env_checker=True)
     envs: Any = gym.make_vec(env_id, num_envs=2)
     for each in (single, envs):
@@ -60,4 +80,3 @@ def warmed(env_id: str) -> float:
             for _ in range(STEPS):
                 each.step(policy())
         each.close()
-    return time.monotonic() - begun

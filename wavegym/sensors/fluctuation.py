@@ -48,6 +48,7 @@ FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
 """The names of the laws of fluctuation."""
 MOST_PULSES = 1000
 STEPS = 50  # halvings of the interval in which a quantile lies
+LAWS = 8  # of whose tables each is kept: one takes up to a second, and every environment of the law needs it
 TABLE = 4001  # values of a table over ln eta
 ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
 RATIOS = 541  # values of eta over its mean from which a row is interpolated
@@ -164,11 +165,12 @@ def fluctuating_detection_probability(
     return look.detected()
 
 
+@lru_cache(maxsize=LAWS)
 def detection_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
     """Pd of one pulse at even steps of ln eta, for compiled loops (``detection_kernels.tabulated``).
 
     Empty for swerling1 and swerling2 of a known cell, whose Pd is Pf^(1 / (1 + eta / 2)). Linear interpolation has
-    errors below 1e-5.
+    errors below 1e-5. Callers share the array and must not change it.
     """
     check_probability("false_alarm", false_alarm)
     if _shape(fluctuation, 1) == 1.0 and check_int("searched", searched, 0) == 0:
@@ -177,12 +179,13 @@ def detection_table(false_alarm: float, fluctuation: str, searched: int = 0) -> 
     return fluctuating_detection_probability(snr, np.full(snr.shape, false_alarm), fluctuation, 1, searched)
 
 
+@lru_cache(maxsize=LAWS)
 def effective_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
     """ln of the effective eta over the mean eta of one pulse, for compiled loops (``detection_kernels.effective_snr``).
 
     The effective eta, 1 / ``mean_inverse_detected_snr(eta, least=1)``, has the mean covariance of a detected echo. Even
     steps of ln eta; empty for swerling0, whose echo has the mean eta. Linear interpolation has relative errors of eta
-    below 1e-5.
+    below 1e-5. Callers share the array and must not change it.
     """
     check_probability("false_alarm", false_alarm)
     if math.isinf(_shape(fluctuation, 1)):
@@ -191,7 +194,7 @@ def effective_snr_table(false_alarm: float, fluctuation: str, searched: int = 0)
     return np.asarray(-np.log(snr * mean_inverse_detected_snr(snr, false_alarm, fluctuation, 1, searched, CELL)))
 
 
-@lru_cache(maxsize=8)  # it takes a second, and every environment of one law needs it
+@lru_cache(maxsize=LAWS)
 def detected_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
     """ln of eta over its mean for one detected pulse, for compiled loops (``detection_kernels.snr_of_errors``).
 
