@@ -20,7 +20,7 @@ from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import play
 from wavegym.evaluation.report import episodes
 from wavegym.registration import SYSTEMS, stem
-from wavegym.schedulers import Myopic
+from wavegym.schedulers import Lookahead, Myopic
 from wavegym.schedulers.tuned_constants import recorded
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
@@ -51,7 +51,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     for name in ("PAGE", "README"):
         (tmp_path / name).write_text(f"before\n{leaderboard.START}\n{leaderboard.END}\nafter\n")
         monkeypatch.setattr(leaderboard, name, tmp_path / name)
-    policies = {"best-simple": Myopic(), "best-planner": None}
+    policies = {"best-simple": Myopic(), "best-planner": Lookahead(2)}
     ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
     (tmp_path / "headroom" / "KershawEvansPosition-v0.csv").write_text(episodes(ladder))
     return tmp_path
