@@ -13,11 +13,6 @@ def scale(values, centre, width, limit, out, saturated):
         clipped = 0
         for i in range(values.shape[1]):
             scaled = (values[e, i] - centre[i]) / width[i]
-            if scaled > limit:
-                scaled = limit
-                clipped += 1
-            elif scaled < -limit:
-                scaled = -limit
-                clipped += 1
-            out[e, i] = scaled
+            clipped += int(abs(scaled) > limit)
+            out[e, i] = min(max(scaled, -limit), limit)
         saturated[e] = clipped

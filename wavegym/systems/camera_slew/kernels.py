@@ -14,7 +14,7 @@ import numpy as np
 from wavegym.core.copy_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.systems.rf_eo.kernels import move_one, receive_one, rows_of
+from wavegym.systems.rf_eo.kernels import move_one, receive_one
 from wavegym.systems.rf_eo.look_kernels import gain_of, look_one, look_polar
 from wavegym.systems.rf_eo.tracker_kernels import absorb_one, iterate_one, residual_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
@@ -36,6 +36,12 @@ class Mount(NamedTuple):
     turn: float  # greatest turn in one step, rad
     settle: int  # steps
     detection: float  # probability that a target in view is found
+
+
+@inlined
+def rows_of(array):
+    """array (e, t, ...) as (e t, ...)."""
+    return array.reshape((array.shape[0] * array.shape[1], *array.shape[2:]))
 
 
 @inlined
@@ -91,7 +97,9 @@ def sense_one(e, k, t, i, x, truth, error, found, searched, places, rules, world
     seen = searched and found[e, k, t] < true_mount.detection
     true_view[1][0, AZIMUTH] = -true_mount.half if seen else np.inf
     fence = true_view[0]  # not read: there are no penalties
-    return receive_one(e, k, t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z, R)
+    for a in range(len(z)):
+        z[a] = error[e, k, a // 3, t, a % 3]
+    return receive_one(i, truth, h, z, places, view, true_view, fence, rules, true_rules, z, R)
 
 
 @inlined
@@ -161,7 +169,7 @@ def transition(
         for t in range(targets):
             i = e * targets + t
             scaled(true_L, np.sqrt(true_density[e, t]), factor, nn)
-            move_one(e, k, t, i, truth, true_F, factor, process, truth_out, nn)
+            move_one(i, truth, true_F, factor, process[e, k, t : t + 1], truth_out, nn)
             searched = sees and visible[e, k, t]
             got = sense_one(
                 e, k, t, i, x, truth_out, error, found, searched, places, rules, world, view, h, H, z, R
@@ -182,7 +190,7 @@ def move(step, truth, density, process, F, L, truth_out, nn):
     for i in range(truth.shape[0]):
         e, t = i // targets, i % targets
         scaled(L, np.sqrt(density[e, t]), factor, nn)
-        move_one(e, step[e], t, i, truth, F, factor, process, truth_out, nn)
+        move_one(i, truth, F, factor, process[e, step[e], t : t + 1], truth_out, nn)
 
 
 @kernel

@@ -161,6 +161,11 @@ class RfEo(
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
         return self.motion.F[None].copy(), self.motion.Q[None].copy(), self._seats, fence, self._rules, self._stay
 
+    @cached_property
+    def _pp(self) -> tuple[int, ...]:
+        """The number of platforms, as kernels take it."""
+        return (0,) * len(self.platforms)
+
     def target_ranges(self, world: World) -> Array:
         """Of every target at every platform, (env, target, step, platform, 2)."""
         return ranges_of_moving_targets(self, world, self.platforms)
@@ -216,7 +221,8 @@ class RfEo(
         received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
         kernels.transition(
             step, mean, covariance, true_states, unseen, world.process, world.error, settings,
-            *self._true_motion, self.truth_model._rules, *self._scene, x, P, moved, received, missed, share, NN
+            *self._true_motion, self.truth_model._rules, *self._scene, x, P, moved, received, missed, share,
+            NN, self._pp
         )  # fmt: skip
         return State(Truth(moved, received, missed, share), Belief(step + 1, x, P, settings[..., 3].copy()))
 
@@ -236,7 +242,7 @@ class RfEo(
         variance = np.empty(z.shape)
         kernels.receive(
             belief.step, belief.mean, belief.covariance, truth.targets, world.error,
-            self.aimed_settings(belief, action), self.truth_model._rules, *self._scene, z, variance, share, NN
+            self.aimed_settings(belief, action), self.truth_model._rules, *self._scene, z, variance, share, NN, self._pp
         )  # fmt: skip
         return Measurements(z, variance, share, self.present(belief.step + 1))
 
@@ -247,7 +253,8 @@ class RfEo(
         z, variance, *_ = measurements
         settings = self.aimed_settings(belief, action)
         kernels.track(
-            belief.step, belief.mean, belief.covariance, z, variance, settings, F, Q, places, rules, stay, x, P, NN
+            belief.step, belief.mean, belief.covariance, z, variance, settings, F, Q, places, rules, stay, x, P,
+            NN, self._pp
         )  # fmt: skip
         return Belief(belief.step + 1, x, P, settings[..., 3].copy())
 
@@ -359,7 +366,7 @@ class RfEo(
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self._decades)))
         F, Q, places, _, rules, _ = self._scene
-        kernels.observe(belief.mean, belief.covariance, belief.looks, F, Q, places, rules, out, NN)
+        kernels.observe(belief.mean, belief.covariance, belief.looks, F, Q, places, rules, out, NN, self._pp)
         logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
         parts = [logs]
