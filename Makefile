@@ -36,7 +36,8 @@ lint: $(READY)
 # The oldest versions supported, in an environment of its own, and RLlib, which pins Gymnasium.
 test-oldest: $(VENV)-oldest/.ready
 	$(VENV)-oldest/bin/wavegym warm-up
-	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/testing -m "not slow"
+	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/testing tests/systems/rf_eo/test_rf_eo.py \
+		-m "not slow"
 	$(VENV)-oldest/bin/python -m pytest tests/integrations/test_ray_cluster.py tests/integrations/test_rllib.py
 
 $(VENV)-oldest/.ready: pyproject.toml constraints-oldest.txt
