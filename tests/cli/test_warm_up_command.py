@@ -6,6 +6,7 @@ import pytest
 from numba.core import event
 
 from wavegym.cli.main import main
+from wavegym.schedulers import tuned_constants
 
 ID = "KershawEvansPosition-v0"
 
@@ -38,3 +39,13 @@ def test_an_unknown_environment_is_one_line(capsys: pytest.CaptureFixture[str]) 
     assert main(["warm-up", "KershawEvansPosition-v9"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: ")
+
+
+def test_no_rule_is_tuned(own_environments: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tuning takes hours where a step takes milliseconds, and compiles nothing that steps do not need."""
+
+    def tuned(*arguments: object) -> None:
+        raise AssertionError("a rule was tuned")
+
+    monkeypatch.setattr(tuned_constants, "best_simple", tuned)
+    assert main(["warm-up", "tests/Uneven-v0", "--jobs", "1"]) == 0
