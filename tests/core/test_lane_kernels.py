@@ -147,3 +147,16 @@ def test_lanes_can_go_alone():
     assert found.tolist() == [1.0, LANES, 1.0]
     by_lanes(a[:3], out[:3], found)
     assert found[0] == 0.0
+
+
+@kernel
+def written_to_one_place(out):
+    rows = rows_from(0, LANES)
+    scatter(out, (0.0 * rows,), rows)
+
+
+def test_of_lanes_with_one_place_the_first_counts():
+    """The last environment is repeated in lanes that nobody needs; what those hold must not replace its own."""
+    out = np.full(1, np.nan)
+    written_to_one_place(out)
+    assert out[0] == 0.0
