@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,11 @@ from hypothesis import settings
 # A property's first example may compile a kernel; how long that takes says nothing about the code.
 settings.register_profile("wavegym", deadline=None)
 settings.load_profile("wavegym")
+
+
+def pytest_sessionfinish() -> None:
+    """Spare what is alive: pytest now collects garbage five times, which takes a minute with all kernels in memory."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
