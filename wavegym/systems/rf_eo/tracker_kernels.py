@@ -192,6 +192,15 @@ def own_for(rows, nn):
     )  # fmt: skip
 
 
+@inlined
+def load_own(number, z, R, h, H, own_z, own_R, own_h, own_H):
+    """Copy measurements, variances, predictions and Jacobian of a lane that is computed alone."""
+    copy_lane_vector(z, number, own_z)
+    copy_lane_vector(R, number, own_R)
+    copy_lane_vector(h, number, own_h)
+    copy_lane_matrix(H, number, own_H)
+
+
 @kernel
 def refine_lanes(live, curved, x, P, z, R, h, H, places, rules, x_out, P_out, nn):
     """Update the predictions x (1, n), P (1, n, n) in the ``curved`` lanes before ``live``: a tangent misleads."""
@@ -206,10 +215,7 @@ def refine_lanes(live, curved, x, P, z, R, h, H, places, rules, x_out, P_out, nn
         copy_lane_vector(x[0], number, prior_x[0])
         copy_lane_matrix(P[0], number, own_P[0])
         copy_lane_matrix(P[0], number, prior)
-        copy_lane_vector(z, number, own_z)
-        copy_lane_vector(R, number, own_R)
-        copy_lane_vector(h, number, own_h)
-        copy_lane_matrix(H, number, own_H)
+        load_own(number, z, R, h, H, own_z, own_R, own_h, own_H)
         copy_lane_matrix(places, number, own_places)
         residual_one(own_z, own_h, y)
         iterate_one(0, own_x, own_P, own_z, own_R, own_h, own_H, own_places, rules, y, d, v, False, nn)
@@ -312,10 +318,7 @@ def unfold_lanes(live, P, z, R, h, H, high, rules, nn):
     own_z, own_R, own_h, own_H, y, d, v = own_for(rows, nn)
     for number in range(live):
         copy_lane_matrix(P[0], number, own_P[0])
-        copy_lane_vector(z, number, own_z)
-        copy_lane_vector(R, number, own_R)
-        copy_lane_vector(h, number, own_h)
-        copy_lane_matrix(H, number, own_H)
+        load_own(number, z, R, h, H, own_z, own_R, own_h, own_H)
         copy_lane_matrix(high, number, own_high)
         unfold_one(0, own_P, own_z, own_R, own_h, own_H, own_high, rules, u, part, y, d, v, nn)
         for a in range(rows):
