@@ -6,16 +6,19 @@ import math
 
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from wavegym.core.kernels import kernel
 from wavegym.core.lane_kernels import (
     LANES,
     each_lane,
     empty_lanes,
+    gather_part,
     gathered,
     lane,
     rows_from,
     scatter,
+    scatter_part,
     somewhere,
     where,
     width,
@@ -23,7 +26,7 @@ from wavegym.core.lane_kernels import (
 )
 
 RNG = np.random.default_rng(0)
-PAIR = (0, 0)
+PAIR, FOUR = (0, 0), (0, 0, 0, 0)
 SPECIAL = np.array([0.0, -0.0, 1.0, -1.5, 2.5, np.inf, -np.inf, np.nan, 1e-310])
 A, B = (part.reshape(-1) for part in np.meshgrid(SPECIAL, SPECIAL))
 
@@ -107,6 +110,39 @@ def test_any_number_of_rows_has_the_bits_of_each_alone(count):
         matrices(a[i : i + 1], alone[i : i + 1], PAIR)
     assert (out == alone).all()
     assert np.abs(out - (a @ a + a[:, :1])).max() <= 1e-14 * np.abs(a).max() ** 2
+
+
+@kernel
+def parts(a, out, columns, nn, mm):
+    """out = a + its part's number, column by column and part by part; columns: as many as the second axis has."""
+    x = empty_lanes((columns, nn, mm))
+    for first in range(0, len(a), LANES):
+        rows = rows_from(first, len(a))
+        for c in range(columns):
+            gather_part(a, (rows, c), x[c])
+        for c in range(columns):
+            for i in range(len(nn)):
+                for j in range(len(mm)):
+                    x[c, i, j] += c
+            scatter_part(out, (rows, c), x[c])
+
+
+@pytest.mark.parametrize("sizes", [((0,), FOUR), (PAIR, PAIR), (FOUR, (0, 0, 0))])
+def test_parts_are_gathered_and_scattered_for_any_number_of_rows(sizes):
+    for count in range(1, 2 * LANES + 2):
+        a = RNG.standard_normal((count, 3, *map(len, sizes)))
+        out = np.full((count + 2, *a.shape[1:]), np.nan)
+        parts(a, out[1:-1], 3, *sizes)
+        assert (out[1:-1] == a + np.arange(3.0)[:, None, None]).all()
+        assert np.isnan(out[[0, -1]]).all()
+
+
+@pytest.mark.parametrize(
+    "a", [np.zeros((9, 3, 4, 4))[:, ::2], np.zeros((9, 3, 4, 4), np.int64)], ids=["gaps", "integers"]
+)
+def test_parts_are_of_contiguous_float64(a):
+    with pytest.raises(TypingError):
+        parts(a, np.empty((9, 3, 4, 4)), a.shape[1], FOUR, FOUR)
 
 
 def test_gather_and_scatter_take_any_layout_and_integers():
