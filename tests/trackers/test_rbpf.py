@@ -228,6 +228,33 @@ def test_associations_are_drawn_from_their_exact_joint_posterior(W):
     assert scipy.stats.chisquare(list(seen.values()), expected).pvalue > 1e-3
 
 
+@pytest.mark.parametrize("targets", [1, 2, 3])
+def test_a_particle_has_the_same_bits_with_any_number_of_others(targets):
+    """Eight particles are computed at once, and the last of them several times where fewer are left."""
+    s, most = scene([[tuple(range(targets)), ("clutter", 0)]], targets), 17
+    X, V = particles(s, most)
+    X += np.random.default_rng(0).standard_normal(X.shape) * [15.0, 15.0, 3.0, 3.0]
+
+    def stepped(count):
+        x, P, log_weight, present = X[:count].copy(), V[:count].copy(), np.zeros(count), np.arange(targets) != 1
+        Y, U, gates = np.empty(x.shape), np.empty(P.shape), (np.zeros((targets, 2)), s.noise[0], np.inf, PG)
+        for i, z in enumerate(s.scans[0]):
+            kernels.update_particles(
+                np.uint64(i), present, x, P, log_weight, z, len(z), s.pd[i], s.noise[i], *SENSORS[i], gates, DENSITY,
+                (0,) * 4
+            )  # fmt: skip
+        kernels.predict_particles(x, P, present, F[None], Q[None], Y, U, (0,) * 4)
+        return x, P, log_weight, Y, U
+
+    whole = stepped(most)
+    corrected = (whole[0][:, 0] != X[:, 0]).any(axis=-1)
+    assert corrected.any()
+    assert not corrected.all()
+    for count in range(1, most):
+        for some, every in zip(stepped(count), whole, strict=True):
+            assert (some == every[:count]).all()
+
+
 def test_the_key_decides():
     s = SCENES["two targets, two steps"]
     first, again, other = (list(filtered(s, 200, key))[-1] for key in (2**63 + 1, 2**63 + 1, 7))
