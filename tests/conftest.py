@@ -15,6 +15,11 @@ settings.register_profile("wavegym", deadline=None)
 settings.load_profile("wavegym")
 
 
+def pytest_configure() -> None:
+    """Collect garbage seldom: it takes four percent of the time, because everything about kernels is walked through."""
+    gc.set_threshold(50_000)
+
+
 def pytest_sessionfinish() -> None:
     """Spare what is alive: pytest now collects garbage five times, which takes a minute with all kernels in memory."""
     gc.freeze()

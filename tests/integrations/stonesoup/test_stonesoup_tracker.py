@@ -95,7 +95,7 @@ class AtPredictedRange(StoneSoupTracker):
 @pytest.mark.parametrize("associator", [JPDA, JPDAwithEHM, PDA])
 def test_association_in_clutter_is_wavegyms(associator):
     """One target; the same unscented transform and gate as the compiled tracker's."""
-    one = {"starts": AgileClutter().starts[:1], "births": (0,), "horizon": 8, "clutter_density": 2e-5}
+    one = {"starts": AgileClutter().starts[:1], "births": (0,), "horizon": 8, "clutter_density": 1e-5}
     tracker = AtPredictedRange(KalmanPredictor, UNSCENTED.updater, associator)
     want, got = (play(AgileClutter(tracker=name, **one), 8, 2) for name in ("jpda", tracker))
     for own, other in zip(want, got, strict=True):
@@ -106,7 +106,7 @@ def test_association_in_clutter_is_wavegyms(associator):
 @pytest.mark.slow
 def test_joint_association_of_two_targets_is_near_wavegyms():
     """The error's covariance is that at the return's range, not at the predicted one: costs differ by a few percent."""
-    want, got = (play(AgileClutter(tracker=name, clutter_density=2e-5), 12, 2) for name in ("jpda", UNSCENTED))
+    want, got = (play(AgileClutter(tracker=name, clutter_density=1e-5), 12, 2) for name in ("jpda", UNSCENTED))
     for own, other in zip(want, got, strict=True):
         sigma = np.sqrt(np.diagonal(own.covariance, axis1=-2, axis2=-1))
         assert (abs(other.mean - own.mean) / sigma).max() < 0.2
@@ -119,7 +119,7 @@ def test_targets_are_followed_in_clutter(tracker):
     """The first target is not lost; the cost is near the compiled tracker's or below (nearest neighbour)."""
     cost, error = [], []
     for each in ("jpda", tracker):
-        system = AgileClutter(tracker=each, clutter_density=2e-5)
+        system = AgileClutter(tracker=each, clutter_density=1e-5)
         worlds = oracles.worlds(system, 2)
         state = system.initial(worlds)
         for k in range(10):
@@ -133,13 +133,13 @@ def test_targets_are_followed_in_clutter(tracker):
 @pytest.mark.slow
 def test_the_conformance_checks_hold():
     check_vector_env("wavegym/KershawEvansPosition-v0", tracker=StoneSoupTracker(), horizon=4)
-    system = AgileClutter(tracker=UNSCENTED, horizon=5, truth={"clutter_density": 2e-5})
+    system = AgileClutter(tracker=UNSCENTED, horizon=5, truth={"clutter_density": 1e-5})
     assert capability_defect(system) is None
 
 
 def test_a_tracker_travels_to_other_processes():
     twin = pickle.loads(pickle.dumps(UNSCENTED))
-    one, other = (play(AgileClutter(tracker=tracker, clutter_density=2e-5), 3) for tracker in (UNSCENTED, twin))
+    one, other = (play(AgileClutter(tracker=tracker, clutter_density=1e-5), 3) for tracker in (UNSCENTED, twin))
     np.testing.assert_array_equal(one[-1].mean, other[-1].mean)
 
 

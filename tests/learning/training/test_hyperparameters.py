@@ -18,11 +18,17 @@ from wavegym.learning.training import hyperparameters as tuning
 pytest.importorskip("optuna")
 
 
+@pytest.fixture
+def untuned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials are compared with a scheduler that has no constants to tune."""
+    monkeypatch.setattr(tuning, "SIMPLE", "myopic")
+
+
 def search(out: Path, trials: int, **changes: Any) -> str:
     return tuning.tune(ID, "ppo", trials, 0, {**SMALL["ppo"], **changes}, {"horizon": 7}, out)
 
 
-def test_trials_are_kept_and_the_best_is_a_settings_table(tmp_path: Path) -> None:
+def test_trials_are_kept_and_the_best_is_a_settings_table(tmp_path: Path, untuned: None) -> None:
     search(tmp_path, 1)
     best = search(tmp_path, 3)
     rows = list(csv.DictReader((tmp_path / "trials.csv").open()))
@@ -38,7 +44,7 @@ def test_trials_are_kept_and_the_best_is_a_settings_table(tmp_path: Path) -> Non
     assert (tmp_path / "trials.csv").read_text() == before
 
 
-def test_test_worlds_are_never_met(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_test_worlds_are_never_met(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, untuned: None) -> None:
     asked = []
 
     def spy(root: int, split: str, count: int) -> list[int]:

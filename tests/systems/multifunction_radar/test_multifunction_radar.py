@@ -268,13 +268,13 @@ def test_traffic_is_in_equilibrium():
 
 @pytest.mark.slow
 def test_beliefs_are_honest():
-    """Over 96 worlds under the one-step rule: existence, the undetected, the cost and the NEES against the truth.
+    """Over 48 worlds under the one-step rule: existence, the undetected, the cost and the NEES against the truth.
 
     Expected numbers of targets are within three standard errors; a tenth is left for the approximations of the filter
     (one Gaussian a mode, a sector's beams alike).
     """
     system = MultifunctionRadar(targets=8.0, seconds=15.0)
-    worlds, choose = worlds_of(system, 96), by_gain(MultifunctionRadar(targets=8.0))
+    worlds, choose = worlds_of(system, 48), by_gain(MultifunctionRadar(targets=8.0))
     state, believed, actual, rates, distances, nees = system.initial(worlds), [], [], [], [], []
     sampled = 5.0
     while state.belief.time.min() < 14.9:
@@ -282,7 +282,7 @@ def test_beliefs_are_honest():
         if state.belief.time.min() > sampled:
             sampled += 1.0
             belief, truth = state.belief, state.truth
-            rows = np.arange(96)[:, None]
+            rows = np.arange(48)[:, None]
             made = estimates(belief, system.modes)
             apart = np.linalg.norm((made.mean - places(state, system)[rows, truth.origin])[..., [0, 2]], axis=-1)
             wide = np.sqrt(made.covariance[..., 0, 0] + made.covariance[..., 2, 2])
@@ -294,7 +294,7 @@ def test_beliefs_are_honest():
             nees.append(truth.nees[truth.present])
     for got, want, room in ((believed, actual, 0.1), (rates, distances, 0.1)):
         gap = np.mean(got, axis=0) - np.mean(want, axis=0)
-        assert abs(gap.mean()) < room * np.mean(want) + 3.0 * gap.std() / np.sqrt(96)
+        assert abs(gap.mean()) < room * np.mean(want) + 3.0 * gap.std() / np.sqrt(48)
     assert 3.6 < np.concatenate(nees).mean() < 4.4
     assert CONFIRMED == 0.9
 
@@ -306,7 +306,7 @@ def test_tracks_of_targets_with_one_motion_model_are_consistent():
     Intervals are three standard errors from the spread over worlds.
     """
     system = MultifunctionRadar(targets=8.0, seconds=20.0, density=(400.0, 400.0))
-    worlds, choose = worlds_of(system, 96), by_gain(system)
+    worlds, choose = worlds_of(system, 64), by_gain(system)
     state, nees, present, sampled = system.initial(worlds), [], [], 2.0
     while state.belief.time.min() < 19.9:
         state = system.transition(state, choose(state.belief, system.mask(state.belief)), worlds)

@@ -114,7 +114,7 @@ def test_the_probability_of_a_certain_fold(ratio):
 
 EPISODES = [
     (RfEoFar(), "random", 300),
-    (RfEoFar(), "myopic", 100),
+    (RfEoFar(), "myopic", 50),
     (RfEoFar(q=100.0, starts=FOUR, horizon=60), "random", 150),
 ]
 
@@ -136,12 +136,12 @@ def test_the_filter_is_consistent(system, chooses, count):
 
 
 def test_predictions_are_honest():
-    """Expected against realised covariance under the one-step scheduler, averaged over 300 worlds.
+    """Expected against realised covariance under the one-step scheduler, averaged over 100 worlds.
 
     The first step is left out: its mean is that of a few worlds that see nothing.
     """
     system = RfEoFar(horizon=60)
-    worlds, both = oracles.worlds(system, 300, 3), []
+    worlds, both = oracles.worlds(system, 100, 3), []
     for before, action, after in closed_loop(system, worlds, system.best_action):
         both.append([system.cost(system.predict(before.belief, action)), system.cost(after.belief)])
     predicted, realised = np.array(both)[1:].mean(axis=2).T

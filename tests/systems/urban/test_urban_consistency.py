@@ -101,12 +101,12 @@ def test_without_direction_of_arrival_the_tracker_deceives_itself():
 @pytest.mark.slow
 @pytest.mark.parametrize("receivers", ELSEWHERE)
 def test_the_tracker_is_consistent_with_receivers_elsewhere(receivers):
-    """100 episodes: without the 3 % of worst scans the mean NEES is at most 10 % above 4.
+    """50 episodes: without the 3 % of worst scans the mean NEES is at most 10 % above 4.
 
     Worse scans belong to targets that are seen over a wall before they are seen directly: such a target looks like
     another one elsewhere, and a track may hold there until the target appears.
     """
-    found = Errors(Urban(receivers=receivers), 100)
+    found = Errors(Urban(receivers=receivers), 50)
     nees = np.sort(found.nees[found.held])
     assert nees[: int(0.97 * len(nees))].mean() < 4.4
     assert found.true_over_believed()[0] < 1.25

@@ -97,7 +97,7 @@ def test_the_world_may_fluctuate_as_the_tracker_does_not_assume():
     assert len(system.truth_model._sensor_law.detection_table)
 
 
-def drawn_echoes(name, snr, searched, count=2_000_000):
+def drawn_echoes(name, snr, searched, count=1_000_000):
     """SNR of the echoes that a simulated receiver detects, at least 1."""
     rng = np.random.default_rng(11)
     found, own = oracles.simulated_echoes(name, 1, snr, 1e-3, count, rng, searched)
@@ -123,7 +123,7 @@ def first_returns(system, count):
 @pytest.mark.parametrize("snr", [5.0, 20.0, 200.0])
 @pytest.mark.parametrize("name", ["swerling1", "swerling3"])
 def test_errors_have_the_snr_that_a_simulated_receiver_detects(plain, name, snr, searched):
-    """40000 scans against a mixture of echoes that an independent receiver with amplitudes, noise and threshold keeps.
+    """15000 scans against a mixture of echoes that an independent receiver with amplitudes, noise and threshold keeps.
 
     In worlds of the same key the errors at the mean differ by the root of the SNR alone, which shows it echo by echo.
     """
@@ -131,8 +131,8 @@ def test_errors_have_the_snr_that_a_simulated_receiver_detects(plain, name, snr,
     settings |= {"fluctuation": name, "searched": searched, "rate_floor": 1e-9}
     common, eta = at_snr(snr, **settings)
     own = drawn_echoes(name, eta[0], searched)
-    at_mean, R, seen = first_returns(Urban(**common), 40_000)
-    off, wider, same = first_returns(Urban(**common, error_snr="realised"), 40_000)
+    at_mean, R, seen = first_returns(Urban(**common), 15_000)
+    off, wider, same = first_returns(Urban(**common, error_snr="realised"), 15_000)
     np.testing.assert_array_equal(seen, same)
     realised = eta[0] * (at_mean / off) ** 2  # of each quantity
     np.testing.assert_allclose(realised[:, 1], realised[:, 0], rtol=1e-4)
