@@ -22,6 +22,7 @@ from wavegym.learning.training.callbacks import SnapshotCallback, tensorboard
 from wavegym.learning.training.checkpoints import load_checkpoint
 from wavegym.learning.training.curve import LearningCurve
 from wavegym.learning.training.imitation import Lessons, WarmUp, pretrain
+from wavegym.learning.training.memory import keep_freed_memory
 from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
 from wavegym.learning.training.observed import range_in_training
 from wavegym.learning.training.run_spec import RunSpec, check_resumable, check_unused, planned_steps
@@ -53,6 +54,8 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
     """
     check_int("checkpoint-every", checkpoint_every, 1)
     torch.set_num_threads(1)  # a second thread slows networks of this size and makes the order of sums uncertain
+    torch.distributions.Distribution.set_default_validate_args(False)  # checks of every value take 5 % of the time
+    keep_freed_memory()
     if resume:
         check_resumable(spec, folder)
     else:
