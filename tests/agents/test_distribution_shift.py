@@ -93,7 +93,7 @@ def test_observations_outside_the_training_are_counted(monkeypatch: pytest.Monke
 def test_a_shift_of_which_the_tracker_does_not_know_shows_in_truth_alone(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(shift, "WORLDS", 30)
+    monkeypatch.setattr(shift, "WORLDS", 16)
     monkeypatch.setattr(shift, "SAVED", tmp_path)
     monkeypatch.setattr(KershawEvansPosition, "nees_dimension", 2)
     found = shift.play("KershawEvansPosition", {"rough": {"q": 10_000.0}, "none": {}}, jobs=1)

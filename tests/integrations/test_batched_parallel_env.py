@@ -11,7 +11,7 @@ from wavegym.core.errors import InputError
 from wavegym.integrations.pettingzoo import BatchedParallelEnv, parallel_env
 
 COUNT = 3
-STEPS = 40
+STEPS = 24
 
 
 def equal(got, want, name, row, what):

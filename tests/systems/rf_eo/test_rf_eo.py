@@ -221,7 +221,7 @@ def test_the_iterated_filter_is_consistent_from_the_first_step(system):
     assert low < means.mean() < high
 
 
-EPISODES = [(RfEo(), "random", 200), (RfEoFar(), "random", 300), (RfEoFar(), "myopic", 100)]
+EPISODES = [(RfEo(), "random", 200), (RfEoFar(), "random", 300), (RfEoFar(), "myopic", 50)]
 
 
 @pytest.mark.parametrize(("system", "chooses", "count"), EPISODES)

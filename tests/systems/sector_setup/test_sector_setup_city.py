@@ -141,7 +141,7 @@ def test_after_a_find_visibility_is_foretold_as_often_as_it_comes():
     assert abs(told[doubtful].mean() - came[doubtful].mean()) < 5 * error + 0.06
 
 
-def many_places(system, x, P, count=200_000):
+def many_places(system, x, P, count=50_000):
     """States drawn from a Gaussian, and whether they are visible."""
     rng = np.random.default_rng(3)
     states = x + rng.standard_normal((count, 4)) @ np.linalg.cholesky(P).T
@@ -159,7 +159,7 @@ def wide(system, count, spread=12.0):
 
 
 def test_a_look_that_finds_nothing_has_the_moments_of_the_hidden_places():
-    """Against 2 10^5 drawn places, in 40 cases: the mean to .2 standard deviations, the covariance to 15 %, typically.
+    """Against 50 000 drawn places, in 40 cases: the mean to .2 standard deviations, the covariance to 15 %, typically.
 
     The probability itself to .04 typically: 48 places are tried.
     """
