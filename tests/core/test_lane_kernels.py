@@ -127,7 +127,7 @@ def parts(a, out, columns, nn, mm):
             scatter_part(out, (rows, c), x[c])
 
 
-@pytest.mark.parametrize("sizes", [((0,), FOUR), (PAIR, PAIR), (FOUR, (0, 0, 0))])
+@pytest.mark.parametrize("sizes", [((0,), FOUR), (PAIR, PAIR), (FOUR, (0, 0, 0)), ((0,), PAIR), ((0, 0, 0), (0, 0, 0))])
 def test_parts_are_gathered_and_scattered_for_any_number_of_rows(sizes):
     for count in range(1, 2 * LANES + 2):
         a = RNG.standard_normal((count, 3, *map(len, sizes)))
@@ -137,12 +137,25 @@ def test_parts_are_gathered_and_scattered_for_any_number_of_rows(sizes):
         assert np.isnan(out[[0, -1]]).all()
 
 
+@pytest.mark.parametrize("sizes", [(FOUR, FOUR), (PAIR, (0, 0, 0))])
+def test_parts_are_gathered_from_any_layout_and_integers(sizes):
+    shape = 9, 3, *map(len, sizes)
+    for a in (
+        RNG.standard_normal((9, 6, *shape[2:]))[:, ::2],
+        RNG.standard_normal(shape[::-1]).T,
+        np.arange(math.prod(shape))[::-1].reshape(shape),
+    ):
+        out = np.empty(shape)
+        parts(a, out, 3, *sizes)
+        assert (out == a + np.arange(3.0)[:, None, None]).all()
+
+
 @pytest.mark.parametrize(
-    "a", [np.zeros((9, 3, 4, 4))[:, ::2], np.zeros((9, 3, 4, 4), np.int64)], ids=["gaps", "integers"]
+    "out", [np.zeros((9, 6, 4, 4))[:, ::2], np.zeros((9, 3, 4, 4), np.int64)], ids=["gaps", "integers"]
 )
-def test_parts_are_of_contiguous_float64(a):
+def test_parts_are_scattered_to_contiguous_float64(out):
     with pytest.raises(TypingError):
-        parts(a, np.empty((9, 3, 4, 4)), a.shape[1], FOUR, FOUR)
+        parts(np.zeros((9, 3, 4, 4)), out, 3, FOUR, FOUR)
 
 
 def test_gather_and_scatter_take_any_layout_and_integers():

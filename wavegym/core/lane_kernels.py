@@ -53,7 +53,6 @@ class TruthsType(types.Type):
 NUMBER = (types.Float, types.Integer)
 lanes, truths = LanesType(f"Lanes({LANES})"), TruthsType(f"Truths({LANES})")
 VECTOR, BITS = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(ir.IntType(1), LANES)
-QUAD = ir.VectorType(ir.DoubleType(), 4)
 SIZE = ir.IntType(64)
 
 
@@ -405,51 +404,73 @@ def scatter(typingctx, array, index, value):
 def gather_part(typingctx, array, index, out):
     """out = array[index], for each lane its part of the array, from the first axes' index as in ``gathered``.
 
-    Four numbers at a time: in a third of the time of ``gathered`` for each number. The array is C-contiguous; the part
-    has the shape of out, whose size is a multiple of four.
+    Four numbers at a time where the array is C-contiguous: in a third of the time of ``gathered`` for each number. The
+    part has the shape of out.
     """
 
     def compiled(context, builder, sig, args):
-        places = _quad_places(context, builder, sig, args)
-        for first in range(0, math.prod(out.shape), 4):
-            quads = [builder.load(builder.gep(place, [SIZE(first // 4)]), align=8) for place in places]
+        places = _places(context, builder, sig, args, len(out.shape))
+        for first, size in _quads(out):
+            quads = [_loaded(context, builder, sig, args, place, first, size) for place in places]
+            quads = [_shuffled(builder, quad, quad, [min(i, size - 1) for i in range(4)]) for quad in quads]
             pairs = [_shuffled(builder, *quads[i::4], range(LANES)) for i in range(4)]
-            for i, value in enumerate(_transposed(builder, pairs)):
+            for i, value in enumerate(_transposed(builder, pairs)[:size]):
                 builder.store(value, builder.gep(args[2], [SIZE(first + i)]))
         return context.get_dummy_value()
 
-    _check_quads(array, out)
     return types.void(array, index, out), compiled
 
 
 @intrinsic
 def scatter_part(typingctx, array, index, part):
-    """array[index] = part, the counterpart of ``gather_part``; the first lane last, as in ``scatter``."""
+    """array[index] = part of a C-contiguous array, as in ``gather_part``; the first lane last, as in ``scatter``."""
 
     def compiled(context, builder, sig, args):
-        places = _quad_places(context, builder, sig, args)
-        for first in range(0, math.prod(part.shape), 4):
-            values = [builder.load(builder.gep(args[2], [SIZE(first + i)])) for i in range(4)]
+        places = _places(context, builder, sig, args, len(part.shape))
+        for first, size in _quads(part):
+            values = [builder.load(builder.gep(args[2], [SIZE(first + min(i, size - 1))])) for i in range(4)]
             pairs = _transposed(builder, values)
             for number in reversed(range(LANES)):
                 half, pair = number // 4 * 4, pairs[number % 4]
-                quad = _shuffled(builder, pair, pair, range(half, half + 4))
-                builder.store(quad, builder.gep(places[number], [SIZE(first // 4)]), align=8)
+                quad = _shuffled(builder, pair, pair, range(half, half + size))
+                builder.store(quad, _quad(builder, places[number], first, size), align=8)
         return context.get_dummy_value()
 
-    _check_quads(array, part)
+    if not _is_in_quads(array):
+        raise TypingError(f"{array}, expected contiguous float64")
     return types.void(array, index, part), compiled
 
 
-def _check_quads(array, part):
-    if array.layout != "C" or array.dtype != types.float64 or math.prod(part.shape) % 4:
-        raise TypingError(f"{array} and {part}, expected contiguous float64 and a multiple of four Lanes")
+def _is_in_quads(array):
+    """Whether each part of an array lies in memory as vectors do."""
+    return array.layout == "C" and array.dtype == types.float64
 
 
-def _quad_places(context, builder, sig, args):
-    """The address of a part array[index] for each lane, as one of quads."""
-    places = _places(context, builder, sig, args, len(sig.args[2].shape))
-    return [builder.bitcast(place, QUAD.as_pointer()) for place in places]
+def _quads(part):
+    """First number and size of each four numbers of a part; the last may be fewer."""
+    count = math.prod(part.shape)
+    return [(first, min(4, count - first)) for first in range(0, count, 4)]
+
+
+def _loaded(context, builder, sig, args, place, first, size):
+    """The vector of ``size`` numbers from number ``first`` of the part of an array at ``place``."""
+    array, _, out = sig.args
+    if _is_in_quads(array):
+        return builder.load(_quad(builder, place, first, size), align=8)
+    strides = cgutils.unpack_tuple(builder, context.make_array(array)(context, builder, args[0]).strides)
+    value, kind = ir.Constant(ir.VectorType(ir.DoubleType(), size), ir.Undefined), place.type
+    for i in range(size):
+        offset, left = builder.ptrtoint(place, SIZE), first + i
+        for length, stride in zip(reversed(out.shape), reversed(strides), strict=False):
+            offset, left = builder.add(offset, builder.mul(stride, SIZE(left % length))), left // length
+        one = context.cast(builder, builder.load(builder.inttoptr(offset, kind)), array.dtype, types.float64)
+        value = builder.insert_element(value, one, SIZE(i))
+    return value
+
+
+def _quad(builder, place, first, size):
+    """The address of ``size`` numbers from number ``first`` of a part at ``place``, as one vector."""
+    return builder.bitcast(builder.gep(place, [SIZE(first)]), ir.VectorType(ir.DoubleType(), size).as_pointer())
 
 
 def _shuffled(builder, a, b, order):

@@ -16,7 +16,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.lane_kernels import LANES, each_lane, empty_lanes, gathered, rows_from, scatter, where
+from wavegym.core.lane_kernels import (
+    LANES,
+    each_lane,
+    empty_lanes,
+    gather_part,
+    gathered,
+    rows_from,
+    scatter,
+    scatter_part,
+    where,
+)
 from wavegym.sensors.folding_kernels import apparent
 from wavegym.sensors.platform_kernels import penalty_of, polar
 from wavegym.systems.rf_eo.look_kernels import (
@@ -90,18 +100,10 @@ def move_one(i, truth, F, L, process, truth_out, nn):
 
 
 @inlined
-def load_state(array, rows, t, out):
-    """Fill out (1, n) with target t's part of array (e, t, n)."""
-    for a in range(out.shape[1]):
-        out[0, a] = gathered(array, (rows, t, a))
-
-
-@inlined
 def load_settings(settings, rows, places, rules, work):
     """Fill the view and the aimed places of settings (e, p, 4)."""
+    gather_part(settings, (rows,), work.settings[0])
     for j in range(work.settings.shape[1]):
-        for q in range(4):
-            work.settings[0, j, q] = gathered(settings, (rows, j, q))
         work.aimed[j, 0], work.aimed[j, 1], work.aimed[j, 2] = places[j, 0], places[j, 1], work.settings[0, j, 3]
     view_all(0, work.settings, rules, *work.own_view)
 
@@ -124,6 +126,7 @@ class Work(NamedTuple):
     aimed: Any  # (p, 3) places, where azimuths count from the look directions
     own_view: Any  # of the tracker
     settings: Any  # (1, p, 4)
+    error: Any  # (p, 3) of the measurements
 
 
 @inlined
@@ -140,17 +143,18 @@ def work_for(nn, pp):
         empty_lanes((ONE, nn)), empty_lanes((ONE, nn, nn)), empty_lanes((ONE, nn)), empty_lanes((ONE, nn, nn)),
         empty_lanes((aa,)), empty_lanes((aa, nn)), empty_lanes((aa,)), empty_lanes((aa,)), empty_lanes((aa,)),
         empty_lanes((nn,)), empty_lanes((nn,)), empty_lanes((nn, nn)), empty_lanes((pp, THREE)), empty_view(pp),
-        empty_lanes((ONE, pp, FOUR)),
+        empty_lanes((ONE, pp, FOUR)), empty_lanes((pp, THREE)),
     )  # fmt: skip
 
 
 @inlined
 def predict_target(rows, t, mean, P, F, Q, rules, work, nn):
     """Load target t of the belief mean (e, t, n), P (e, t, n, n), and predict it and its measurements."""
-    load_state(mean, rows, t, work.before)
+    gather_part(mean, (rows, t), work.before[0])
+    gather_part(P, (rows, t), work.P_before[0])
     for a in range(len(nn)):
-        for b in range(a + 1):
-            work.P_before[0, a, b] = work.P_before[0, b, a] = gathered(P, (rows, t, a, b))
+        for b in range(a):
+            work.P_before[0, b, a] = work.P_before[0, a, b]  # the half that counts in all kernels
     predict_mean_one(0, work.before, F, 0, work.x, nn)
     predict_covariance_one(0, work.P_before, F, Q, 0, work.T, work.P, nn)
     look_one(0, work.x, work.aimed, rules, work.h, work.H)
@@ -165,28 +169,31 @@ def track_target(live, here, rows, t, rules, work, x_out, P_out, nn):
         live, here, work.x, work.P, work.z, work.R, work.h, work.H, work.aimed, rules, work.y, work.d, work.v, nn
     )  # fmt: skip
     for a in range(len(nn)):
-        scatter(x_out, (rows, t, a), where(here, work.x[0, a], work.before[0, a]))
+        work.x[0, a] = where(here, work.x[0, a], work.before[0, a])
         for b in range(len(nn)):
-            scatter(P_out, (rows, t, a, b), where(here, work.P[0, a, b], work.P_before[0, a, b]))
+            work.P[0, a, b] = where(here, work.P[0, a, b], work.P_before[0, a, b])
+    scatter_part(x_out, (rows, t), work.x[0])
+    scatter_part(P_out, (rows, t), work.P[0])
 
 
 @inlined
 def move_target(here, rows, k, t, truth, process, F, L, true, moved, push, truth_out, nn):
     """Move target t of truth (e, t, n): fills moved (1, n) and truth_out; one that is not here stays where it was."""
-    load_state(truth, rows, t, true)
-    for a in range(len(nn)):
-        push[0, a] = gathered(process, (rows, k, t, a))
+    gather_part(truth, (rows, t), true[0])
+    gather_part(process, (rows, k, t), push[0])
     move_one(0, true, F, L, push, moved, nn)
     for a in range(len(nn)):
         moved[0, a] = where(here, moved[0, a], true[0, a])
-        scatter(truth_out, (rows, t, a), moved[0, a])
+    scatter_part(truth_out, (rows, t), moved[0])
 
 
 @inlined
-def load_errors(rows, k, t, error, out):
-    """Fill out (a,) with the errors of target t in step k, from error (e, k, p, t, 3)."""
-    for a in range(len(out)):
-        out[a] = gathered(error, (rows, k, a // 3, t, a % 3))
+def load_errors(rows, k, t, error, work):
+    """Fill z with the errors of target t in step k, from error (e, k, p, t, 3)."""
+    for j in range(len(work.error)):
+        gather_part(error, (rows, k, j, t), work.error[j])
+        for q in range(3):
+            work.z[3 * j + q] = work.error[j, q]
 
 
 @kernel
@@ -213,7 +220,7 @@ def transition(
             predict_target(rows, t, mean, P, F, Q, rules, work, nn)
             information = information_one(0, work.P, work.h, work.H, *work.own_view, fence, rules)
             least = where(here, min(least, information), least)
-            load_errors(rows, k, t, error, work.z)
+            load_errors(rows, k, t, error, work)
             got = receive_one(
                 0, moved, work.h, work.z, work.aimed, work.own_view, true_view, fence, rules, true_rules, work.z, work.R
             )  # fmt: skip
@@ -251,17 +258,18 @@ def receive(
         least = np.inf + 0.0 * k
         for t in range(targets):
             here = is_here(t, k + 1.0, stay)
-            load_state(truth, rows, t, true)
+            gather_part(truth, (rows, t), true[0])
             predict_target(rows, t, mean, P, F, Q, rules, work, nn)
             information = information_one(0, work.P, work.h, work.H, *work.own_view, fence, rules)
             least = where(here, min(least, information), least)
-            load_errors(rows, k, t, error, work.z)
+            load_errors(rows, k, t, error, work)
             receive_one(
                 0, true, work.h, work.z, work.aimed, work.own_view, true_view, fence, rules, true_rules, work.z, work.R
             )  # fmt: skip
             for a in range(len(work.z)):
-                scatter(z, (rows, t, a), where(here, work.z[a], 0.0))
-                scatter(R, (rows, t, a), where(here, work.R[a], np.inf))
+                work.z[a], work.R[a] = where(here, work.z[a], 0.0), where(here, work.R[a], np.inf)
+            scatter_part(z, (rows, t), work.z)
+            scatter_part(R, (rows, t), work.R)
         scatter(share, (rows,), where(least < np.inf, least, 0.0))
 
 
@@ -278,21 +286,21 @@ def track(step, mean, P, z, R, settings, F, Q, places, rules, stay, x_out, P_out
         for t in range(targets):
             here = is_here(t, gathered(step, (rows,)) + 1.0, stay)
             predict_target(rows, t, mean, P, F, Q, rules, work, nn)
-            for a in range(len(work.z)):
-                work.z[a], work.R[a] = gathered(z, (rows, t, a)), gathered(R, (rows, t, a))
+            gather_part(z, (rows, t), work.z)
+            gather_part(R, (rows, t), work.R)
             track_target(live, here, rows, t, rules, work, x_out, P_out, nn)
 
 
 @kernel
 def observe(mean, P, looks, F, Q, places, rules, out, nn, pp):
-    """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
+    """out (e, t, 2 + 6 p): the observation before its logarithm is taken; variances in place of standard deviations.
 
     For every target, as predicted one step ahead: variances of position and velocity, then for each platform
     |(r, rdot, azimuth)|, each followed by its variance.
     """
-    (count, targets, _), work = mean.shape, work_for(nn, pp)
+    (count, targets, _), work, seen = mean.shape, work_for(nn, pp), empty_lanes(((0, 0, *pp, *pp, *pp, *pp, *pp, *pp),))
     for first in range(0, count, LANES):
-        rows, column = rows_from(first, count), 0
+        rows = rows_from(first, count)
         for j in range(len(pp)):
             work.aimed[j, 0], work.aimed[j, 1], work.aimed[j, 2] = (
                 places[j, 0],
@@ -301,23 +309,21 @@ def observe(mean, P, looks, F, Q, places, rules, out, nn, pp):
             )
         for t in range(targets):
             predict_target(rows, t, mean, P, F, Q, rules, work, nn)
-            scatter(out, (rows, column), work.P[0, 0, 0] + work.P[0, 2, 2])
-            scatter(out, (rows, column + 1), work.P[0, 1, 1] + work.P[0, 3, 3])
-            column += 2
+            seen[0], seen[1] = work.P[0, 0, 0] + work.P[0, 2, 2], work.P[0, 1, 1] + work.P[0, 3, 3]
             for a in range(len(work.h)):
                 spread = spread_of(a % 3, 0, work.P, work.H, a)
-                scatter(out, (rows, column), max(abs(work.h[a]), FAINT))
-                scatter(out, (rows, column + 1), max(spread, FAINT * FAINT))
-                column += 2
+                seen[2 * a + 2], seen[2 * a + 3] = max(abs(work.h[a]), FAINT), max(spread, FAINT * FAINT)
+            scatter_part(out, (rows, t), seen)
 
 
 @inlined
-def measure_target(rows, t, mean, P, truth, V, L, d, nn):
-    """Position error, position variance and NEES e' P^-1 e of target t; V, L and d are scratch space."""
+def measure_target(rows, t, mean, P, truth, V, L, d, x, nn):
+    """Position error, position variance and NEES e' P^-1 e of target t; V, L, d and x are scratch space."""
+    gather_part(mean, (rows, t), d)
+    gather_part(truth, (rows, t), x)
+    gather_part(P, (rows, t), V[0])
     for a in range(len(nn)):
-        d[a] = gathered(mean, (rows, t, a)) - gathered(truth, (rows, t, a))
-        for b in range(a + 1):
-            V[0, a, b] = gathered(P, (rows, t, a, b))
+        d[a] -= x[a]
     away = np.sqrt(d[0] * d[0] + d[2] * d[2])
     return away, V[0, 0, 0] + V[0, 2, 2], squared_mahalanobis_one(0, d, V, L, nn)
 
@@ -325,11 +331,12 @@ def measure_target(rows, t, mean, P, truth, V, L, d, nn):
 @kernel
 def measure(mean, P, truth, values, nn):
     """The figures of every target: position error, position variance and NEES e' P^-1 e; values (3, e, t)."""
-    (count, targets, _), V, L, d = mean.shape, empty_lanes((ONE, nn, nn)), empty_lanes((nn, nn)), empty_lanes((nn,))
+    (count, targets, _), d, x = mean.shape, empty_lanes((nn,)), empty_lanes((nn,))
+    V, L = empty_lanes((ONE, nn, nn)), empty_lanes((nn, nn))
     for first in range(0, count, LANES):
         rows = rows_from(first, count)
         for t in range(targets):
-            found = measure_target(rows, t, mean, P, truth, V, L, d, nn)
+            found = measure_target(rows, t, mean, P, truth, V, L, d, x, nn)
             for q in range(3):
                 scatter(values, (q, rows, t), found[q])
 

@@ -364,10 +364,10 @@ class RfEo(
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
-        out = np.empty((len(belief.step), len(self._decades)))
+        out = np.empty((*belief.mean.shape[:2], len(self._decades) // len(self.starts)))
         F, Q, places, _, rules, _ = self._scene
         kernels.observe(belief.mean, belief.covariance, belief.looks, F, Q, places, rules, out, NN, self._pp)
-        logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
+        logs: Array = np.log(out, out=out).reshape(len(out), -1)  # one call for all elements is several times faster
         logs *= self._decades
         parts = [logs]
         if self.slew_rate > 0.0:
