@@ -16,6 +16,7 @@ from wavegym.core.lane_kernels import (
     gather_part,
     gathered,
     lane,
+    prefetch,
     rows_from,
     scatter,
     scatter_part,
@@ -119,6 +120,7 @@ def parts(a, out, columns, nn, mm):
     for first in range(0, len(a), LANES):
         rows = rows_from(first, len(a))
         for c in range(columns):
+            prefetch(a, (rows_from(first + LANES, len(a)), c, 0, 0))
             gather_part(a, (rows, c), x[c])
         for c in range(columns):
             for i in range(len(nn)):

@@ -441,6 +441,21 @@ def scatter_part(typingctx, array, index, part):
     return types.void(array, index, part), compiled
 
 
+@intrinsic
+def prefetch(typingctx, array, index):
+    """Let the processor load array[index] into its cache, for each lane the line of that place; changes nothing."""
+
+    def compiled(context, builder, sig, args):
+        byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        for place in _places(context, builder, sig, args):
+            builder.call(function, [builder.bitcast(place, byte), number(0), number(3), number(1)])  # to read, data
+        return context.get_dummy_value()
+
+    return types.void(array, index), compiled
+
+
 def _is_in_quads(array):
     """Whether each part of an array lies in memory as vectors do."""
     return array.layout == "C" and array.dtype == types.float64

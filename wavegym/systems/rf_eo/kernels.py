@@ -22,6 +22,7 @@ from wavegym.core.lane_kernels import (
     empty_lanes,
     gather_part,
     gathered,
+    prefetch,
     rows_from,
     scatter,
     scatter_part,
@@ -213,6 +214,13 @@ def transition(
         k = gathered(step, (rows,))
         load_settings(settings, rows, places, rules, work)
         view_all(0, work.settings, true_rules, *true_view)
+        # The next environments' tapes, because those of a batch are larger than the processor's cache. The end of every
+        # second target's numbers will do: a line of 64 bytes holds two, and the step before loaded the line before.
+        ahead = rows_from(first + LANES, count)
+        for t in range(targets - 1, -1, -2):
+            prefetch(process, (ahead, k, t, len(nn) - 1))
+            for j in range(len(pp)):
+                prefetch(error, (ahead, k, j, t, 2))
         least = np.inf + 0.0 * k
         for t in range(targets):
             here = is_here(t, k + 1.0, stay)
@@ -293,14 +301,14 @@ def track(step, mean, P, z, R, settings, F, Q, places, rules, stay, x_out, P_out
 
 @kernel
 def observe(mean, P, looks, F, Q, places, rules, out, nn, pp):
-    """out (e, t, 2 + 6 p): the observation before its logarithm is taken; variances in place of standard deviations.
+    """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
 
     For every target, as predicted one step ahead: variances of position and velocity, then for each platform
     |(r, rdot, azimuth)|, each followed by its variance.
     """
-    (count, targets, _), work, seen = mean.shape, work_for(nn, pp), empty_lanes(((0, 0, *pp, *pp, *pp, *pp, *pp, *pp),))
+    (count, targets, _), work = mean.shape, work_for(nn, pp)
     for first in range(0, count, LANES):
-        rows = rows_from(first, count)
+        rows, column = rows_from(first, count), 0
         for j in range(len(pp)):
             work.aimed[j, 0], work.aimed[j, 1], work.aimed[j, 2] = (
                 places[j, 0],
@@ -309,11 +317,14 @@ def observe(mean, P, looks, F, Q, places, rules, out, nn, pp):
             )
         for t in range(targets):
             predict_target(rows, t, mean, P, F, Q, rules, work, nn)
-            seen[0], seen[1] = work.P[0, 0, 0] + work.P[0, 2, 2], work.P[0, 1, 1] + work.P[0, 3, 3]
+            scatter(out, (rows, column), work.P[0, 0, 0] + work.P[0, 2, 2])
+            scatter(out, (rows, column + 1), work.P[0, 1, 1] + work.P[0, 3, 3])
+            column += 2
             for a in range(len(work.h)):
                 spread = spread_of(a % 3, 0, work.P, work.H, a)
-                seen[2 * a + 2], seen[2 * a + 3] = max(abs(work.h[a]), FAINT), max(spread, FAINT * FAINT)
-            scatter_part(out, (rows, t), seen)
+                scatter(out, (rows, column), max(abs(work.h[a]), FAINT))
+                scatter(out, (rows, column + 1), max(spread, FAINT * FAINT))
+                column += 2
 
 
 @inlined
