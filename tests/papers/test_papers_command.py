@@ -40,16 +40,12 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
-def test_the_agile_chirps_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+def test_the_agile_chirps_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(agile_clutter_study, "CHUNK", 3)
-    for jobs in "12":
-        assert main(["agile_clutter", "--runs", "8", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    assert {path.name for path in (tmp_path / "1").iterdir()} == FILES
-    for name in FILES:
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
-    summary = json.loads((tmp_path / "1" / "summary.json").read_text())
+    folder = rebuilt(agile_clutter, 8)
+    summary = json.loads((folder / "summary.json").read_text())
     assert markdown(summary) in capsys.readouterr().out
-    figure2, figure3 = (rows(tmp_path / "1" / name) for name in ("figure2.csv", "figure3.csv"))
+    figure2, figure3 = (rows(folder / name) for name in ("figure2.csv", "figure3.csv"))
     assert len(figure2) == len(POLICIES) * 2 * 32
     assert len(figure3) == 32 * 2 * (len(names(FULL)) + len(names(FREE)))
     for clutter, setting in summary["trackers"]["jpda"].items():
@@ -65,28 +61,15 @@ def test_the_agile_chirps_files_are_the_same_for_any_number_of_jobs(tmp_path, ca
         np.testing.assert_allclose(share.mean(axis=0), [reported[law]["mean"] for law in offered], atol=1e-15)
         assert (np.array([int(row["typical"]) for row in shown]).reshape(-1, len(offered)).sum(axis=1) == 1).all()
     for name in ("figure2.png", "figure3.png"):
-        assert (tmp_path / "1" / name).read_bytes().startswith(b"\x89PNG")
-
-
-def without_times(summary):
-    """``summary`` without what a clock reported."""
-    if isinstance(summary, dict):
-        return {key: without_times(value) for key, value in summary.items() if key != "us_per_decision"}
-    return summary
+        assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
-def test_the_platforms_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+def test_the_platforms_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(rf_eo, "play", partial(rf_eo.play, tuning=2, horizon=6))
-    for jobs in "12":
-        assert main(["rf_eo", "--runs", "6", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    assert {path.name for path in (tmp_path / "1").iterdir()} == set(rf_eo.FILES)
-    first, second = (json.loads((tmp_path / jobs / "summary.json").read_text()) for jobs in "12")
-    assert without_times(first) == without_times(second)
-    for name in rf_eo.FILES[:-1]:
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    folder = rebuilt(rf_eo, 6)
     assert "| lookahead:10 |" in capsys.readouterr().out
-    figure2, figure3, figure4 = (rows(tmp_path / "1" / f"figure{n}.csv") for n in (2, 3, 4))
+    figure2, figure3, figure4 = (rows(folder / f"figure{n}.csv") for n in (2, 3, 4))
     steps = len(shown(6))
     assert len(figure2) == sum(map(len, TRACKS.values())) * 2 * steps
     assert len(figure3) == sum(map(len, CURVES.values())) * 2 * steps
@@ -98,15 +81,11 @@ def test_the_platforms_files_are_the_same_for_any_number_of_jobs(tmp_path, capsy
 
 
 @pytest.mark.slow
-def test_the_urban_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, quick, monkeypatch):
+def test_the_urban_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(urban_study, "CHUNK", 1)
-    for jobs in "12":
-        assert main(["urban", "--runs", "2", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
-    assert {path.name for path in (tmp_path / "1").iterdir()} == set(urban.FILES)
-    for name in urban.FILES:
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    folder = rebuilt(urban, 2)
     assert "| loose | ghost logic | closed |" in capsys.readouterr().out
-    figure3, figure4, figure5, figure6 = (rows(tmp_path / "1" / f"figure{n}.csv") for n in (3, 4, 5, 6))
+    figure3, figure4, figure5, figure6 = (rows(folder / f"figure{n}.csv") for n in (3, 4, 5, 6))
     assert [sum((r["of"], r["number"]) == ("target", n) for r in figure3) for n in "12"] == [140, 101]
     assert all((row["no_target"] == "") == (row["of"] == "target") for row in figure3)
     curves = len(urban_study.SETTINGS) * len(NAMES) * 140

@@ -51,7 +51,7 @@ def both():
         patch.setattr(agile_clutter, "CONVERGENCE_RUNS", 3)
         patch.setattr(agile_clutter, "SHORTLIST", 4)
         patch.setattr(agile_clutter, "POLICIES", (FULL, *CONSTANT))
-        return play(4, SEED, 1, tracker="both", tuning=2)
+        return play(3, SEED, 1, tracker="both", tuning=2)
 
 
 @pytest.fixture(scope="module")
