@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from wavegym.core.command_line import Parser
@@ -19,7 +20,7 @@ def parser() -> Parser:
     options = Parser(
         prog="wavegym warm-up",
         description="Compile the numerical kernels of environments, once for an installation, so that later the first "
-        "steps take no longer than others.",
+        "steps, and the first decisions of planners, take no longer than others.",
     )
     options.add_argument("ids", nargs="*", metavar="ENV", help="environments (default: all)")
     options.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes (default: one for each core)")
@@ -64,10 +65,11 @@ def warmed(ids: Sequence[str]) -> list[float]:
 
 
 def _step(env_id: str) -> None:
-    """Step an environment single and in a batch, and decide as the common policies do."""
+    """Step an environment single and in a batch, decide as the common policies do, and call what planners call."""
     import gymnasium as gym
 
     from wavegym.schedulers.tuned_constants import SIMPLE, recorded
+    from wavegym.testing.capability_check import capability_defect
 
     single: Any = gym.make(env_id, disable_env_checker=True)
     envs: Any = gym.make_vec(env_id, num_envs=2)
@@ -83,3 +85,5 @@ def _step(env_id: str) -> None:
             for _ in range(STEPS):
                 each.step(policy())
         each.close()
+    with suppress(InputError, NotImplementedError):
+        capability_defect(single.unwrapped.system)  # `wavegym check` reports a defect
