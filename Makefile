@@ -26,7 +26,7 @@ demo: $(READY)
 # Kernels are compiled first: two processes of pytest would both compile those that their first tests need.
 test: $(READY) lint site
 	$(BIN)/wavegym warm-up
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -36,7 +36,7 @@ lint: $(READY)
 # The oldest versions supported, in an environment of its own, and RLlib, which pins Gymnasium.
 test-oldest: $(VENV)-oldest/.ready
 	$(VENV)-oldest/bin/wavegym warm-up
-	$(VENV)-oldest/bin/python -m pytest -n 2 tests/core tests/envs tests/testing tests/systems/rf_eo/test_rf_eo.py \
+	$(VENV)-oldest/bin/python -m pytest -n 2 --dist worksteal tests/core tests/envs tests/testing tests/systems/rf_eo/test_rf_eo.py \
 		-m "not slow"
 	$(VENV)-oldest/bin/python -m pytest tests/integrations/test_ray_cluster.py tests/integrations/test_rllib.py
 
