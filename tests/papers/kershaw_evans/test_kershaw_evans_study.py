@@ -9,8 +9,8 @@ import oracles
 import pytest
 from scipy import optimize
 
-from papers import kershaw_evans
-from papers.kershaw_evans import closed_forms, numbers, study
+from papers.__main__ import main
+from papers.kershaw_evans import closed_forms, files, numbers, study
 from papers.kershaw_evans.study import (
     BEST,
     CLOSING,
@@ -131,7 +131,11 @@ def test_every_case_is_summarised(played, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_files_for_any_number_of_jobs(rebuilt, capsys, monkeypatch):
+def test_the_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(statistics, "RESAMPLES", 60)
-    rebuilt(kershaw_evans, 3)
+    for jobs in "12":
+        assert main(["kershaw_evans", "--runs", "3", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+    assert {path.name for path in (tmp_path / "1").iterdir()} == set(files.FILES)
+    for name in files.FILES:
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
     assert "| position | trace, closed form |" in capsys.readouterr().out
