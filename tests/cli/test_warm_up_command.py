@@ -7,6 +7,7 @@ from numba.core import event
 
 from wavegym.cli.main import main
 from wavegym.schedulers import tuned_constants
+from wavegym.testing import capability_check
 
 ID = "KershawEvansPosition-v0"
 
@@ -49,3 +50,17 @@ def test_no_rule_is_tuned(own_environments: None, monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(tuned_constants, "best_simple", tuned)
     assert main(["warm-up", "tests/Uneven-v0", "--jobs", "1"]) == 0
+
+
+def test_a_defect_in_what_planners_call_is_left_to_the_check(
+    own_environments: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def defective(system: object) -> None:
+        asked.append(system)
+        raise ValueError("predict fails")
+
+    monkeypatch.setattr(capability_check, "capability_defect", defective)
+    assert main(["warm-up", "tests/Uneven-v0", "--jobs", "1"]) == 0
+    assert len(asked) == 1

