@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -153,6 +154,7 @@ class CountingEverySensor(AgileClutter):
     counts_every_sensor = True
 
 
+@cache
 def scene(case: Case) -> AgileClutter:
     """The closed loop that a case is played in."""
     settings: dict[str, Any] = {"tracker": case.tracker, "clutter_density": CLUTTER[case.clutter]}

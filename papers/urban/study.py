@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -121,6 +122,7 @@ def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None)
     return Study(root, {case: Runs(*map(np.concatenate, zip(*of, strict=True))) for case, of in parts.items()})
 
 
+@cache
 def system(case: Case) -> Urban:
     """The closed loop that a case is played in."""
     return Urban(**PAPER, vaguest=STARTS[case.setting], ghosts=case.ghosts, durations=PULSES, **FILTERS[case.filter])

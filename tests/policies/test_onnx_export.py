@@ -22,7 +22,7 @@ from wavegym.policies.records import read_run
 from wavegym.policies.runs import ALIKE, RUN, read_network
 from wavegym.schedulers import RandomChoice
 
-MARGIN = 1e-5
+ROUNDING = 64 * np.finfo(np.float32).eps  # relative to the largest score: sums of float32 in another order
 ENVS, STEPS = 512, 8  # 4096 observations
 EACH_KIND = ["KershawEvansPosition/ppo", "RfEo/ppo", "SectorSetup/ppo"]  # mlp, mixture, scorer
 ALL = sorted(str(file.parent.relative_to(FOLDER)) for file in FOLDER.glob(f"*/*/{RUN}"))
@@ -49,9 +49,10 @@ def session(content: bytes) -> Any:
 
 
 def clear(scores: np.ndarray) -> np.ndarray:
-    """Whether the best score is above the second best by more than the margin."""
+    """Whether the best score is above the second best by more than what rounding may change."""
     best = np.sort(scores, axis=1)
-    return best[:, -1] - best[:, -2] > MARGIN
+    largest = np.abs(scores).max(axis=1, where=np.isfinite(scores), initial=1.0)
+    return best[:, -1] - best[:, -2] > ROUNDING * largest
 
 
 def assert_same_choices(network: Network, shown: np.ndarray, mask: np.ndarray | None = None) -> None:
@@ -64,7 +65,7 @@ def assert_same_choices(network: Network, shown: np.ndarray, mask: np.ndarray | 
     if expected.dtype != np.int64:
         certain = clear(outputs[:, : network.heads[0]]) if network.kind == "mixture" else np.full(len(shown), True)
         assert certain.mean() > 0.99
-        np.testing.assert_allclose(action[certain], expected[certain], rtol=0, atol=MARGIN)
+        np.testing.assert_allclose(action[certain], expected[certain], rtol=0, atol=ROUNDING)
         return
     scores = outputs if mask is None else np.where(mask, outputs, -np.inf)
     parts = np.split(scores, np.cumsum(network.heads)[:-1], axis=1)

@@ -13,6 +13,7 @@ from onnx import TensorProto, helper
 
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
+from wavegym.core.system import System
 from wavegym.evaluation import as_policy, compare, make_task
 from wavegym.evaluation.play import play
 from wavegym.policies.onnx_export import export_onnx
@@ -29,9 +30,26 @@ KINDS = {  # worlds and steps: an observation alone, a box, masks, forecasts bes
 }
 
 
+class Shadowed:
+    """Plays as one policy, and asks another one for its actions at the same decisions."""
+
+    def __init__(self, leader: Policy, follower: Policy) -> None:
+        self.both, self.same = (leader, follower), list[np.ndarray]()
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        for policy in self.both:
+            policy.begin(system, num_envs, rng)
+
+    def act(self, belief: Any, observation: np.ndarray | None, mask: np.ndarray | None) -> np.ndarray:
+        action, other = (policy.act(belief, observation, mask) for policy in self.both)
+        close = np.isclose(action, other, rtol=0, atol=1e-5)
+        self.same.append(close.reshape(len(action), -1).all(axis=1))
+        return action
+
+
 @pytest.mark.parametrize("name", KINDS)
 def test_an_exported_agent_plays_as_the_agent(name: str, tmp_path: Path) -> None:
-    """Up to choices between values that differ in the last bits."""
+    """Up to choices between values that differ in the last bits: which is taken depends on the processor."""
     env_id, (worlds, steps) = f"wavegym/{name.split('/')[0]}-v0", KINDS[name]
     given = {"slots": 32} if "Multifunction" in name else {}  # an ONNX file has a fixed size
     task, file = make_task(env_id, given), tmp_path / "mine.onnx"
@@ -40,11 +58,11 @@ def test_an_exported_agent_plays_as_the_agent(name: str, tmp_path: Path) -> None
     mine = as_policy(file, task)
     assert isinstance(mine, Policy)
     assert isinstance(mine, OnnxPolicy)
-    one, two = (play(task, policy, list(range(worlds)), max_steps=steps) for policy in (agent, mine))
-    np.testing.assert_allclose(two.cost.mean(axis=1), one.cost.mean(axis=1), rtol=0.02)
-    same = np.isclose(one.cost, two.cost, rtol=1e-4).mean()
-    assert same > 0.9
-    assert one.cost[:, 0] == pytest.approx(two.cost[:, 0], rel=1e-4), "before choices differ, worlds do not"
+    shadowed = Shadowed(agent, mine)
+    one, two = (play(task, policy, list(range(worlds)), max_steps=steps) for policy in (shadowed, mine))
+    assert np.mean(shadowed.same) > 0.9
+    agreed = np.logical_and.accumulate(shadowed.same).T
+    np.testing.assert_allclose(two.cost[agreed], one.cost[agreed], rtol=1e-4)
 
 
 def test_a_file_is_compared_by_its_name_in_several_processes(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, for_kernel
 from wavegym.core.errors import InputError, check_choice, check_positive
 
 _ROUNDING = 1e-12  # relative to the bound: a value this far outside is a rounded bound, not a mistake
@@ -94,7 +94,7 @@ class ParameterBox:
         actions = self._shaped("action", action)
         values = np.empty(actions.shape)
         rows = (-1, actions.shape[-1])
-        if not _decoder()(np.ascontiguousarray(actions).reshape(rows), *self._bounds, values.reshape(rows)):
+        if not _decoder()(for_kernel(actions).reshape(rows), *self._bounds, values.reshape(rows)):
             self._require("action", actions, np.full(len(self), -1.0), np.ones(len(self)))
         return values
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.errors import InputError, check_ordered, check_within
 from wavegym.systems import visibility_windows_kernels
 
@@ -122,7 +122,5 @@ def coming(visible: Array, step: Array, most: int) -> Coming:
     """See ``Coming``: ``visible`` (env, H, target) from ``step`` (env,) on; nothing is visible beyond H."""
     shape = len(step), visible.shape[2]
     found = Coming(np.empty(shape, np.bool_), np.empty(shape, np.int64), np.empty(shape))
-    visibility_windows_kernels.coming(
-        np.require(visible, requirements=["C", "W"]), np.ascontiguousarray(step), most, *found
-    )
+    visibility_windows_kernels.coming(for_kernel(visible), np.ascontiguousarray(step), most, *found)
     return found

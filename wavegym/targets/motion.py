@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core.array_checks import check_finite
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, for_kernel
 from wavegym.core.covariance_checks import check_covariance
 from wavegym.core.errors import InputError, check_choice, check_int, check_non_negative, check_positive
 from wavegym.targets.kernels import scan, scan_batch
@@ -113,13 +113,13 @@ def random_path(
         InputError: a last axis that is not n, leading axes that do not broadcast, numbers that are not finite, or with
             a Generator steps that are no integer >= 1.
     """
-    x0 = np.asarray(check_finite("start", start), order="C")
+    x0 = for_kernel(check_finite("start", start))
     n = len(model.names)
     if isinstance(noise, np.random.Generator):
         check_int("steps", steps, 1)
         w = noise.standard_normal((*x0.shape[:-1], steps, n))
     else:
-        w = np.asarray(check_finite("noise", noise), order="C")
+        w = for_kernel(check_finite("noise", noise))
     if x0.shape == (n,) and w.ndim == 2 and w.shape[1] == n:  # the common case, without broadcasting
         single: FloatArray = scan(model._step, x0, w, (0,) * n)
         return single
@@ -141,8 +141,8 @@ def random_path(
 
 
 def _spread(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """``array`` broadcast to ``shape`` and writeable; a read-only array would compile the kernel for another type."""
-    return array if array.shape == shape and array.flags.writeable else np.array(np.broadcast_to(array, shape))
+    """``array`` broadcast to ``shape``, as ``np.require`` made it: another layout would compile another version."""
+    return array if array.shape == shape else np.array(np.broadcast_to(array, shape), order="C")
 
 
 def _white_noise_model(dim: int, dt: float, q: float, axes: Sequence[str], order: str) -> MotionModel:

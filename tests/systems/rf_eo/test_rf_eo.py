@@ -140,7 +140,7 @@ def test_a_target_on_top_of_a_platform_is_not_measured_by_it(mode, as_printed):
     worlds = oracles.worlds(both, 3)
     states, actions = play(both, worlds, at_random(both))
     others = [action[:, 3:] for action in actions]
-    alone, _ = play(far, worlds._replace(error=worlds.error[:, :, 1:]), lambda belief: others.pop(0))
+    alone, _ = play(far, worlds._replace(error=worlds.error[:, :, 1:].copy()), lambda belief: others.pop(0))
     for one, other in zip(states, alone, strict=True):
         assert all_finite(both, one)
         assert same(one.belief._replace(looks=other.belief.looks), other.belief)

@@ -330,8 +330,8 @@ def test_a_measurement_of_larger_covariance_counts_less():
     """One scan with the covariances doubled is the update with R doubled."""
     state = np.array([2060.0, 1540.0, 3.0, 4.0])
     z, count = pointed(np.array([2061.0, 1540.5, 3.0, 4.0]))
-    tracker = UrbanTracker(PLAIN, (TX,), RX, models="ncv", axes=AXES, clutter_density=1e-9, rate_floor=1e-6)
-    waves = np.broadcast_to(R, (1, 2, 2, 2)), np.full((1, 2), SNR)
+    tracker = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, clutter_density=1e-9, rate_floor=1e-6)
+    waves = np.tile(R, (1, 2, 1, 1)), np.full((1, 2), SNR)
     given = tracker.direct_errors(z, count, *waves)
     plain, doubled = (tracker.scan(held(tracker, state), z, count, R, SNR, k * given) for k in (1.0, 2.0))
     assert np.trace(doubled.P[0, 0, 0]) > np.trace(plain.P[0, 0, 0])

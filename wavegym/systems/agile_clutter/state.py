@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.parameters import NonNegative, Positive
 from wavegym.core.system import ObservationField
 from wavegym.sensors import gate_volume, range_and_rate, range_and_rate_jacobian, range_law_snr
@@ -78,7 +78,7 @@ class Pulse(NamedTuple):
                 flat.append(array[0])
             else:
                 full = array if array.shape[:2] == shape else np.broadcast_to(array, shape + array.shape[2:])
-                flat.append(np.ascontiguousarray(full).reshape(-1, *array.shape[2:]))
+                flat.append(for_kernel(full).reshape(-1, *array.shape[2:]))
         return *flat, self.windows
 
 

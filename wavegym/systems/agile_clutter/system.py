@@ -14,7 +14,7 @@ from pydantic import NonNegativeInt
 
 from wavegym.core import trees
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import (
     BestAction,
     DecisionMaker,
@@ -500,7 +500,8 @@ class AgileClutter(
 
     def _predict_pulse(self, belief: Any, pulse: Sequence[Array], draws: Array | None) -> Belief:
         """``predict`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
-        draws = -self._full_illumination[1][0] if draws is None else np.ascontiguousarray(draws)  # negative: expected
+        expected = -self._full_illumination[1][0]  # a negative draw
+        draws = expected if draws is None else for_kernel(draws)
         step, mean, covariance = map(np.ascontiguousarray, belief[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         prediction.predict(

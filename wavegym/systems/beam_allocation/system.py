@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import NonNegativeInt
 
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import Delay, GainByTarget
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, changed_default, parameter, system_parameters
@@ -156,10 +156,10 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
     def pulse(self, belief: Any, actions: Array) -> Pulse:
         """Every sensor illuminates one target, with chance 1 if that target is visible."""
         seen = coming(belief.visible, belief.step, 1).now[:, None, None]
-        illuminated = self.action_set.illuminated.take(actions, 0)
+        chance = np.where(self.action_set.illuminated.take(actions, 0) & seen, 1.0, 0.0)
         sent = self.action_set
         strength = self._full_illumination[0]
-        return Pulse(sent.unit_covariance(actions), strength, illuminated * seen, *sent.windows(actions))
+        return Pulse(sent.unit_covariance(actions), strength, chance, *sent.windows(actions))
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""
@@ -193,7 +193,7 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         out = np.empty((len(belief.step), len(self.action_set.joint)))
         waits, counted = np.empty(out.shape, np.int64), np.empty(belief.mean.shape[:2], np.int64)
         waits[...], counted[...] = wait, ahead
-        M, visible = self.weights_ahead(int(counted.max())), np.require(belief.visible, requirements=["C", "W"])
+        M, visible = self.weights_ahead(int(counted.max())), for_kernel(belief.visible)
         kernels.gain(
             *belief[:3], visible, waits, counted, *self.action_set.chirp_codes, self.action_set.chirp_covariances,
             self.action_set.library_windows, M, *self._model, self._radar, reduction_table(), out, NN

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from wavegym.core.action_sets import Library
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import (
     Delay,
     FusedTransition,
@@ -403,6 +403,7 @@ class CameraSlew(
         actions = actions if several else actions[:, None]
         count, shape = len(belief.step), (len(belief.step), actions.shape[1])
         draws = np.empty((1, 1, self.targets)) if outcome is None else outcome.reshape(count, -1, self.targets)
+        actions, draws = map(for_kernel, (actions, draws))
         fresh = self._empty(shape)
         kernels.predict(*belief, actions, draws, outcome is not None, *self._scene, *fresh, NN)
         if not several:
@@ -451,7 +452,7 @@ class CameraSlew(
             (env, candidate), 0 where the look would come after the episode's end.
         """
         out = np.empty(belief.mean.shape[:2])
-        waits = np.ascontiguousarray(np.broadcast_to(np.asarray(wait, np.int64), out.shape))
+        waits = for_kernel(np.broadcast_to(wait, out.shape), np.int64)
         _, _, *scene = self._scene
         kernels.gain(
             belief.step, belief.mean, belief.covariance, belief.q, belief.visible, waits, *self._powers,

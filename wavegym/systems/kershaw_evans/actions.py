@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavegym.core.action_sets import Library
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse
 from wavegym.systems.kershaw_evans import eclipsing_kernels
@@ -115,7 +115,7 @@ class GaussianActions:
         """The pulses that ``actions`` name, unless they are given ones that a receiver cuts."""
         half_length = HALF_LENGTH if self.eclipsing else -math.inf
         if not self.continuous:
-            return Pulses(*self._library_pulses, np.ascontiguousarray(actions, np.int64), half_length)
+            return Pulses(*self._library_pulses, for_kernel(actions, np.int64), half_length)
         C, duration = self._chirps(actions)
         which = np.arange(duration.size).reshape(duration.shape)
         return Pulses(C.reshape(-1, 2, 2), duration.flatten(), which, half_length)

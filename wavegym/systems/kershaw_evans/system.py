@@ -383,7 +383,7 @@ class KershawEvans(
         several = actions.ndim == (2 if self.action == "library" else 3)
         C = self._expected(belief, actions if several else actions[:, None])
         x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar(belief))
-        step, Q = np.broadcast_to(belief.step[:, None] + 1, x.shape[:2]), belief.process_noise
+        step, Q = (belief.step + 1)[:, None].repeat(x.shape[1], axis=1), belief.process_noise
         if not several:
             return Belief(step[:, 0], x[:, 0], P[:, 0], process_noise=Q)
         return Belief(step, x, P, process_noise=None if Q is None else Q[:, None].repeat(x.shape[1], axis=1))

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import DwellRule, SimulatedFutures, TimedPulses, TrackSlots, UnequalSteps
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, parameter, system_parameters
@@ -352,8 +352,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
 
     def _predict_one(self, belief: Belief, actions: Array, outcome: Array | None) -> Belief:
         """``predict`` of one action for each environment; changes the belief."""
-        draws = np.zeros((len(actions), 0)) if outcome is None else np.ascontiguousarray(outcome)
-        kernels.foresee(belief, np.ascontiguousarray(actions), draws, self.menu, self.thresholds, self.laws)
+        draws = np.zeros((len(actions), 0)) if outcome is None else for_kernel(outcome)
+        kernels.foresee(belief, for_kernel(actions), draws, self.menu, self.thresholds, self.laws)
         return belief
 
     def cost(self, belief: Belief) -> Array:

@@ -272,7 +272,7 @@ class RfEo(
         shape = (len(belief.step), settings.shape[1], len(self.starts))
         x, P = np.empty((*shape, 4)), np.empty((*shape, 4, 4))
         prediction.predict(belief.step, belief.mean, belief.covariance, settings, *self._scene, x, P, NN)
-        step = np.broadcast_to(belief.step[:, None] + 1, shape[:2])
+        step = (belief.step + 1)[:, None].repeat(shape[1], axis=1)
         ahead = Belief(step, x, P, settings[..., 3].copy())
         return ahead if several else Belief(*(part[:, 0] for part in ahead))
 

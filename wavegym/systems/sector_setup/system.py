@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from wavegym.core.action_sets import Library
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost, MeasurementObservation
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
@@ -318,7 +318,7 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         several = np.ndim(actions) == 2
         chosen = actions if several else np.asarray(actions)[:, None]
         lead = (len(belief.step), chosen.shape[1])
-        draws = np.empty((lead[0], 1, 0)) if outcome is None else np.asarray(outcome, np.float64)
+        draws = np.empty((lead[0], 1, 0)) if outcome is None else for_kernel(outcome, np.float64)
         x, P = (np.empty((*lead, *a.shape[1:])) for a in (belief.mean, belief.covariance))
         pointed, dead, looked = np.empty((3, *lead), np.int64)
         prediction.predict(
