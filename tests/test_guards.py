@@ -78,8 +78,8 @@ TRAIN = waveforms.PulseTrain(CHIRP, count=4, interval=1e-3)
 TIMING = waveforms.PulseTiming(duration=1e-5, carrier_hz=1e10, interval=1e-3, count=4)
 ECLIPSED = sensors.EclipsedPulse(CHIRP)
 LAW = waveforms.chirp_law("pfm")
-TRANSITION = Argument("distribution", np.array([[0.9, 0.1], [0.2, 0.8]]))
-MU = Argument("distribution", np.array([0.25, 0.75]))
+TRANSITION = Argument("distribution", np.eye(4) * 0.6 + 0.1)  # of four models, as in test_imm.py: compiled once
+MU = Argument("distribution", np.array([0.25, 0.25, 0.3, 0.2]))
 MODEL = targets.constant_velocity(1.0, 1.0)
 TRACK = targets.RecordedTrack("a", np.arange(6.0), np.cumsum(np.full((6, 3), 5.0), axis=0))
 CITY = sensors.UrbanMap.load("intersection")
@@ -87,7 +87,7 @@ PLACES = {"transmitters": ((2085.0, 1470.5),), "receivers": ((2088.0, 1475.0), (
 KALMAN = {"mean": finite(X), "covariance": covariance(P2)}
 UPDATE = KALMAN | {"innovation": finite(np.ones(1)), "H": finite(H), "R": covariance(np.array([[5.0]]))}
 MOTION = {"F": finite(np.array([[1.0, 1.0], [0.0, 1.0]])), "Q": covariance(EYE)}
-MODELS = {"mean": finite(np.ones((2, 6))), "covariance": covariance(np.stack([P6, P6])), "probability": MU}
+MODELS = {"mean": finite(np.ones((4, 6))), "covariance": covariance(np.stack([P6] * 4)), "probability": MU}
 WAVEFORM = {"duration": positive(1e-5), "carrier_hz": positive(1e10)}
 STEP = {"dt": positive(1.0)}
 WHITE = STEP | {"q": non_negative(1.0)}
@@ -128,17 +128,17 @@ GOOD: dict[str, dict[str, Argument]] = {
     "siap": {"targets": finite(np.zeros((2, 2))), "tracks": finite(np.ones((3, 2))), "cutoff": positive(20.0)},
     "imm_combine": MODELS,
     "imm_mix": MODELS | {"transition": TRANSITION},
-    "imm_reweigh": {"predicted": MU, "log_likelihood": Argument("log", np.array([-1.0, -2.0]))},
+    "imm_reweigh": {"predicted": MU, "log_likelihood": Argument("log", np.array([-1.0, -2.0, -1.0, -3.0]))},
     "imm_ukf_scan": {
-        "mean": finite(np.stack([SIX, SIX])), "covariance": covariance(np.stack([P6, P6])), "probability": MU,
+        "mean": finite(np.stack([SIX] * 4)), "covariance": covariance(np.stack([P6] * 4)), "probability": MU,
         "measurement": finite(Z), "R": definite(P2), "transmitter": finite(TX), "receiver": finite(RX),
-        "F": finite(np.stack([np.eye(6)] * 2)), "Q": covariance(np.stack([P6, P6])), "transition": TRANSITION,
+        "F": finite(np.stack([np.eye(6)] * 4)), "Q": covariance(np.stack([P6] * 4)), "transition": TRANSITION,
     },
     "ukf_update": {
         "mean": finite(PLANAR), "covariance": definite(P4), "measurement": finite(Z), "R": definite(P2),
         "transmitter": finite(TX), "receiver": finite(RX),
     },
-    "variable_structure": {"transition": TRANSITION, "active": given_as([True, True])},
+    "variable_structure": {"transition": TRANSITION, "active": given_as([True] * 4)},
     "information_reduction": {"pd": Argument("probability", 0.9), "clutter": non_negative(1.0)},
     "fitted_information_reduction": {"pd": Argument("probability", 0.9), "clutter": non_negative(1.0)},
     "joint_association": {

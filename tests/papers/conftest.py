@@ -6,11 +6,13 @@ from typing import Any
 import pytest
 from small_studies import RF_EO_RUNS, RF_EO_SEED, RF_EO_STEPS, URBAN_RUNS, URBAN_SEED
 
+from papers import contents
 from papers.__main__ import main
 from papers.rf_eo import numbers as rf_eo_numbers
 from papers.rf_eo import study as rf_eo
 from papers.urban import numbers as urban_numbers
 from papers.urban import study as urban
+from wavegym.evaluation import statistics
 from wavegym.testing.bitwise import difference
 
 CLOCKED = "seconds"  # the field of runs that a clock fills
@@ -20,6 +22,13 @@ def without_clocks(study: Any) -> dict[str, Any]:
     """What a study holds, but for times."""
     held = vars(study)
     return {**held, "runs": {case: {**runs._asdict(), CLOCKED: None} for case, runs in held["runs"].items()}}
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Pictures of few pixels, and intervals that are their middle: thousands of them would take a minute."""
+    monkeypatch.setattr(contents, "DPI", 30)
+    monkeypatch.setattr(statistics, "_interval", lambda statistic, *given: (float(statistic(*given[:2])),) * 2)
 
 
 @pytest.fixture

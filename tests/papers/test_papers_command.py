@@ -11,7 +11,7 @@ import pytest
 
 import papers
 import wavegym
-from papers import agile_clutter, contents, rf_eo, seeds, urban, work
+from papers import agile_clutter, rf_eo, seeds, urban, work
 from papers.__main__ import main
 from papers.agile_clutter import study as agile_clutter_study
 from papers.agile_clutter.study import FREE, FULL, POLICIES, names
@@ -23,16 +23,8 @@ from papers.rf_eo.pictures import CURVES, TRACKS
 from papers.urban import study as urban_study
 from papers.urban.pictures import NAMES
 from wavegym.core import work as core_work
-from wavegym.evaluation import statistics
 
 FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json"}
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    monkeypatch.setattr(statistics, "RESAMPLES", 60)
-    monkeypatch.setattr(contents, "DPI", 30)
-    monkeypatch.setattr(agile_clutter, "play", partial(agile_clutter.play, tuning=1))
 
 
 def rows(path):
@@ -42,6 +34,7 @@ def rows(path):
 
 def test_the_agile_chirps_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(agile_clutter_study, "CHUNK", 3)
+    monkeypatch.setattr(agile_clutter, "play", partial(agile_clutter.play, tuning=1))
     folder = rebuilt(agile_clutter, 8)
     assert {path.name for path in folder.iterdir()} == FILES
     summary = json.loads((folder / "summary.json").read_text())

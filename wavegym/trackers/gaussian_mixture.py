@@ -138,7 +138,7 @@ def mixture_update(
     numbers = float(gate), float(gate_probability), float(clutter_density), float(negligible)
     log_evidence = _update_in_place(own, scans, Pd, N, place, numbers)
     mean, covariance = np.empty((targets, STATES)), np.empty((targets, STATES, STATES))
-    kernels.moments(own, np.ones(targets, np.bool_), mean, covariance, SIZES)
+    kernels.moments(tuple(own), np.ones(targets, np.bool_), mean, covariance, SIZES)
     return MixtureUpdate(mean, covariance, own, log_evidence)
 
 
@@ -154,9 +154,10 @@ def _update_in_place(
     targets, most = own.weight.shape
     lit, opened, log_evidence = np.ones(targets, np.bool_), np.empty(targets * most, np.bool_), 0.0
     bank = kernels.workspace(targets * most, SIZES)
+    leaves = tuple(own)  # as AgileClutter's kernels pass them: no other version is compiled
     for i, z in enumerate(scans):
-        kernels.predict_bank(own, lit, noise[i], sensors[i, 0], sensors[i, 1], bank, opened, SIZES)
-        log_evidence += kernels.update_mixtures(lit, own, z, len(z), pd[i], bank, *numbers, SIZES)
+        kernels.predict_bank(leaves, lit, noise[i], sensors[i, 0], sensors[i, 1], bank, opened, SIZES)
+        log_evidence += kernels.update_mixtures(lit, leaves, z, len(z), pd[i], bank, *numbers, SIZES)
         if not np.isfinite(log_evidence):
             raise_without_evidence(i, targets, numbers[2])
     return float(log_evidence)

@@ -29,7 +29,6 @@ from papers.kershaw_evans.study import (
     TRACE,
     Case,
 )
-from wavegym.evaluation import statistics
 
 
 @pytest.fixture(scope="module")
@@ -121,8 +120,7 @@ def test_fixed_pulses_do_not_change(played):
         assert (played.of(scene, SHORT).sweep == 0.0).all()
 
 
-def test_every_case_is_summarised(played, monkeypatch):
-    monkeypatch.setattr(statistics, "RESAMPLES", 60)
+def test_every_case_is_summarised(played, quick):
     summary = numbers.summarise(played)
     json.dumps(summary, allow_nan=False)
     for scene in SCENES:
@@ -131,8 +129,7 @@ def test_every_case_is_summarised(played, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(statistics, "RESAMPLES", 60)
+def test_the_files_are_the_same_for_any_number_of_jobs(tmp_path, capsys, quick):
     for jobs in "12":
         assert main(["kershaw_evans", "--runs", "3", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
     assert {path.name for path in (tmp_path / "1").iterdir()} == set(files.FILES)
