@@ -251,8 +251,12 @@ class KershawEvans(
         C = self.action_set.received_covariance(self.candidates()[None], middle)[0, self.action_set.middle]
         R = C / range_law_snr(middle[0], self.reference_range, self.nearest_range)
         P = np.diag(self.prior_variance).astype(np.float64)
-        for _ in range(1000):
-            P = update_covariance(predict_covariance(P, self.motion.F, self.motion.Q), self._model[2][0], R)
+        for _ in range(500):
+            before = P
+            for _ in range(2):  # rounding may end in a cycle of two
+                P = update_covariance(predict_covariance(P, self.motion.F, self.motion.Q), self._model[2][0], R)
+            if np.array_equal(P, before):
+                break
         return P
 
     @cached_property
