@@ -10,8 +10,8 @@ import gymnasium as gym
 import pytest
 from hypothesis import settings
 
-# A property's first example may compile a kernel; how long that takes says nothing about the code. Fifty examples find
-# what a hundred find, but for rare cases, which have tests of their own, in half the time.
+# A property's first example may compile a kernel; how long that takes says nothing about the code. Half of Hypothesis's
+# hundred examples, as the suite has ten minutes.
 settings.register_profile("wavegym", deadline=None, max_examples=50)
 settings.load_profile("wavegym")
 
