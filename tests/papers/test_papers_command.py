@@ -35,7 +35,7 @@ def rows(path):
 def test_the_agile_chirps_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(agile_clutter_study, "CHUNK", 3)
     monkeypatch.setattr(agile_clutter, "play", partial(agile_clutter.play, tuning=1))
-    folder = rebuilt(agile_clutter, 8)
+    folder = rebuilt(agile_clutter, 4)
     assert {path.name for path in folder.iterdir()} == FILES
     summary = json.loads((folder / "summary.json").read_text())
     assert markdown(summary) in capsys.readouterr().out
