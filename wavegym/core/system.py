@@ -88,6 +88,11 @@ class System:
         metadata={"description": "parameters in which the world differs from what the tracker assumes", "unit": ""},
     )
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What a pickle holds: all but cached properties, so that it and its hash do not depend on earlier use."""
+        kept = vars(self).items()
+        return {name: value for name, value in kept if not isinstance(getattr(type(self), name, None), cached_property)}
+
     @cached_property
     def truth_model(self) -> Self:
         """The system whose parameters the world follows: this one, or its twin with the parameters of ``truth``.
