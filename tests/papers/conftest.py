@@ -26,7 +26,7 @@ def without_clocks(study: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Pictures of few pixels, and intervals that are their middle: thousands of them would take a minute."""
+    """Pictures of few pixels, and intervals without width: resampling thousands of them would take a minute."""
     monkeypatch.setattr(contents, "DPI", 30)
     monkeypatch.setattr(statistics, "_interval", lambda statistic, *given: (float(statistic(*given[:2])),) * 2)
 

@@ -61,6 +61,8 @@ def test_an_exported_agent_plays_as_the_agent(name: str, tmp_path: Path) -> None
     shadowed = Shadowed(agent, mine)
     one, two = (play(task, policy, list(range(worlds)), max_steps=steps) for policy in (shadowed, mine))
     assert np.mean(shadowed.same) > 0.9
+    assert one.cost[:, 0] == pytest.approx(two.cost[:, 0], rel=1e-4), "before choices differ, worlds do not"
+    assert two.cost.mean() == pytest.approx(one.cost.mean(), rel=0.02)
     agreed = np.logical_and.accumulate(shadowed.same).T
     np.testing.assert_allclose(two.cost[agreed], one.cost[agreed], rtol=1e-4)
 

@@ -6,7 +6,7 @@ import filterpy.kalman
 import numpy as np
 import oracles
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
@@ -81,7 +81,6 @@ def test_leading_axes_broadcast():
     assert predict(x, P, F, Q)[0].shape == (n,)
 
 
-@settings(max_examples=50)
 @given(sizes=st.sampled_from(SIZES), seed=st.integers(0, 2**32 - 1))
 def test_a_measurement_never_makes_the_covariance_larger(sizes, seed):
     _, P, *_, H, R = problem(*sizes, seed=seed)

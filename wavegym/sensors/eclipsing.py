@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.array_checks import check_broadcast, check_elements
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, for_kernel
 from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
 from wavegym.sensors import eclipsing_kernels as kernels
 from wavegym.waveforms import FisherFactors, PulseTiming, PulseTrain, Waveform, transmitted_interval
@@ -296,5 +296,5 @@ def _stacked(shapes: Sequence[CumulatedMoments]) -> EclipseTables:
 
 
 def _flat(array: NDArray[Any]) -> NDArray[Any]:
-    """A writeable contiguous copy with one axis: a kernel compiles one version only."""
-    return np.array(array, order="C").reshape(-1)
+    """``array`` with one axis, for a kernel."""
+    return for_kernel(array).reshape(-1)

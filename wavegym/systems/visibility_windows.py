@@ -122,5 +122,5 @@ def coming(visible: Array, step: Array, most: int) -> Coming:
     """See ``Coming``: ``visible`` (env, H, target) from ``step`` (env,) on; nothing is visible beyond H."""
     shape = len(step), visible.shape[2]
     found = Coming(np.empty(shape, np.bool_), np.empty(shape, np.int64), np.empty(shape))
-    visibility_windows_kernels.coming(for_kernel(visible), np.ascontiguousarray(step), most, *found)
+    visibility_windows_kernels.coming(for_kernel(visible), for_kernel(step), most, *found)
     return found

@@ -141,8 +141,8 @@ def random_path(
 
 
 def _spread(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """``array`` broadcast to ``shape``, as ``np.require`` made it: another layout would compile another version."""
-    return array if array.shape == shape else np.array(np.broadcast_to(array, shape), order="C")
+    """``array`` broadcast to ``shape``, for a kernel; an array of that shape is returned as it is."""
+    return array if array.shape == shape else for_kernel(np.broadcast_to(array, shape))
 
 
 def _white_noise_model(dim: int, dt: float, q: float, axes: Sequence[str], order: str) -> MotionModel:

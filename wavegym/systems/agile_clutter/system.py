@@ -500,9 +500,8 @@ class AgileClutter(
 
     def _predict_pulse(self, belief: Any, pulse: Sequence[Array], draws: Array | None) -> Belief:
         """``predict`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
-        expected = -self._full_illumination[1][0]  # a negative draw
-        draws = expected if draws is None else for_kernel(draws)
-        step, mean, covariance = map(np.ascontiguousarray, belief[:3])
+        draws = -self._full_illumination[1][0] if draws is None else for_kernel(draws)  # negative: expected
+        step, mean, covariance = map(for_kernel, belief[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         prediction.predict(
             step, mean, covariance, tuple(pulse), draws, self._targets, *self._model, self._radar, reduction_table(),
