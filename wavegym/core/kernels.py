@@ -1,8 +1,9 @@
 """How compiled kernels are made: loops over one flat leading axis, called like NumPy functions.
 
 A kernel is a plain Python function in a file called ``kernels.py`` or ``*_kernels.py``, compiled by Numba at its
-first use and cached on disk. The cache folder of a file carries a hash of its source and of all kernel files that it
-imports: Numba alone does not notice that a function in *another* file has changed and would go on calling the old one.
+first use and cached on disk. The cache folder of a file carries a hash of its source, of all kernel files that it
+imports and of those that define types of numbers: Numba alone does not notice that a function or a type in *another*
+file has changed and would go on with the old one.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.core.errors import InputError, InputWarning
 
 PACKAGE = Path(__file__).parents[1]
+NUMBER_TYPES = frozenset((PACKAGE / "core").glob("lane*_kernels.py"))  # a kernel of any file may be compiled for these
 _IMPORT = re.compile(r"^(?:from\s+(\S+)\s+import\s+(\([^)]*\)|.*)|import\s+(.*))$", re.MULTILINE)
 
 
@@ -58,7 +60,7 @@ def _sources(module: str) -> frozenset[Path]:
 def _cache_folder(module: str) -> str:
     """The folder for the compiled code of a module of kernels."""
     digest = hashlib.sha256(numba.__version__.encode())  # versions of Numba overwrite each other's caches
-    for source in sorted(_sources(module)):
+    for source in sorted(_sources(module) | NUMBER_TYPES):
         digest.update(source.read_bytes())
     return str(_caches() / digest.hexdigest()[:16])
 

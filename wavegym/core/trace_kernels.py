@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from wavegym.core.kernels import kernel
-from wavegym.core.lane_kernels import LANES, gathered, rows_from, scatter
+from wavegym.core.lane_array_kernels import gathered, scatter
+from wavegym.core.lane_kernels import LANES, rows_from
 
 
 @kernel

@@ -12,19 +12,8 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.lane_kernels import (
-    LANES,
-    each_lane,
-    empty_lanes,
-    gather_part,
-    gathered,
-    lane_numbers,
-    rows_from,
-    scatter,
-    scatter_part,
-    somewhere,
-    where,
-)
+from wavegym.core.lane_array_kernels import empty_lanes, gather_part, gathered, scatter, scatter_part
+from wavegym.core.lane_kernels import LANES, each_lane, lane_numbers, rows_from, somewhere, where
 from wavegym.sensors.gate_kernels import in_gate
 from wavegym.trackers.joint_association_kernels import associate_one, row_sum
 from wavegym.trackers.jpda_kernels import factor_one

@@ -16,18 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.lane_kernels import (
-    LANES,
-    each_lane,
-    empty_lanes,
-    gather_part,
-    gathered,
-    prefetch,
-    rows_from,
-    scatter,
-    scatter_part,
-    where,
-)
+from wavegym.core.lane_array_kernels import empty_lanes, gather_part, gathered, prefetch, scatter, scatter_part
+from wavegym.core.lane_kernels import LANES, each_lane, rows_from, where
 from wavegym.sensors.folding_kernels import apparent
 from wavegym.sensors.platform_kernels import penalty_of, polar
 from wavegym.systems.rf_eo.look_kernels import (

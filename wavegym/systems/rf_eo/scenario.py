@@ -29,9 +29,7 @@ from wavegym.systems.recorded_targets import (
 )
 from wavegym.systems.rf_eo.actions import PlatformActions
 from wavegym.systems.rf_eo.look_kernels import Rules
-from wavegym.systems.rf_eo.state import (
-    Belief,
-)
+from wavegym.systems.rf_eo.state import Belief
 from wavegym.systems.rf_eo.weights import Weights, weighting_matrix
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming

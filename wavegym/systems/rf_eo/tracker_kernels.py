@@ -18,7 +18,8 @@ import numpy as np
 
 from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.lane_kernels import copy_lane_matrix, copy_lane_vector, empty_lanes, lane, somewhere, where, with_lane
+from wavegym.core.lane_array_kernels import copy_lane_matrix, copy_lane_vector, empty_lanes
+from wavegym.core.lane_kernels import lane, somewhere, where, with_lane
 from wavegym.sensors.folding_kernels import certain_reach, fold_pair_one, nearest_fold, nearest_pair, shifted
 from wavegym.sensors.platform_kernels import polar as polar_quantities
 from wavegym.sensors.platform_kernels import wrapped
