@@ -12,6 +12,7 @@ import shutil
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -144,6 +145,8 @@ def run_all(
 def _unordered(work: Sequence[tuple[int, Call]], jobs: int) -> Iterator[tuple[int, Any]]:
     """Pairs of index and result as they come, or all at the end where the backend cannot hand them out before."""
     parent: int | None = os.getpid()
+    # loky replaces a worker that has grown, as one that compiles kernels does, and warns of it each time
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given to the executor", UserWarning)
     try:
         hand_out = Parallel(n_jobs=jobs, return_as="generator_unordered")
     except ValueError:  # Ray, whose workers have a parent on their own machine
