@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Sequence
 from functools import cached_property
-from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import NonNegativeInt
 
 from wavegym.core import trees
-from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import (
     BestAction,
@@ -22,63 +17,41 @@ from wavegym.core.capabilities import (
     FusedTransition,
     LinearCost,
     SensorBySensor,
-    TimedPulses,
 )
 from wavegym.core.decision_makers import makers_by_form
-from wavegym.core.errors import InputError, check_positive, check_within
-from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.parameters import Positive, parameter, system_parameters
-from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors import gate_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import system_parameters
+from wavegym.core.system import ObservationField, State
+from wavegym.sensors import range_and_rate
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
-from wavegym.systems.agile_clutter.actions import ChirpActions
 from wavegym.systems.agile_clutter.given_tracker import GivenTracker
+from wavegym.systems.agile_clutter.scenario import ClutterScenario
 from wavegym.systems.agile_clutter.state import (
     NN,
-    TRACKERS,
     Belief,
     Measurements,
-    NonNegativeState,
-    PlanarState,
-    PositiveState,
     PredictedTargets,
     Pulse,
     Truth,
     World,
-    greatest_gate_volume,
     kernel_hypotheses,
     sensor_fields,
     target_fields,
 )
-from wavegym.systems.precision import check_precision
 from wavegym.systems.recorded_targets import (
-    PlaysRecordings,
     drawn_windows,
-    farthest_range_parameter,
-    radar_parameter,
-    smoothing_parameter,
-    targets_parameter,
-    tracks_parameter,
 )
-from wavegym.targets import MotionModel, constant_turn, random_path
-from wavegym.trackers import GaussianMixture, Particles, predict_covariance, single_gaussian
+from wavegym.targets import random_path
+from wavegym.trackers import GaussianMixture, Particles, single_gaussian
 from wavegym.trackers.information_reduction import reduction_table
-from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.protocol import Tracker, own_tracker
-from wavegym.waveforms import PulseTiming, check_range_folds, check_time_on_target, pulse_timings
-from wavegym.waveforms.timing import ENERGY
 
 NO_MIXTURE = np.empty((1, 1, 0))  # in place of the weights of its components
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
-MOST_SENSORS = 16
-MOST_STARTS = 256  # of a recording, at which the clutter in the gates is checked
 
 
 @system_parameters
-class AgileClutter(
-    System, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers, TimedPulses, PlaysRecordings
-):
+class AgileClutter(ClutterScenario, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -121,186 +94,13 @@ class AgileClutter(
     # that illuminates the target. Only a compiled loop knows the later gates; the parts of a step know the first ones.
     counts_every_sensor: ClassVar[bool] = False
 
-    horizon: int = parameter(32, "steps in an episode", ge=1)
-    dt: float = parameter(0.25, "time step", unit="s", gt=0)
-    q: float = parameter(1.0, "process noise density", unit="m^2/s^3", truth=True, ge=0)
-    turn_rate: float = parameter(
-        0.0, "rate at which all targets turn, positive to the left", unit="rad/s", truth=True, ge=-10, le=10
-    )
-    carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
-    eclipsing: bool = parameter(
-        True,
-        f"each receiver is off while its own radar transmits, while {100 * ENERGY:g} % of a pulse's energy passes",
-        unit="",
-    )
-    reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
-    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
-    sensors: tuple[tuple[float, float], ...] = parameter(
-        ((3e3, -16e3), (3e3, 20.4e3)), "position (x, y) of each sensor", unit="m"
-    )
-    starts: tuple[PlanarState, ...] = parameter(
-        ((2e3, -1e3, -100.0, 800.0), (1e3, -1e3, 100.0, 800.0)),
-        "first [x y xdot ydot] of each target",
-        unit="m, m/s",
-        truth=True,
-    )
-    births: tuple[NonNegativeInt, ...] = parameter((0, 7), "step at which the tracker receives each target")
-    lifetime: int = parameter(25, "steps for which each target is tracked", ge=1, le=100_000)
-    prior_variance: PositiveState = parameter(
-        (4e3, 4e3, 100.0, 100.0),
-        "diagonal of P0, the covariance of the first estimate",
-        unit="m^2, m^2/s^2",
-        truth=True,
-    )
-    false_alarm: float = parameter(0.01, "false alarm probability Pf", truth=True, gt=0, lt=1)
-    clutter_density: float = parameter(
-        1e-4, "false returns per m of range and m/s of range-rate", unit="s/m^2", truth=True, ge=0
-    )
-    gate: float = parameter(4.0, "radius of the validation gates in standard deviations", gt=0)
-    weights: NonNegativeState = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
-    laws: tuple[str, ...] = parameter(
-        ("lfm", "pfm:3", "hfm:0.5", "efm:0.5"),
-        'phase functions: "lfm", "pfm:KAPPA", "hfm:SHAPE" or "efm:SHAPE"',
-        unit="",
-    )
-    durations: tuple[Positive, ...] = parameter((10e-6, 30e-6, 100e-6), "durations of the library", unit="s")
-    sweeps: tuple[Positive, ...] = parameter(
-        (1e6, 4e6, 15e6),
-        "sweeps of the library, which holds every law with every duration and sweep, up and down",
-        unit="Hz",
-    )
-    library: Library | None = parameter(
-        None, "a Library of waveforms of your own, in place of ``laws``, ``durations`` and ``sweeps``", unit=""
-    )
-    action: Literal["library", "joint", "box"] = parameter(
-        "library",
-        "a waveform per sensor; one index for all sensors (every law up and down, at the longest duration and the "
-        "widest sweep); or a point of a box: for every sensor the law's index, rounded down (left out for a single "
-        "law), log duration and signed sweep",
-        unit="",
-    )
-    tracker: Any = parameter(
-        "mixture",
-        '"mixture" (Gaussian mixtures), "jpda" (joint probabilistic data association), "particle" (a Rao-Blackwellised '
-        "particle filter), a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one",
-        unit="",
-    )
-    particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
-    components: int = parameter(16, "most components of a target with tracker='mixture'", ge=1, le=10_000)
-    targets: Literal["random", "recorded"] = targets_parameter()
-    tracks: Path | None = tracks_parameter()
-    radar: tuple[float, ...] | None = radar_parameter()
-    farthest_range: float = farthest_range_parameter(50e3)
-    smoothing: float | None = smoothing_parameter()
-
     nees_dimension = 4  # position and velocity
-
-    def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
-        check_positive("sum of weights", sum(self.weights))
-        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
-        self._check_library()
-        self._check_targets()
-        self._recorded  # noqa: B018  (an invalid recording is reported here)
-        self._check_clutter()
-        self._check_precision()
-        check_time_on_target(self.timings, self.dt)
-        check_range_folds(self.timings, self._farthest_range())
-
-    def _check_library(self) -> None:
-        """InputError for a library of one's own together with what describes the built-in one."""
-        if self.library is None:
-            return
-        if self.action == "box":
-            raise InputError(
-                "library is given with action='box', expected action='library' or 'joint': a box spans built-in chirps"
-            )
-        for field in dataclasses.fields(self):
-            if field.name in ("laws", "durations", "sweeps") and getattr(self, field.name) != field.default:
-                given = f"{field.name} is {getattr(self, field.name)} with library="
-                raise InputError(f"{given}, expected one of the two: the library takes the place of the chirps")
-
-    def _check_targets(self) -> None:
-        """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
-        check_within("number of sensors", len(self.sensors), 1, MOST_SENSORS)
-        check_within("number of targets (exact joint association)", len(self.starts), 1, CLUSTER_LIMIT)
-        if len(self.births) != len(self.starts):
-            raise InputError(f"births is {self.births}, expected {len(self.starts)} steps, one for each of starts")
-        last = max(self.births) + self.lifetime
-        if self.horizon > last:
-            wanted = f"1 to {last}, when the last target is gone (the greatest of births + lifetime)"
-            raise InputError(f"horizon is {self.horizon} steps, expected {wanted}; nearest: {last}")
-        check_within("least of births", min(self.births), 0, self.horizon - 1)
-
-    def _check_clutter(self) -> None:
-        """InputError for a density that expects too many points in a gate, of a target that is never detected too."""
-        C, snr = self.action_set.sensor_covariances, (self.reference_range, self.nearest_range)
-        starts = self._possible_starts()
-        P, volume = np.diag(self.prior_variance), 0.0
-        for age in (1, self.lifetime):
-            coasting = self._motion_over(age * self.dt)
-            after = starts @ coasting.F.T, predict_covariance(P, coasting.F, coasting.Q)
-            volume = max(volume, greatest_gate_volume(*after, self.sensors, C, snr, self.gate))
-        most = float(f"{kernels.MOST_CLUTTER / volume:.3g}")
-        if not self.clutter_density <= most:
-            raise InputError(
-                f"clutter_density is {self.clutter_density!r} s/m^2, expected a number in [0, {most:g}] (nearest: "
-                f"{most:g}): a target of prior_variance {self.prior_variance} that is not detected in {self.lifetime} "
-                f"steps of {self.dt:g} s would have over {kernels.MOST_CLUTTER:g} false returns in its gate"
-            )
-
-    def _check_precision(self) -> None:
-        """InputError for pulses too fine for the tracker; see ``check_precision``."""
-        starts, places = np.array(self.starts), np.array(self.sensors)[:, None]
-        H = range_and_rate_jacobian(starts, places)  # (sensor, target, 2, 4)
-        P = H @ predict_covariance(np.diag(self.prior_variance), self.motion.F, self.motion.Q) @ np.swapaxes(H, -1, -2)
-        eta = range_law_snr(range_and_rate(starts, places)[..., 0], self.reference_range, self.nearest_range)
-        check_precision(P, self.action_set.sensor_covariances, eta, self.reference_range)
-
-    def farthest_starts(self) -> Array:
-        """First states of the targets that stand for all possible ones, (state, 4)."""
-        return np.array(self.starts)
-
-    def _farthest_range(self) -> float:
-        """Range of the farthest target, without manoeuvres, at its birth or the end of its stay, m."""
-        starts = self._possible_starts()
-        last = starts @ self._motion_over(min(self.lifetime, self.horizon) * self.dt).F.T
-        return float(range_and_rate(np.stack([starts, last])[:, :, None], np.array(self.sensors))[..., 0].max())
-
-    @cached_property
-    def motion(self) -> MotionModel:
-        """The targets' motion model as the tracker assumes it; ``truth_model.motion`` is the world's."""
-        return self._motion_over(self.dt)
-
-    def _motion_over(self, seconds: float) -> MotionModel:
-        return constant_turn(seconds, self.q, self.turn_rate, order="derivative")
-
-    @cached_property
-    def _own_tracker(self) -> Tracker | None:
-        """The given tracker; None for one of TRACKERS."""
-        return own_tracker(self.tracker, TRACKERS)
-
-    @cached_property
-    def action_set(self) -> ChirpActions:
-        """The chirps of all sensors in the form that ``action`` names."""
-        chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
-        return ChirpActions(*chirps, len(self.sensors), self.action, own=self.library, eclipsing=self.eclipsing)
-
-    @property
-    def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
-        """The action set."""
-        return self.action_set.actions
 
     @property
     def decision_makers(self) -> tuple[DecisionMaker, ...]:
         """Every sensor; its observation fields are those of the targets at this sensor."""
         makers, targets = makers_by_form(self.actions), len(self.starts)
         return tuple(maker._replace(fields=sensor_fields(targets, i)) for i, maker in enumerate(makers, 1))
-
-    @property
-    def timings(self) -> dict[str, PulseTiming]:
-        """One pulse, or one train, of each sensor in a step."""
-        return pulse_timings(filter(None, self.action_set.sensor_library), self.carrier_hz)
 
     def target_ranges(self, world: World) -> Array:
         """Of every target at every sensor, (env, target, lifetime + 1, sensor, 2)."""
@@ -314,25 +114,6 @@ class AgileClutter(
     def constants(self) -> Array:
         """One law, duration and sweep at all sensors, each sensor up or down."""
         return self.action_set.constants
-
-    @cached_property
-    def _targets(self) -> tuple[Array, int]:
-        return np.array(self.births, np.int64), self.lifetime
-
-    @cached_property
-    def _model(self) -> tuple[Array, Array]:
-        return self.motion.F[None].copy(), self.motion.Q[None].copy()
-
-    @cached_property
-    def _radar(self) -> tuple[Any, ...]:
-        """Sensors, detection, clutter and gates, as ``kernels`` lists them."""
-        law = (self.reference_range, self.nearest_range, math.log(self.false_alarm))
-        gates = (self.clutter_density, self.gate, float(gate_probability(self.gate)))
-        return (np.array(self.sensors), *law, *gates, self.carrier_hz, self.action_set.tables)
-
-    @cached_property
-    def _weights(self) -> Array:
-        return np.array(self.weights)
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
@@ -369,18 +150,6 @@ class AgileClutter(
         if self._recorded:
             return self._recorded.paths(drawn_windows(self._recorded, world.process[:, :, 0, 0]))
         return random_path(self.motion, self.first_states(world), world.process)
-
-    @property
-    def _recorded_shape(self) -> tuple[int, int]:
-        """Targets, and steps for which each is tracked."""
-        return len(self.starts), self.lifetime
-
-    def _possible_starts(self) -> Array:
-        """First states that stand for all possible ones, (state, 4): the given ones, or a selection of the recorded."""
-        if not self._recorded:
-            return self.farthest_starts()
-        played = self._recorded.catalogue
-        return played.samples[played.starts[:: -(-len(played) // MOST_STARTS)]]
 
     def first_states(self, world: World) -> Array:
         """The true states at birth, (target, 4) or (env, target, 4)."""
@@ -524,14 +293,6 @@ class AgileClutter(
     def outcome_shape(self) -> tuple[int, int]:
         """A draw for every sensor and target: whether it is detected."""
         return len(self.sensors), len(self.starts)
-
-    def cost(self, belief: Belief) -> Array:
-        """trace(Lambda P) summed over the targets present."""
-        P = belief.covariance
-        cost = np.empty(belief.step.size)
-        step, P = np.ascontiguousarray(belief.step).reshape(-1), P.reshape(-1, *P.shape[-3:])
-        prediction.weighted_trace(step, P, self._targets, self._weights, cost)
-        return cost.reshape(belief.step.shape)
 
     def predicted_targets(self, belief: Belief) -> PredictedTargets:
         """The belief at the time of the next pulse, before any sensor measures."""
