@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gymnasium as gym
+import numpy as np
+import oracles
 import pytest
 from numba.core import event
 
 from wavegym.cli.main import main
 from wavegym.schedulers import tuned_constants
-from wavegym.testing import capability_check
+from wavegym.testing import model_check
 
 ID = "KershawEvansPosition-v0"
 
@@ -36,6 +39,19 @@ def test_after_it_nothing_is_compiled(capsys: pytest.CaptureFixture[str]) -> Non
     assert seen.count == 0
 
 
+def test_what_planners_call_is_compiled_too() -> None:
+    """``predict``, and futures on a time line."""
+    assert main(["warm-up", "MultifunctionRadar-v0", "--jobs", "1"]) == 0
+    env = gym.make("wavegym/MultifunctionRadar-v0").unwrapped
+    env.reset(seed=0)
+    seen = Compiled()
+    with event.install_listener("numba:compile", seen):
+        env.policy("dwell-rollout:2")()
+        system = env.system
+        system.predict(system.initial(oracles.worlds(system, 2)).belief, np.zeros(2, np.int64))
+    assert seen.count == 0
+
+
 def test_an_unknown_environment_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["warm-up", "KershawEvansPosition-v9"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -61,6 +77,6 @@ def test_a_defect_in_what_planners_call_is_left_to_the_check(
         asked.append(system)
         raise ValueError("predict fails")
 
-    monkeypatch.setattr(capability_check, "capability_defect", defective)
+    monkeypatch.setattr(model_check, "prediction_defect", defective)
     assert main(["warm-up", "tests/Uneven-v0", "--jobs", "1"]) == 0
     assert len(asked) == 1

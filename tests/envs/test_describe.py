@@ -16,7 +16,7 @@ from wavegym.core.errors import InputError
 from wavegym.envs.describe import describe, section, summary
 from wavegym.registration import SYSTEMS
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
-from wavegym.systems.urban.system import Urban
+from wavegym.systems.rf_eo.system import RfEo
 
 IDS = list(SYSTEMS)
 STEPS = 5  # of a short episode, whose account still pays a pulse
@@ -34,13 +34,15 @@ def chapter(page, heading):
 
 
 def test_a_page_with_parameters_is_that_environment_s():
-    page = wavegym.describe("wavegym/Urban-v0", slots=3, tracker="ncv")
-    assert "gym.make(\"wavegym/Urban-v0\", slots=3, tracker='ncv')" in page
-    assert len(rows(chapter(page, "Observations"), "index")) == len(Urban(slots=3, tracker="ncv").observation_fields)
+    given = {"starts": ((0.0, 0.0, 2e3, 0.0),), "penalty": "huber"}
+    page = wavegym.describe("wavegym/RfEo-v0", **given)
+    assert f"gym.make(\"wavegym/RfEo-v0\", starts={given['starts']}, penalty='huber')" in page
+    fields = RfEo(**given).observation_fields
+    assert len(rows(chapter(page, "Observations"), "index")) == len(fields) != len(RfEo().observation_fields)
     values = {row[0]: row[1] for row in rows(chapter(page, "Parameters"), "parameter")}
-    assert (values["`slots`"], values["`tracker`"]) == ("3", "`'ncv'`")
-    with pytest.raises(InputError, match="did you mean 'slots'"):
-        describe("wavegym/Urban-v0", slot=3)
+    assert (values["`starts`"], values["`penalty`"]) == ("((0, 0, 2000, 0),)", "`'huber'`")
+    with pytest.raises(InputError, match="did you mean 'starts'"):
+        describe("wavegym/RfEo-v0", start=3)
 
 
 @pytest.mark.parametrize("id", IDS)

@@ -12,6 +12,7 @@ from wavegym.core.errors import InputError
 from wavegym.registration import full_id, list_envs, registered_system
 
 POLICIES = ("random", "myopic")
+PLANNER = "dwell-rollout:1"  # others call what the policies and ``prediction_defect`` call
 STEPS = 3
 
 
@@ -69,11 +70,12 @@ def _step(env_id: str) -> None:
     import gymnasium as gym
 
     from wavegym.schedulers.tuned_constants import SIMPLE, recorded
-    from wavegym.testing.capability_check import capability_defect
+    from wavegym.testing.model_check import prediction_defect
 
     single: Any = gym.make(env_id, disable_env_checker=True)
     envs: Any = gym.make_vec(env_id, num_envs=2)
-    names = (*POLICIES, SIMPLE) if SIMPLE in recorded(single.unwrapped.system) else POLICIES  # tuning may take hours
+    is_tuned = SIMPLE in recorded(single.unwrapped.system)  # else it would be tuned now, which may take hours
+    names = (*POLICIES, SIMPLE, PLANNER) if is_tuned else POLICIES
     for each in (single, envs):
         each.reset(seed=0)
         for name in names:
@@ -86,4 +88,4 @@ def _step(env_id: str) -> None:
                 each.step(policy())
         each.close()
     with suppress(Exception):  # steps work; a defect in what planners call is for `wavegym check` to report
-        capability_defect(single.unwrapped.system)
+        prediction_defect(single.unwrapped.system)
