@@ -89,6 +89,8 @@ def run_tests(tests: Sequence[str], copy: Path) -> int:
     """pytest's exit status in a copy of the sources, which remembers the test that failed."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "", *tests]
     environment = {**os.environ, "PYTHONPATH": str(copy)}
+    # Python takes a file of the same size, changed within a second, for the one that it has compiled.
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
     return subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False).returncode
 
 
