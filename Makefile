@@ -8,7 +8,7 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 p
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
-# A second for each of the many processes of the tests, which would else compile all Python sources anew.
+# Tests start many processes. Without bytecode on disk each of them compiles the sources again, which takes a second.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test lint test-oldest test-learners site docs tutorial animations results leaderboard league papers headroom \

@@ -88,9 +88,8 @@ def is_found(defect: Defect, copy: Path) -> bool:
 def run_tests(tests: Sequence[str], copy: Path) -> int:
     """pytest's exit status in a copy of the sources, which remembers the test that failed."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "", *tests]
-    environment = {**os.environ, "PYTHONPATH": str(copy)}
-    # Python takes a file of the same size, changed within a second, for the one that it has compiled.
-    environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    # No bytecode: Python would take a file of the same size, changed within the same second, for the one before.
+    environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False).returncode
 
 

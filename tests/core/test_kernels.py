@@ -146,7 +146,7 @@ def caller(x):
 
 
 def test_an_edited_type_of_numbers_is_noticed_by_kernels_that_do_not_import_it(tmp_path, monkeypatch):
-    """Numba keeps what it compiled for lanes in the file of each function that takes them."""
+    """Numba keeps a function's version for lanes in the cache folder of the function's own file."""
     lanes = tmp_path / "lane_kernels.py"
     monkeypatch.setattr(kernels, "NUMBER_TYPES", frozenset([lanes]))
     folders = set()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.trace_kernels import summed_trace, summed_weighted
 
 
@@ -14,7 +14,7 @@ def trace_cost(covariance: Array, weights: Array) -> Array:
     weights: Lambda (n, n), or its diagonal (n,).
     """
     lead = covariance.shape[:-3]
-    P = np.ascontiguousarray(covariance).reshape(-1, *covariance.shape[-3:])
+    P = for_kernel(covariance).reshape(-1, *covariance.shape[-3:])
     cost = np.empty(len(P))
     (summed_weighted if weights.ndim == 2 else summed_trace)(P, weights, cost)
     return cost.reshape(lead)

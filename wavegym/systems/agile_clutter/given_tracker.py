@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter.state import NN
@@ -53,7 +53,7 @@ class GivenTracker:
         kernels.assume(i, step, now.mean, now.covariance, pulse, self.targets, self.radar, lit, noise, pd, NN)
         z, present = measurements.z[:, i], measurements.present[:, i]
         R = np.empty((*z.shape, 2))
-        kernels.noise_of_returns(i, np.ascontiguousarray(z), pulse, self.radar, R)
+        kernels.noise_of_returns(i, for_kernel(z), pulse, self.radar, R)
         place = sensors[i]
         model = MeasurementModel(lambda x: range_and_rate(x, place), lambda x: range_and_rate_jacobian(x, place))
         origin = np.full(present.shape, UNKNOWN)

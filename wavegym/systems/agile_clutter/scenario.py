@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import NonNegativeInt
 
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import TimedPulses
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.parameter_box import ParameterBox
@@ -260,8 +260,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
 
     def cost(self, belief: Belief) -> Array:
         """trace(Lambda P) summed over the targets present."""
-        P = belief.covariance
-        cost = np.empty(belief.step.size)
-        step, P = np.ascontiguousarray(belief.step).reshape(-1), P.reshape(-1, *P.shape[-3:])
-        prediction.weighted_trace(step, P, self._targets, self._weights, cost)
-        return cost.reshape(belief.step.shape)
+        step, P = for_kernel(belief.step), for_kernel(belief.covariance)
+        cost = np.empty(step.size)
+        prediction.weighted_trace(step.reshape(-1), P.reshape(-1, *P.shape[-3:]), self._targets, self._weights, cost)
+        return cost.reshape(step.shape)

@@ -318,8 +318,9 @@ class AgileClutter(ClutterScenario, FusedTransition, BestAction, LinearCost, Sen
         receive windows (env or 1, candidate, 10).
         """
         cost = np.empty((len(predicted.mean), C.shape[1]))
-        windows = np.ascontiguousarray(windows)
-        prediction.sensor_costs(sensor, *predicted, C, windows, self._weights, self._radar, reduction_table(), cost, NN)
+        prediction.sensor_costs(
+            sensor, *predicted, C, for_kernel(windows), self._weights, self._radar, reduction_table(), cost, NN
+        )
         return cost
 
     def after_sensor(self, predicted: PredictedTargets, sensor: int, C: Array, windows: Array) -> PredictedTargets:
@@ -327,9 +328,7 @@ class AgileClutter(ClutterScenario, FusedTransition, BestAction, LinearCost, Sen
         next sensor's pulse.
         """
         P = np.empty(predicted.covariance.shape)
-        prediction.after_sensor(
-            sensor, *predicted, C, np.ascontiguousarray(windows), self._radar, reduction_table(), P, NN
-        )
+        prediction.after_sensor(sensor, *predicted, C, for_kernel(windows), self._radar, reduction_table(), P, NN)
         return predicted._replace(covariance=P)
 
     def best_action(self, belief: Belief) -> Array:

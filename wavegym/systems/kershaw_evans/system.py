@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wavegym.core.action_sets import Library
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import (
     BestSequence,
     ClosedForm,
@@ -303,7 +303,7 @@ class KershawEvans(
         """Kernel arguments: the model that the tracker believes in, range law, and the two sizes as tuples."""
         F, Q, M = self._model
         if belief.process_noise is not None:
-            Q = np.ascontiguousarray(belief.process_noise)
+            Q = for_kernel(belief.process_noise)
             F = F.repeat(len(Q), axis=0)
         return F, Q, M, *self._law, (0,) * MEASURED
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.errors import InputError
 from wavegym.core.system import ObservationField, State
 from wavegym.sensors.multistatic import Multistatic
@@ -168,7 +168,7 @@ def urban_info(state: State, direct: Array) -> dict[str, Array]:
         HELD_WITHIN, values, flags, counts, sure, places, *sizes
     )  # fmt: skip
     distance = np.empty((len(sure), 4))
-    there = np.ascontiguousarray(truth.targets[..., :2])
+    there = for_kernel(truth.targets[..., :2])
     gospa_kernels.gospa(there, truth.present, places, sure, HELD_WITHIN, 2.0, distance)
     return {
         "position_error": values[0],

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.capabilities import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_positive
@@ -445,7 +445,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     def cost(self, belief: Belief) -> Array:
         """See Rewards."""
         lead = belief.existence.ndim - 1
-        x, P, mu, existence = (np.ascontiguousarray(leaf).reshape(-1, *leaf.shape[lead:]) for leaf in belief[1:5])
+        x, P, mu, existence = (for_kernel(leaf).reshape(-1, *leaf.shape[lead:]) for leaf in belief[1:5])
         each = np.empty(existence.shape)
         sizes = (0,) * x.shape[3], (0,) * x.shape[2]
         figure_kernels.costs(x, P, mu, existence, self._weights, self.absent, each, *sizes)
