@@ -15,7 +15,7 @@ from wavegym.learning.training.train import train
 
 ROOT = Path(__file__).parents[3]
 ALGO = "dqn"
-STEPS = 3000
+STEPS = 1500
 KILLS = 2
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 
 import numpy as np
 import oracles
@@ -142,3 +143,8 @@ def test_pairs_of_several_transmitters_keep_to_their_own_trains(plain):
 def test_mistakes():
     with pytest.raises(InputError, match=r"false_alarm is 0\.001, expected none with fidelity='signal'"):
         make_checked(UrbanSignal, {"false_alarm": 1e-3})
+
+
+def test_loops_share_their_receivers():
+    """What a receiver knows of its noise takes long to compute."""
+    assert all(map(operator.is_, UrbanSignal().signals.arrays, UrbanSignal(horizon=3).signals.arrays))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -62,6 +62,7 @@ DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
 MEASURED = 2  # range and range-rate
 TRACKERS = "kalman", "imm"
+_shared_actions = lru_cache(maxsize=64)(GaussianActions)
 
 
 @system_parameters
@@ -218,8 +219,9 @@ class KershawEvans(
     @cached_property
     def action_set(self) -> GaussianActions:
         """What may be transmitted."""
-        pulses = (self.durations, self.sweeps, self.carrier_hz)
-        return GaussianActions(*pulses, self.action == "box", self.eclipsing, own=self.library)
+        chirps = (self.durations, self.sweeps, self.carrier_hz, self.action == "box", self.eclipsing)
+        # Loops are made by the dozen, and share the covariances of their chirps. Pulses of one's own may have no hash.
+        return GaussianActions(*chirps, self.library) if self.library else _shared_actions(*chirps)
 
     @property
     def actions(self) -> Library | ParameterBox:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -285,7 +285,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     def signals(self) -> UrbanReceivers:
         """The receivers for ``fidelity="signal"``."""
         trains = [train for train in self.library.entries if isinstance(train, PulseTrain)]
-        arrays = [ArrayReceiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
+        arrays = [_receiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
         return UrbanReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density, self.fluctuation)
 
     @property
@@ -480,3 +480,9 @@ class Urban(System, DecisionMakers, TimedPulses):
         tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.truth_model.scene.direct)
+
+
+@lru_cache(maxsize=64)
+def _receiver(train: PulseTrain, carrier: float, bandwidth: float, reach: float) -> ArrayReceiver:
+    """The receiver of one train, shared by all loops: its law of noise takes 20 ms, and loops are made by the dozen."""
+    return ArrayReceiver(train, carrier, bandwidth, reach)
