@@ -8,6 +8,7 @@ import pytest
 from rf_eo_scenes import scene
 
 import wavegym
+from wavegym.core import registry
 from wavegym.core.errors import InputError
 from wavegym.core.system import State, System
 from wavegym.core.worlds import draw_worlds, world_seeds
@@ -45,6 +46,11 @@ def test_every_name_makes_its_policy(name, kind):
     policy = make_policy(name, SYSTEM, WORLDS)
     assert type(policy) is kind
     assert is_scheduler(name)
+
+
+def test_a_scheduler_of_the_suite_is_made_without_reading_all_installed_packages(monkeypatch):
+    monkeypatch.setattr(registry, "entry_points", lambda group: pytest.fail("read"))
+    assert isinstance(make_policy("myopic", SYSTEM, WORLDS), Myopic)
 
 
 def test_numbers_and_objectives_arrive():

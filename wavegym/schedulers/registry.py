@@ -81,11 +81,11 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
         return NUMBERED[family](_integer(name, family, argument))
     if _is_planner(name):
         return _planner(name, system, tuning_worlds, base)
-    loops = system.baselines()
-    known = dict.fromkeys((*FORMS, *SCHEDULERS.names(), *loops))
-    if name not in SCHEDULERS and check_choice("policy", name, known) in loops:
-        scheduler, changed = loops[name]
-        raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
+    if name not in SCHEDULERS:
+        loops = system.baselines()
+        if check_choice("policy", name, dict.fromkeys((*FORMS, *SCHEDULERS.names(), *loops))) in loops:
+            scheduler, changed = loops[name]
+            raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
     policy = SCHEDULERS.get(name)(system, tuning_worlds)
     if not isinstance(policy, Policy):
         raise InputError(f"scheduler {name!r} made {policy!r}, expected a Policy with begin and act")
