@@ -19,7 +19,7 @@ from wavegym.core.command_line import Parser, guarded
 
 ENV = "wavegym/KershawEvansPosition-v0"
 SCHEDULERS = "best-fixed,myopic,weighted-myopic,lookahead:2,lookahead:3,random"
-STEPS = 640_000
+STEPS = 480_000
 CHECKPOINT_EVERY = 100_000
 
 
