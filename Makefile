@@ -1,4 +1,4 @@
-# make demo: set up, train an agent for about a minute, compare it with the analytic schedulers
+# make demo: set up, train an agent for less than a minute, compare it with the analytic schedulers
 # make test: set up, run every check that CI runs
 SHELL := /bin/bash
 VENV ?= .venv

@@ -334,3 +334,10 @@ def test_a_truth_equal_to_the_assumptions_changes_nothing() -> None:
     for one, other in zip(play(told, worlds, actions), play(KershawEvans(), worlds, actions), strict=True):
         for a, b in zip((*one.truth, *one.belief), (*other.truth, *other.belief), strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("action", ["library", "box"])
+def test_whoever_writes_into_candidates_changes_no_other_system(action):
+    wanted = KershawEvans(action=action).candidates().copy()
+    KershawEvans(action=action).candidates()[:] = 0
+    np.testing.assert_array_equal(KershawEvans(action=action).candidates(), wanted)

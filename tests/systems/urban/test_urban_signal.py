@@ -145,6 +145,6 @@ def test_mistakes():
         make_checked(UrbanSignal, {"false_alarm": 1e-3})
 
 
-def test_loops_share_their_receivers():
-    """What a receiver knows of its noise takes long to compute."""
+def test_systems_share_their_receivers():
+    """The law of a receiver's noise takes 20 ms to compute."""
     assert all(map(operator.is_, UrbanSignal().signals.arrays, UrbanSignal(horizon=3).signals.arrays))

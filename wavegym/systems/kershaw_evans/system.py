@@ -62,6 +62,7 @@ DURATIONS = tuple(float(k) for k in np.geomspace(10e-6, 300e-6, 8))
 SWEEPS = (0.0, 0.1e6, -0.1e6, 0.3e6, -0.3e6, 1e6, -1e6, 5e6, -5e6, 15e6, -15e6)
 MEASURED = 2  # range and range-rate
 TRACKERS = "kalman", "imm"
+# All systems share an action set: the covariances of its chirps take 10 ms. Do not write to its arrays.
 _shared_actions = lru_cache(maxsize=64)(GaussianActions)
 
 
@@ -220,7 +221,7 @@ class KershawEvans(
     def action_set(self) -> GaussianActions:
         """What may be transmitted."""
         chirps = (self.durations, self.sweeps, self.carrier_hz, self.action == "box", self.eclipsing)
-        # Loops are made by the dozen, and share the covariances of their chirps. Pulses of one's own may have no hash.
+        # Pulses of one's own may have no hash.
         return GaussianActions(*chirps, self.library) if self.library else _shared_actions(*chirps)
 
     @property
@@ -239,7 +240,7 @@ class KershawEvans(
 
     def candidates(self) -> Array:
         """The pulses of the library: indices (A,), or their points of the box (A, 2)."""
-        return self.action_set.candidates
+        return self.action_set.candidates.copy()
 
     @cached_property
     def unit_covariance(self) -> Callable[[Array], Array]:

@@ -52,6 +52,8 @@ WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "con
 """Settings of the tracker that directions of arrival make possible; without directions those of the paper."""
 SEARCHED = 3  # quantities over which the receivers of signals take the greatest value: delay, Doppler, direction
 EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps its bandwidth in this time
+# All systems share a receiver: the law of its noise takes 20 ms. Do not write to its arrays.
+_shared_receiver = lru_cache(maxsize=64)(ArrayReceiver)
 
 
 @system_parameters
@@ -285,7 +287,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     def signals(self) -> UrbanReceivers:
         """The receivers for ``fidelity="signal"``."""
         trains = [train for train in self.library.entries if isinstance(train, PulseTrain)]
-        arrays = [_receiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
+        arrays = [_shared_receiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
         return UrbanReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density, self.fluctuation)
 
     @property
@@ -480,9 +482,3 @@ class Urban(System, DecisionMakers, TimedPulses):
         tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.truth_model.scene.direct)
-
-
-@lru_cache(maxsize=64)
-def _receiver(train: PulseTrain, carrier: float, bandwidth: float, reach: float) -> ArrayReceiver:
-    """The receiver of one train, shared by all loops: its law of noise takes 20 ms, and loops are made by the dozen."""
-    return ArrayReceiver(train, carrier, bandwidth, reach)
