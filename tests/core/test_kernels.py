@@ -121,13 +121,29 @@ def test_an_edited_callee_in_another_file_is_noticed(tmp_path):
     (tmp_path / "callee_kernels.py").write_text(_CALLEE.format("3.0"))
     (tmp_path / "caller_kernels.py").write_text(_CALLER)
     code = "from pathlib import Path; import wavegym.core.kernels as k\n"
-    code += "k.PACKAGE = Path('.')\n"
     code += "import caller_kernels; print(caller_kernels.caller(7.0))"
     answers = []
     for factor in ("3.0", "5.0"):
         (tmp_path / "callee_kernels.py").write_text(_CALLEE.format(factor))
         answers.append(float(_python(code, cwd=tmp_path).split()[-1]))
     assert answers == [21.0, 35.0]
+
+
+def test_equal_sources_share_compiled_code_wherever_they_are(tmp_path):
+    code = "import callee_kernels as c; print(c.callee(7.0), *c.callee.stats.cache_misses)"
+    found = []
+    for checkout in ("one", "other"):
+        (tmp_path / checkout).mkdir()
+        (tmp_path / checkout / "callee_kernels.py").write_text(_CALLEE.format("3.0"))
+        found.append(_python(code, cwd=tmp_path / checkout, cache=tmp_path).split())
+    assert [len(each) for each in found] == [2, 1]
+
+
+def test_an_edited_constant_is_noticed_in_a_file_of_any_name(tmp_path):
+    code = "import my_system; print(my_system.callee(7.0))"
+    for factor, answer in (("3.0", "21.0"), ("5.0", "35.0")):
+        (tmp_path / "my_system.py").write_text(_CALLEE.format("FACTOR") + f"FACTOR = {factor}")
+        assert _python(code, cwd=tmp_path, cache=tmp_path).split() == [answer]
 
 
 _CALLEE = """
@@ -167,9 +183,10 @@ def test_importing_wavegym_stays_light():
     assert _python(code).strip() == "[]"
 
 
-def _python(code, cwd=None):
+def _python(code, cwd=None, cache=None):
     # No .pyc: Python would take a file of the same size, rewritten within the same second, for the old one.
     path = {"PYTHONPATH": f"{PACKAGE.parent}", "PATH": "", "NUMBA_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    path |= {"XDG_CACHE_HOME": str(cache)} if cache else {}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=cwd, env=path, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -1,9 +1,10 @@
 """How compiled kernels are made: loops over one flat leading axis, called like NumPy functions.
 
 A kernel is a plain Python function in a file called ``kernels.py`` or ``*_kernels.py``, compiled by Numba at its
-first use and cached on disk. The cache folder of a file carries a hash of its source, of all kernel files that it
-imports and of those that define types of numbers: Numba alone does not notice that a function or a type in *another*
-file has changed and would go on with the old one.
+first use and cached on disk. The cache is the user's, one for all processes, environments and checkouts of a machine.
+The cache folder of a file is named by a hash of its source, of all kernel files that it imports and of those that
+define types of numbers: equal sources share compiled code wherever they are, and a change of a function or a type in
+*another* file, which Numba alone does not notice, leads to another folder.
 """
 
 from __future__ import annotations
@@ -22,31 +23,35 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numba.core import event
+from numba.core import caching, event
 from numba.core.types import unliteral
 from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.errors import InputError, InputWarning
 
 PACKAGE = Path(__file__).parents[1]
+_SETTINGS: Any = numba.config
 NUMBER_TYPES = frozenset((PACKAGE / "core").glob("lane*_kernels.py"))  # a kernel of any file may be compiled for these
 _IMPORT = re.compile(r"^(?:from\s+(\S+)\s+import\s+(\([^)]*\)|.*)|import\s+(.*))$", re.MULTILINE)
 
 
 def _caches() -> Path:
-    """The folder of all caches: beside the package where that can be written, else the user's."""
-    user = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "wavegym"
-    return (PACKAGE / "__pycache__" if os.access(PACKAGE, os.W_OK) else user) / "kernels"
+    """The folder of all caches: of Numba's setting, else of the user."""
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return Path(_SETTINGS.CACHE_DIR or user) / "wavegym" / "kernels"
 
 
 @cache
-def _sources(module: str) -> frozenset[Path]:
-    """The file of an imported module of kernels, and those of all modules of kernels that it imports."""
+def _sources(module: str, named: str = "kernels.py") -> frozenset[Path]:
+    """The file of an imported module, and those of all modules of kernels that it imports.
+
+    Nothing if the module's file is not named so; the first may have any name.
+    """
     loaded = sys.modules.get(module)
     file = Path(getattr(loaded, "__file__", None) or "")
-    if not file.name.endswith("kernels.py"):
+    if not file.name or not file.name.endswith(named):
         return frozenset()
-    package, found = getattr(loaded, "__package__", ""), {file}
+    package, found = getattr(loaded, "__package__", None) or "", {file}
     for source, names, plain in _IMPORT.findall(file.read_text("utf-8")):
         listed = [name.split()[0] for name in re.split(r"[(),\n]", names or plain) if name.strip()]
         origin = resolve_name(source, package) if source else ""
@@ -60,9 +65,67 @@ def _sources(module: str) -> frozenset[Path]:
 def _cache_folder(module: str) -> str:
     """The folder for the compiled code of a module of kernels."""
     digest = hashlib.sha256(numba.__version__.encode())  # versions of Numba overwrite each other's caches
-    for source in sorted(_sources(module) | NUMBER_TYPES):
+    for source in sorted(_sources(module, named="") | NUMBER_TYPES):
         digest.update(source.read_bytes())
     return str(_caches() / digest.hexdigest()[:16])
+
+
+class _Locator(caching._CacheLocator):
+    """Where Numba finds the compiled code of a function: in the folder of its module, whatever the checkout's path."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> _Locator:
+        """Numba's way to make one."""
+        return cls(function)
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return _cache_folder(self._function.__module__)
+
+    def get_source_stamp(self) -> str:
+        """Nothing: the folder is named by the sources."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Tells functions of one name apart."""
+        return f"{self._function.__module__}-{self._function.__code__.co_firstlineno}"
+
+
+class _Files(caching.IndexDataCacheFile):
+    """A file for each version of a function. Numba's index of versions loses some where processes write it at once."""
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write a version."""
+        self._save_data(self._name(key), data)
+
+    def load(self, key: Any) -> Any:
+        """Read a version; None where there is none."""
+        try:
+            return self._load_data(self._name(key))
+        except FileNotFoundError:
+            return None
+
+    def _name(self, key: Any) -> str:
+        return self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:16], 16))
+
+
+class _Found(caching.CompileResultCacheImpl):
+    """Numba's rules of what can be cached, with the folder above."""
+
+    _locator_classes: Any = [_Locator]
+
+
+class _Cache(caching.FunctionCache):
+    """The cache of one function."""
+
+    _impl_class = _Found
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _Files(self._cache_path, self._impl.filename_base, "")
 
 
 class _Notice(event.Listener):
@@ -75,7 +138,7 @@ class _Notice(event.Listener):
         if not self.printed and function.__module__.startswith("wavegym."):
             self.printed = True
             print(
-                "wavegym: compiling numerical kernels (once per installation; wavegym warm-up does it beforehand) ...",
+                "wavegym: compiling numerical kernels (once on this machine; wavegym warm-up does it beforehand) ...",
                 file=sys.stderr,
             )
 
@@ -84,22 +147,19 @@ class _Notice(event.Listener):
 
 
 event.register("numba:compile", _Notice())
-_SETTINGS: Any = numba.config
-_PARENT = _SETTINGS.CACHE_DIR or str(_caches())
 
 
-def _is_writable(folder: str) -> bool:
+def _is_writable(place: Path) -> bool:
     """Whether a folder can be written, or made."""
-    place = Path(folder)
     while not place.exists():
         place = place.parent
     return place.is_dir() and os.access(place, os.W_OK)
 
 
-_IS_CACHED = _is_writable(_PARENT)
+_IS_CACHED = _is_writable(_caches())
 if not _IS_CACHED:
     warnings.warn(
-        f"{_PARENT} cannot be written: kernels are compiled in every process (set XDG_CACHE_HOME to a folder)",
+        f"{_caches()} cannot be written: kernels are compiled in every process (set XDG_CACHE_HOME to a folder)",
         InputWarning,
         stacklevel=2,
     )
@@ -116,13 +176,9 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def _compiled(function: Callable[..., Any], inline: bool) -> Any:
-    configured = _SETTINGS.CACHE_DIR
-    # read while the dispatcher is made; other packages' kernels keep their own
-    _SETTINGS.CACHE_DIR = configured or _cache_folder(function.__module__)
-    try:
-        compiled = numba.njit(cache=_IS_CACHED, error_model="numpy", forceinline=inline, nogil=True)(function)
-    finally:
-        _SETTINGS.CACHE_DIR = configured
+    compiled: Any = numba.njit(error_model="numpy", forceinline=inline, nogil=True)(function)
+    if _IS_CACHED and _sources(function.__module__, named=""):  # a notebook has no source that could be hashed
+        compiled._cache = _Cache(function)
     return _without_literals(compiled)
 
 
