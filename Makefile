@@ -1,5 +1,5 @@
 # make demo: set up, train an agent for less than a minute, compare it with the analytic schedulers
-# make test: set up, run every check that CI runs
+# make check: set up, the quick tests, two minutes; make test: what CI runs; make test-release: everything
 SHELL := /bin/bash
 VENV ?= .venv
 OUT ?= out
@@ -11,7 +11,7 @@ export OMP_NUM_THREADS ?= 1
 # Tests start many processes. Without bytecode on disk each of them compiles the sources again, which takes a second.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint test-oldest test-learners site docs tutorial animations results leaderboard league papers headroom \
+.PHONY: demo check test test-release lint test-oldest test-learners site docs tutorial animations results leaderboard league papers headroom \
 	benchmarks promises clean
 
 $(READY): pyproject.toml constraints.txt
@@ -26,9 +26,18 @@ demo: $(READY)
 	$(BIN)/python -m agents.demo --out $(OUT)/demo
 
 # Kernels are compiled first: two processes of pytest would both compile those that their first tests need.
+check: $(READY) lint
+	$(BIN)/wavegym warm-up > /dev/null
+	@# Twice the second above which a test needs a mark: some machines are slow.
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not release" --hypothesis-profile check --unmarked-seconds 2
+
 test: $(READY) lint site
 	$(BIN)/wavegym warm-up
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not release"
+
+# What no commit can break alone, or what takes hours: before a release.
+test-release: test test-oldest test-learners papers promises
+	$(BIN)/python -m pytest -m release
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -3,22 +3,55 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+import os
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import gymnasium as gym
 import pytest
 from hypothesis import settings
+from numba.core import event
 
 # A property's first example may compile a kernel; how long that takes says nothing about the code. Half of Hypothesis's
-# hundred examples, as the suite has ten minutes.
+# hundred examples, as `make test` has ten minutes; `make check` has two.
 settings.register_profile("wavegym", deadline=None, max_examples=50)
+settings.register_profile("check", deadline=None, max_examples=10)
 settings.load_profile("wavegym")
+TIERS = ("slow", "release")  # the marks of tests that `make check`, and those that `make test` leaves out
+compiling = event.TimingListener()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option with which `make check` stays quick."""
+    parser.addoption(
+        "--unmarked-seconds",
+        type=float,
+        default=float("inf"),
+        help="fail a test that takes more CPU time, kernels' compilation apart, and has no mark of a tier",
+    )
 
 
 def pytest_configure() -> None:
     """Collect garbage seldom: it takes four percent of the time, because everything about kernels is walked through."""
     gc.set_threshold(50_000)
+    event.register("numba:compile", compiling)
+
+
+def cpu_seconds() -> float:
+    """CPU time of this process and of those that it started and that have ended, without compilation."""
+    used, compiled = os.times(), compiling.duration if compiling.done else 0.0
+    return used.user + used.system + used.children_user + used.children_system - compiled
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a test that is too long for a tier in which it is not marked."""
+    most, begun = item.config.getoption("--unmarked-seconds"), cpu_seconds()
+    result = yield
+    spent = cpu_seconds() - begun
+    if spent > most and not any(map(item.get_closest_marker, TIERS)):
+        pytest.fail(f"took {spent:.1f} s without a mark, expected one of {', '.join(TIERS)} above {most:g} s")
+    return result
 
 
 def pytest_sessionfinish() -> None:

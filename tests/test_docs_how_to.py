@@ -27,6 +27,7 @@ def run(page: str, namespace: dict) -> None:
         exec(compile(block, page, "exec"), namespace)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page", ["index.md", "how_to/compare_policies.md", "how_to/train_with_sb3.md", "how_to/trained_agents.md"]
 )
@@ -61,6 +62,7 @@ def test_the_registrations_and_the_pulse_of_your_own_work(monkeypatch):
     assert namespace["R"].shape == (2, 2, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_registry")
 def test_the_parts_of_your_own_work(tmp_path, monkeypatch, capsys):
     """A tracker, a library, another truth, and a composed loop that is registered and compared."""
@@ -82,6 +84,7 @@ def test_policies_play_in_stone_soup_and_its_filters_here(capsys):
     assert capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_dataset_of_the_page_is_written_and_read(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     namespace: dict = {}

@@ -13,6 +13,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "how_to" / "parts.md"
 RECIPE = re.compile(r">>> import gymnasium.*?(?=>>> int\(loop)", re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_examples_hold():
     result = doctest.testfile(str(PAGE), module_relative=False)
     assert result.attempted > 15

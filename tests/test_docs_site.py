@@ -66,7 +66,9 @@ def test_the_citation_has_the_version_of_the_package():
 
 def test_ci_runs_what_the_repository_runs():
     jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())["jobs"]
-    assert {"run": "bash .ci/run"} in jobs["check"]["steps"]
+    assert {"run": "make check"} in jobs["check"]["steps"]
+    assert {"run": "bash .ci/run"} in jobs["test"]["steps"]
+    assert "make test\n" in (ROOT / ".ci" / "run").read_text()
 
 
 def test_every_tool_has_a_line_in_the_dependency_table():

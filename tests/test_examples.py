@@ -27,6 +27,7 @@ def _installed():
         gym.registry.pop(id)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", IDS)
 def test_registered_environments_conform(id):
     assert id in wavegym.list_envs()

@@ -89,6 +89,7 @@ def arrows() -> nx.DiGraph:
     return graph(ROOT)
 
 
+@pytest.mark.slow
 def test_no_module_imports_itself_by_way_of_others(arrows):
     assert circles(arrows) == []
 

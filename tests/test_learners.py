@@ -68,6 +68,7 @@ def test_an_example_trains_and_is_compared_with_myopic(name):
     assert np.isfinite(percent_over_myopic(DEFAULT, policy, worlds=3, **PLAYED_WITH.get(name, {})))
 
 
+@pytest.mark.slow
 def test_the_blocks_of_the_page_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     namespace: dict = {}

@@ -33,6 +33,7 @@ def evaluated(out: Path, *arguments: str, path: Path = EXAMPLE) -> dict:
     return json.loads((out / "summary.json").read_text())
 
 
+@pytest.mark.slow
 def test_evaluate_knows_the_scheduler_and_the_chirp_law(tmp_path: Path) -> None:
     laws = ["laws=('cubic:0.5','lfm')", "horizon=4", "action=joint"]
     given = ["AgileClutter-v0", "--import", "own_parts", "--policies", "first-good,rollout:1@first-good"]
@@ -60,6 +61,7 @@ def test_train_knows_the_reward(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "run.json").read_text())["settings"]["reward"] == "worst-target"
 
 
+@pytest.mark.slow
 def test_an_installed_package_needs_no_import(tmp_path: Path) -> None:
     """Its entry points, as pip would write them."""
     (tmp_path / "own_parts").symlink_to(EXAMPLE / "own_parts")
@@ -75,6 +77,7 @@ def test_an_installed_package_needs_no_import(tmp_path: Path) -> None:
     assert "first-good" in evaluated(tmp_path / "out", *given, path=tmp_path)["policies"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -95,6 +95,7 @@ def test_a_tracker_of_ones_own_passes_the_check_of_capabilities() -> None:
     assert capability_defect(KershawEvans(tracker="own_parts.trackers:filterpy_ekf", horizon=6)) is None
 
 
+@pytest.mark.slow
 def test_a_tracker_with_a_memory_conforms_in_both_loops() -> None:
     """Resets of single environments, unpickled copies, and schedulers that predict with its own process noise."""
     from own_parts.trackers import AdaptiveNoise

@@ -45,6 +45,7 @@ class TeamOfOne:
         return tuple({"alone": each} for each in self.batch.step(actions["alone"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{}, {"max_episode_steps": 5}])
 def test_an_independent_learner_without_others_is_stable_baselines3s_ppo(example, monkeypatch, settings):
     """The same samples, the same bootstrap at truncations and the same gradient steps: equal networks, bit for bit."""

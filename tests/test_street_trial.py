@@ -23,6 +23,7 @@ def begun(**settings):
     return system, worlds, system.initial(worlds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("action", "sign"), [(0, 1.0), (1, -1.0)])
 def test_echoes_come_from_the_lit_street(action, sign):
     system, worlds, state = begun(clutter_density=1e-9)
@@ -68,6 +69,7 @@ def test_account_pays_trains_until_it_is_empty():
     np.testing.assert_array_equal(system.mask(state.belief), np.tile([False, True], (COUNT, 1)))
 
 
+@pytest.mark.slow
 def test_forecast_of_narrow_tracks_is_the_trackers():
     """Where a track has hardly any spread, its place is lit or not, as ``expect`` of the tracker takes it."""
     system, _, state = begun(kind="revisit")
@@ -84,6 +86,7 @@ def test_forecast_of_narrow_tracks_is_the_trackers():
     assert close.mean() > 0.95  # all but tracks that stand within a centimetre of the edge of a cell
 
 
+@pytest.mark.slow
 def test_drawn_outcomes_keep_the_mean_of_existence():
     system, _, state = begun(kind="revisit")
     one = state.belief._replace(existence=np.full_like(state.belief.existence, 0.6))

@@ -27,7 +27,7 @@ def test_the_committed_outputs_are_of_one_run():
     assert "agent" in str([cell.get("outputs") for cell in TUTORIAL.cells])
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_agent_of_the_tutorial_does_what_the_text_says(tmp_path):
     notebook = nbformat.from_dict({**TUTORIAL, "cells": [*TUTORIAL.cells, nbformat.v4.new_code_cell(SUMMARIES)]})
     NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()

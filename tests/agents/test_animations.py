@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from PIL import Image
 
 from agents import animations
@@ -10,6 +11,7 @@ from agents.animations import LAST_MS, WIDTH, frames, write
 FRAMES = 10
 
 
+@pytest.mark.slow
 def test_an_episode_becomes_an_animated_picture(tmp_path, monkeypatch):
     monkeypatch.setattr(animations, "FRAMES", FRAMES)
     pictures = frames("wavegym/KershawEvans-v0")

@@ -44,6 +44,7 @@ def test_a_shift_changes_as_much_as_its_name_says(env: str, name: str, given: di
         np.testing.assert_allclose(given[key], factor * np.array(getattr(made_for, key)), rtol=5e-3)  # half is -3.01 dB
 
 
+@pytest.mark.slow
 def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(shift, "WORLDS", 4)
     monkeypatch.setattr(shift, "PLANNED", 3)
@@ -69,6 +70,7 @@ def test_rules_keep_the_constants_they_were_tuned_with(monkeypatch: pytest.Monke
     assert unknown.count(" none |") == 2
 
 
+@pytest.mark.slow
 def test_observations_outside_the_training_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shift, "WORLDS", 6)
     monkeypatch.setattr(shift, "COUNTED", 5)
@@ -90,6 +92,7 @@ def test_observations_outside_the_training_are_counted(monkeypatch: pytest.Monke
     assert before
 
 
+@pytest.mark.slow
 def test_a_shift_of_which_the_tracker_does_not_know_shows_in_truth_alone(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -71,6 +71,7 @@ def test_the_cost_is_convex_in_the_division(relaxation):
             assert relaxation.cost(0.5 * (one + other)).sum() <= ends + 1e-9
 
 
+@pytest.mark.slow
 def test_no_division_of_time_is_below_the_bound(relaxation, bound):
     assert bound.value > 0.0
     assert bound.gap >= 0.0

@@ -54,6 +54,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     return tmp_path
 
 
+@pytest.mark.slow
 def test_accounts_are_what_was_played(folders: Path) -> None:
     leaderboard.play(ID, jobs=1)
     leaderboard.time_decisions(ID)
@@ -87,6 +88,7 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
     assert lines[0].split("|")[2].strip() == recorded(make_task(ID, {}).system)["best-simple"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("flag", "timed"), [("--times", True), ("--tables", False)])
 def test_tables_and_times_can_be_had_without_playing(
     folders: Path, monkeypatch: pytest.MonkeyPatch, flag: str, timed: bool

@@ -27,6 +27,7 @@ def brief(monkeypatch, tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     constants = {name: HEURISTICS[name].start for name in TIMELINE}
     found = loads.results_of(4, constants, worlds=5)
@@ -49,6 +50,7 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     assert np.isfinite([policy["confirm"] for policy in found["policies"].values()]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("brief")
 def test_the_agent_is_compared_with_every_policy(monkeypatch):
     constants = {name: HEURISTICS[name].start for name in TIMELINE}
@@ -67,6 +69,7 @@ def test_the_agent_is_compared_with_every_policy(monkeypatch):
     assert [line.split("|")[1].strip() for line in lines[4:]] == ["random", *TIMELINE]
 
 
+@pytest.mark.slow
 def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief, monkeypatch):
     for load in (4, 8):
         constants = {"earliest-deadline": HEURISTICS["earliest-deadline"].start}

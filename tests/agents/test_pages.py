@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+import pytest
+
 from agents import pages as module
 from agents.pages import FOLDER, main, page
 from benchmarks.steps import read
@@ -13,6 +15,7 @@ from wavegym.registration import SYSTEMS
 from wavegym.schedulers.tuned_constants import recorded
 
 
+@pytest.mark.slow
 def test_the_committed_pages_are_what_the_command_writes(tmp_path, monkeypatch):
     """One for every environment and one for all; make them again with make docs."""
     made = tmp_path / "new" / "folder"

@@ -20,6 +20,7 @@ def results(monkeypatch: pytest.MonkeyPatch) -> dict:
     return {study.DRAWN: study.play(None, worlds=20, jobs=1), "aircraft": study.play(study.AIRCRAFT, worlds=6, jobs=1)}
 
 
+@pytest.mark.slow
 def test_figures_page_and_picture(results: dict, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Two densities: the one-step scheduler gains nothing on itself; the filter that knows the world is consistent."""
     drawn, recorded = results[study.DRAWN], results["aircraft"]

@@ -33,6 +33,7 @@ class Slow:
         return np.zeros(len(belief.step), np.int64)
 
 
+@pytest.mark.slow
 def test_each_takes_its_own_time_for_one_environment_in_several_situations(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timing, "SINGLES", 5)
     quick, slow = Slow(0.0), Slow(2e-3)

@@ -85,6 +85,7 @@ def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_as_a_program_it_exits_with_2_and_no_traceback():
     command = [sys.executable, "evaluate.py", "KershawEvans-v7", "--out", "nowhere"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

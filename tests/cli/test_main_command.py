@@ -96,6 +96,7 @@ def test_describe_prints_the_page_with_the_parameters_given(capsys):
     assert capsys.readouterr().out.strip() == wavegym.describe("wavegym/KershawEvans-v0", horizon=4).strip()
 
 
+@pytest.mark.slow
 def test_describe_writes_a_scenario_that_every_subcommand_takes(tmp_path, capsys):
     file = tmp_path / "mine.toml"
     assert main(["describe", "KershawEvans-v0", "--toml", *SHORT]) == 0
@@ -121,6 +122,7 @@ def test_a_scenario_without_an_id_needs_one(tmp_path, capsys):
     assert "over 4 steps" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_check_says_that_an_environment_passed(capsys):
     assert main(["check", "KershawEvans-v0", *SHORT]) == 0
     assert capsys.readouterr().out == "wavegym/KershawEvans-v0 passed all checks\n"
@@ -144,6 +146,7 @@ def test_play_prints_the_cost_of_the_episode(capsys):
     assert capsys.readouterr().out == expected
 
 
+@pytest.mark.slow
 def test_play_writes_a_frame_before_and_after_each_step(tmp_path, capsys):
     file = tmp_path / "new" / "episode.gif"
     assert main(["play", "KershawEvans-v0", "--policy", "random", "--gif", str(file), *SHORT]) == 0

@@ -38,6 +38,7 @@ def same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and one == other
 
 
+@pytest.mark.slow
 @given(VALUES)
 def test_a_value_survives(value: Any) -> None:
     found = unpacked(packed(value))

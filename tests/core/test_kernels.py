@@ -116,6 +116,7 @@ def test_a_cache_folder_covers_the_kernel_files_that_a_module_imports():
     assert kernels._sources("wavegym.systems") == frozenset()
 
 
+@pytest.mark.slow
 def test_an_edited_callee_in_another_file_is_noticed(tmp_path):
     """What Numba's own cache would miss: the caller's file stays the same."""
     (tmp_path / "callee_kernels.py").write_text(_CALLEE.format("3.0"))
@@ -129,6 +130,7 @@ def test_an_edited_callee_in_another_file_is_noticed(tmp_path):
     assert answers == [21.0, 35.0]
 
 
+@pytest.mark.slow
 def test_equal_sources_share_compiled_code_wherever_they_are(tmp_path):
     code = "import callee_kernels as c; print(c.callee(7.0), *c.callee.stats.cache_misses)"
     found = []
@@ -139,6 +141,7 @@ def test_equal_sources_share_compiled_code_wherever_they_are(tmp_path):
     assert [len(each) for each in found] == [2, 1]
 
 
+@pytest.mark.slow
 def test_an_edited_constant_is_noticed_in_a_file_of_any_name(tmp_path):
     code = "import my_system; print(my_system.callee(7.0))"
     for factor, answer in (("3.0", "21.0"), ("5.0", "35.0")):
@@ -192,6 +195,7 @@ def _python(code, cwd=None, cache=None):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_without_a_cache_that_can_be_written_there_is_one_warning_and_kernels_work():
     """A read-only package in a read-only home."""
     code = (

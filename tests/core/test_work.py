@@ -48,6 +48,7 @@ def test_results_come_in_the_order_of_the_calls(jobs: int) -> None:
     assert sum(counted) == 20
 
 
+@pytest.mark.slow
 def test_what_a_killed_worker_was_doing_is_done_once_more(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = run_all([Call(mortal, (n, tmp_path, 1)) for n in range(8)], 2)
     assert found == list(range(8))
@@ -57,6 +58,7 @@ def test_what_a_killed_worker_was_doing_is_done_once_more(tmp_path: Path, capsys
     assert line.endswith("of 8 batches are played again")
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_again_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(TerminatedWorkerError):
         run_all([Call(mortal, (n, tmp_path, 9)) for n in range(8)], 2)

@@ -69,6 +69,7 @@ class Dial(System):
         return np.stack([belief.value, belief.step], axis=1)
 
 
+@pytest.mark.slow
 def test_a_frame_is_an_rgb_picture_with_even_sides():
     frames = filmed(3, num_envs=2).render()
     assert len(frames) == 2
@@ -84,6 +85,7 @@ def test_without_a_render_mode_there_is_no_frame():
     assert WaveformEnv(SYSTEM).render() is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("action", ["library", "box"])
 def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before(action):
     system = KershawEvansPosition(horizon=12, action=action)
@@ -222,6 +224,7 @@ def test_other_models_are_drawn_too(settings):
     assert filmed(3, KershawEvans(**settings)).render()[0].std() > 10
 
 
+@pytest.mark.slow
 def test_gymnasium_records_a_video(tmp_path):
     moviepy = pytest.importorskip("moviepy")
     env = gym.make("wavegym/KershawEvansPosition-v0", render_mode="rgb_array", horizon=4)

@@ -9,6 +9,7 @@ from wavegym.evaluation import compare
 from wavegym.evaluation.bounds import BOUNDS, lower_bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("env_id", ["wavegym/KershawEvans-v0", "wavegym/KershawEvansPosition-v0"])
 def test_no_scheduler_is_below_the_optimum_in_any_world(env_id: str) -> None:
     bound = lower_bound(env_id, root=3, worlds=10, jobs=1, progress=False)
@@ -18,6 +19,7 @@ def test_no_scheduler_is_below_the_optimum_in_any_world(env_id: str) -> None:
         assert np.all(bound <= played.cost(name)[0] * (1.0 + 1e-3)), "certified to a thousandth"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("env_id", ["wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0"])
 def test_free_energy_is_a_bound_on_average_and_its_choice_the_best(env_id: str) -> None:
     common = {"worlds": 40, "root": 3, "jobs": 1, "progress": False}

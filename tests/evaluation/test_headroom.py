@@ -29,6 +29,7 @@ def delay_environment():
     gym.registry.pop(DELAY)
 
 
+@pytest.mark.slow
 def test_planners_play_the_same_whatever_the_number_of_jobs():
     policies = {
         "rollout": RolloutPlanner(AwareGreedy(), 4, futures=8),
@@ -175,6 +176,7 @@ def test_the_ladder_holds_what_the_system_admits(monkeypatch, tmp_path, capsys):
     assert set(comparison.played) == {"random", "gain:2", "rollout:2", "myopic"}
 
 
+@pytest.mark.slow
 def test_policies_played_again_join_those_on_file(monkeypatch, tmp_path):
     """The files are those of a ladder played at once, but for times and the order of the rows."""
     monkeypatch.setattr(headroom, "LADDER", ("random", "myopic", "gain", "best-simple", "best-planner"))

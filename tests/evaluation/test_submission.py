@@ -42,6 +42,7 @@ def folder(tmp_path: Path) -> Path:
     return own
 
 
+@pytest.mark.slow
 def test_a_submission_is_played_as_compare_plays_it(folder: Path, tmp_path: Path) -> None:
     played = list(play_submission(read_submission(folder), tmp_path, root=7, worlds=6, jobs=1, progress=False))
     assert played == [ID, "wavegym/AgileClutter-v0"]
@@ -124,6 +125,7 @@ def test_a_bad_file_is_one_line(old: str, new: str, text: str, folder: Path) -> 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_command_plays_and_its_mistakes_are_one_line(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

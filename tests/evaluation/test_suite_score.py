@@ -28,6 +28,7 @@ def test_figures_are_those_of_their_definitions() -> None:
     np.testing.assert_allclose(shares * 12.0, [0, 1, 6, 11, 12])
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_mean_as_often_as_they_say() -> None:
     """Of 200 suites of normal logarithms; 95 % of a binomial of 200 lie above 184."""
     draws, covered = np.random.default_rng(1), 0

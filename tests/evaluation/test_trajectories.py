@@ -88,6 +88,7 @@ def test_measurements_are_returns_near_the_targets(written):
     assert near > 0.5 * len(present)
 
 
+@pytest.mark.slow
 def test_the_command_writes_them_on_request(tmp_path, capsys):
     given = ["KershawEvans-v0", "--policies", "random", "--worlds", "2", "--jobs", "1", "--set", "horizon=3"]
     assert main(["evaluate", *given, "--out", str(tmp_path / "a")]) == 0

@@ -62,6 +62,7 @@ def test_the_environment_comes_back_with_its_parameters(tmp_path):
     assert (system.q, system.horizon) == (25.0, 6)
 
 
+@pytest.mark.slow
 def test_probabilities_are_the_frequencies(tmp_path):
     """Of the first actions of many episodes: the policy's own as often as its probability says, within 4 deviations."""
     dataset = collect(
@@ -178,6 +179,7 @@ def off_policy_evaluation(monkeypatch):
     return off_policy_evaluation
 
 
+@pytest.mark.slow
 def test_fitted_q_knows_a_policy_that_nobody_played(off_policy_evaluation):
     """Actions were drawn, and cost one and two; a policy that takes one of them alone costs what this one costs."""
     rng, episodes, horizon = np.random.default_rng(0), 100, 4
@@ -189,6 +191,7 @@ def test_fitted_q_knows_a_policy_that_nobody_played(off_policy_evaluation):
         assert fitted == pytest.approx(1.0 + action, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_example_of_off_policy_evaluation_runs(off_policy_evaluation, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["off_policy_evaluation.py", "--episodes", "20", "--worlds", "10"])
     monkeypatch.setattr(off_policy_evaluation, "POLICIES", ("best-fixed", "myopic", "ppo"))

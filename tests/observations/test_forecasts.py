@@ -75,6 +75,7 @@ def test_of_tracks_in_slots_they_are_gains_per_second_and_what_is_known_of_the_t
     assert not shown["existence"][:, updates:].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["KershawEvansPosition", "EnergyBudgetKnown"])
 def test_the_environment_stays_a_sound_one(name):
     check_vector_env(lambda **settings: gym.make_vec(f"wavegym/{name}-v0", forecasts=True, **settings))

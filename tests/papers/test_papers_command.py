@@ -32,6 +32,7 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_the_agile_chirps_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(agile_clutter_study, "CHUNK", 3)
     monkeypatch.setattr(agile_clutter, "play", partial(agile_clutter.play, tuning=1))
@@ -74,7 +75,7 @@ def test_the_platforms_files_for_any_number_of_jobs(rebuilt, capsys, quick, monk
         assert float(row["pixel_angle_10"]) <= float(row["pixel_angle_50"]) <= float(row["pixel_angle_90"])
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_urban_files_for_any_number_of_jobs(rebuilt, capsys, quick, monkeypatch):
     monkeypatch.setattr(urban_study, "CHUNK", 1)
     folder = rebuilt(urban, 2)

@@ -150,6 +150,7 @@ def test_the_file_says_what_it_was_trained_on(tmp_path: Path) -> None:
     assert about["observation"].split(", ") == read_run(FOLDER / "SectorSetup" / "ppo" / RUN)["observation"]
 
 
+@pytest.mark.slow
 def test_no_torch_is_needed(tmp_path: Path) -> None:
     code = (
         "import sys; sys.modules['torch'] = None; from pathlib import Path;"

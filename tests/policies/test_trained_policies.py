@@ -253,6 +253,7 @@ def test_a_damaged_run_is_named(damage: Any, message: str, unbroken: dict[str, P
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_policy_is_played_without_torch(unbroken: dict[str, Path]) -> None:
     code = (
         "import sys; from wavegym.policies.runs import load_policy; from wavegym.evaluation import make_task;"

@@ -21,6 +21,7 @@ time.sleep(60)
 """
 
 
+@pytest.mark.release
 def test_a_training_that_is_killed_ends_as_if_it_had_not_been(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     command, files = faults.COMMANDS["train"]
     short = tuple("steps=4_000" if part.startswith("steps=") else part for part in command)

@@ -29,6 +29,7 @@ def copy(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_defect_is_found_if_a_test_fails(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = copy / "double.py"
     before, written = file.read_text(), file.stat().st_mtime_ns
@@ -40,6 +41,7 @@ def test_a_defect_is_found_if_a_test_fails(copy: Path, capsys: pytest.CaptureFix
     assert re.fullmatch(r"SURVIVED: x\*\*2 \(double\.py; 2 of 2, \d+ s\)", second)
 
 
+@pytest.mark.slow
 def test_a_test_that_fails_without_the_defect_finds_none(copy: Path) -> None:
     (copy / "test_double.py").write_text("def test_it():\n    raise OSError\n")
     with pytest.raises(InputError, match="wrong: pytest ends with status 1 without the defect, expected 0"):

@@ -91,6 +91,7 @@ def test_masks_and_early_ends_are_predicted(depth):
     assert (chosen == [ladder_value(system, level, 0, depth)[1] for level in belief.level]).all()
 
 
+@pytest.mark.slow
 def test_depth_one_is_myopic_and_each_depth_is_better():
     system = KershawEvansPosition()
     worlds = oracles.worlds(system, 40)

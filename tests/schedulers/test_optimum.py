@@ -98,6 +98,7 @@ def test_a_tolerance_bounds_the_loss_over_whole_episodes():
         assert (plan.cost <= plan.lower_bound * (1 + 1.1 * tolerance)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [KershawEvansPosition(), KershawEvans()])
 def test_nothing_beats_it(system):
     worlds = oracles.worlds(system, 40)
@@ -110,6 +111,7 @@ def test_nothing_beats_it(system):
     assert costs["two"].mean() <= costs["myopic"].mean() * 1.001 < costs["random"].mean()
 
 
+@pytest.mark.slow
 def test_three_steps_ahead_come_close_where_looking_ahead_pays():
     """Figures of an independent prototype: random starts at 15 to 25 km, whole pulses, about 15 % below myopic."""
     system = KershawEvansPosition(start_range=(15e3, 25e3), reference_range=50e3, eclipsing=False)

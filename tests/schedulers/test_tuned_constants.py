@@ -138,6 +138,7 @@ def test_the_packaged_rules_are_for_the_features_that_the_systems_have():
         assert tuple(rule["features"]) == RuleFeatures(system).names, f"{name}: {tune_constants.parser().prog} ID"
 
 
+@pytest.mark.slow
 def test_the_command_tunes_compares_and_writes(tmp_path, delay_task, small_grids, capsys):
     out = tmp_path / "tuned_constants.toml"
     out.write_text(tuned_constants.as_toml({"Another": {"best-simple": "myopic", "myopic": {}}}))
@@ -185,6 +186,7 @@ def test_the_command_searches_named_heuristics_alone_and_keeps_the_planner_as_me
     assert tomllib.loads(out.read_text())[key] == record
 
 
+@pytest.mark.slow
 def test_the_command_sweeps_planners_and_records_the_best(tmp_path, delay_task, monkeypatch, capsys, small_grids):
     for name, values in {"DEPTHS": (2, 4), "FUTURES": (2,), "HOLDS": ((1,),), "ROUNDS": (1,), "LOOKAHEADS": ()}.items():
         monkeypatch.setattr(planner_sweep, name, values)

@@ -144,6 +144,7 @@ def test_where_a_constant_is_best_one_slot_is_kept():
     assert best_cycle(Same(), WORLDS).tolist() == [0]
 
 
+@pytest.mark.slow
 def test_it_is_never_worse_than_the_best_constant_of_a_real_system():
     for action in ("library", "box"):
         system = small(20, action=action)

@@ -96,6 +96,7 @@ def test_a_gaussian_pulse_has_a_closed_form(share_of_length, k, product):
     assert oracles.covariance_distance(eclipsed.measurement_covariance(C / 2 * tau, CARRIER), want) < 1e-7
 
 
+@pytest.mark.slow
 def test_the_error_of_the_tables():
     """Largest error over 400 gates of the share and, relative to the inner products, of the variances at f > 0.01."""
     worst_share, worst_variance = 0.0, 0.0

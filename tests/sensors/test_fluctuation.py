@@ -200,6 +200,7 @@ def test_tables_for_compiled_loops(name, searched):
         assert tabulated(1e12, math.log(1e-3), table) == pytest.approx(table[-1], abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLUCTUATIONS)
 @pytest.mark.parametrize(("searched", "false_alarm"), [(3, 1e-3), (0, 1e-8)])
 def test_tables_of_the_snr_of_detected_echoes(name, searched, false_alarm):
@@ -221,6 +222,7 @@ def test_tables_of_the_snr_of_detected_echoes(name, searched, false_alarm):
     np.testing.assert_allclose(found[1], wanted, rtol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["swerling1", "swerling3"])
 def test_beyond_the_tables_of_the_snr(name):
     """A hardly detectable echo has the error of a cell; the ends of the draws have finite SNR; both grow with eta."""

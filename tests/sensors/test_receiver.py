@@ -198,6 +198,7 @@ def test_noise_of_a_pulse_without_symmetry(cells):
     np.testing.assert_allclose(covariance(noise_law(lags, False)), expected, atol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [24, 25])
 def test_noise_is_drawn_by_its_law(count):
     """2000 trains: mean, covariance and fourth moments within five standard errors; pulses and elements differ."""

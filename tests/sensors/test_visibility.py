@@ -64,6 +64,7 @@ def test_mistakes() -> None:
         Grid.over(CROSSING, cell=0.0)
 
 
+@pytest.mark.slow
 def test_a_sight_table_has_the_visibility_of_the_centres_of_its_cells() -> None:
     """Half a metre wide where that is possible; roads are prolonged by the reach, and what lies beyond is clamped."""
     urban_map = UrbanMap.load("promenade")

@@ -92,6 +92,7 @@ def played(id: str, parameters: dict[str, Any]) -> str:
     return ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("id", "fixed"),
     [pytest.param(*each, marks=pytest.mark.slow) if each[0] in SLOW else each for each in VARIANTS],

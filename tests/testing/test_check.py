@@ -206,6 +206,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", wavegym.list_envs())
 def test_every_environment_of_the_suite_passes(id):
     assert check_vector_env(id, **BRIEF.get(id, {})) is None

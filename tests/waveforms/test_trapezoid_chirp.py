@@ -198,6 +198,7 @@ def test_a_train_of_trapezoids():
     np.testing.assert_allclose(np.abs(chi[:, 0]), [1, 0.8], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_ambiguity_function_can_be_drawn(kind):
     figure = plot_ambiguity(chirp_of(kind, sweep=1e6))

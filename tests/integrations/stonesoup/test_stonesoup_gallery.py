@@ -24,6 +24,7 @@ def gallery():
     del sys.modules["waveform_gallery"]
 
 
+@pytest.mark.slow
 def test_the_table_of_a_short_run(gallery, tmp_path, capsys):
     out = tmp_path / "folder" / "gallery.csv"
     with pytest.warns(InputWarning, match="horizon=6"):

@@ -14,6 +14,7 @@ ROOT = Path(__file__).parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", ["stonesoup.plugins", "no.plugins"])
 def test_stone_soup_loads_the_plugin(group, tmp_path):
     """A process that finds the metadata of an installation; without the group there is no such plugin."""

@@ -92,6 +92,7 @@ class AtPredictedRange(StoneSoupTracker):
         return super().update(estimate, scan._replace(R=np.broadcast_to(scan.noise[:, :1], scan.R.shape)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("associator", [JPDA, JPDAwithEHM, PDA])
 def test_association_in_clutter_is_wavegyms(associator):
     """One target; the same unscented transform and gate as the compiled tracker's."""
@@ -137,6 +138,7 @@ def test_the_conformance_checks_hold():
     assert capability_defect(system) is None
 
 
+@pytest.mark.slow
 def test_a_tracker_travels_to_other_processes():
     twin = pickle.loads(pickle.dumps(UNSCENTED))
     one, other = (play(AgileClutter(tracker=tracker, clutter_density=1e-5), 3) for tracker in (UNSCENTED, twin))

@@ -65,6 +65,7 @@ def test_mistakes_are_one_line_and_leave_nothing(tmp_path: Path, capsys: pytest.
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_best(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fixed = [f"{key}={value}" for key, value in SMALL["dqn"].items()]
     command = [

@@ -100,6 +100,7 @@ def test_between_queries_the_teacher_repeats_its_last_action() -> None:
     assert all(row.tobytes() in rows for row in seen)  # the actor plays on as if nobody asked
 
 
+@pytest.mark.slow
 def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> None:
     model: Any = build_model(spec())
     critic = {n: p.detach().clone() for n, p in model.policy.named_parameters() if "value_net" in n}
@@ -152,6 +153,7 @@ def test_of_several_modes_the_likely_one_that_is_near_counts() -> None:
     assert distance(0.5, twice) == pytest.approx(float(_box_loss(alone, torch.tensor([[0.5]]))), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_imitation_in_a_box() -> None:
     env = "wavegym/RfEoFar-v0"
     own = {
@@ -207,6 +209,7 @@ def test_the_labels_of_a_rollout_are_the_advantages_of_all_candidates() -> None:
     assert (seen == again).all()  # where the teacher's rule goes, whatever the planner would have done
 
 
+@pytest.mark.slow
 def test_the_actor_learns_a_distribution_over_candidates() -> None:
     model: Any = build_model(spec())
     seen, chosen = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
@@ -256,6 +259,7 @@ def test_training_with_a_rollout_for_a_teacher() -> None:
     assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()
 
 
+@pytest.mark.slow
 def test_imitated_actions_have_higher_q_values_by_the_margin() -> None:
     own = {"policy": "scorer", "network": (32,), "forecasts": True}
     model: Any = build_model(RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own})))

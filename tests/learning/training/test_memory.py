@@ -6,6 +6,8 @@ import platform
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import resource
 import torch
@@ -21,6 +23,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
+@pytest.mark.slow
 def test_a_large_tensor_takes_the_place_of_the_one_before() -> None:
     """The operating system hands out no pages; without the call, ten times those of a tensor."""
     if platform.libc_ver()[0] == "glibc":

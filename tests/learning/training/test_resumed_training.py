@@ -49,6 +49,7 @@ def saved_steps(folder: Path) -> int:
     return saved[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algo", ["ppo", "dqn"])
 def test_a_run_stopped_again_and_again_ends_with_the_same_weights(
     algo: str, unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -70,6 +71,7 @@ def test_a_run_stopped_again_and_again_ends_with_the_same_weights(
     assert_same_run(folder, unbroken[algo])
 
 
+@pytest.mark.slow
 def test_a_run_in_several_variants_is_resumed_in_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mixed = small_spec("ppo", variants=[{"q": q} for q in (1.0, 10.0, 100.0)])
     train(mixed, tmp_path / "whole", EVERY["ppo"], progress=False)
@@ -118,6 +120,7 @@ def test_the_time_of_a_resumed_run_is_that_of_all_its_parts(tmp_path: Path, monk
     assert json.loads((folder / "run.json").read_text())["cpu_seconds"] == 3.0 + 8.0 + 1.0
 
 
+@pytest.mark.slow
 def test_how_often_checkpoints_are_made_changes_nothing(unbroken: dict[str, Path], tmp_path: Path) -> None:
     train(small_spec("dqn"), tmp_path / "run", 1, progress=False)
     assert_same_run(tmp_path / "run", unbroken["dqn"])
@@ -139,6 +142,7 @@ def test_a_finished_run_is_left_alone(unbroken: dict[str, Path], tmp_path: Path)
         train(small_spec("ppo"), folder, EVERY["ppo"], progress=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algo", ["ppo", "dqn"])
 def test_a_finished_run_is_extended(
     algo: str, unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -91,6 +91,7 @@ def test_a_run_notes_the_durations_of_its_steps():
     np.testing.assert_allclose(model.rollout_buffer.durations, durations[taken], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_resumed_keeps_its_centre(tmp_path, monkeypatch):
     """The weights of a run that was stopped in its third rollout are those of one that was not."""
     spec = small_spec(steps=60)

@@ -59,6 +59,7 @@ def summary(study):
     return summarise(study)
 
 
+@pytest.mark.slow
 def test_every_policy_meets_the_same_worlds_in_every_setting(study):
     assert list(study.runs) == [Case("jpda", c, p) for c in ("clutter", "no clutter") for p in POLICIES]
     start = {tuple(draw_worlds(scene(case), world_seeds(SEED, "test", 2)).error.ravel()) for case in study.runs}
@@ -110,6 +111,7 @@ def test_laws_are_those_transmitted():
         assert (laws(system, system.action_set.encode_chirps(chosen, duration, sweep)) == chosen).all()
 
 
+@pytest.mark.slow
 def test_the_best_constant_is_tuned_on_worlds_of_its_own(study):
     assert list(study.fixed) == [Case("jpda", c, p) for c in agile_clutter.CLUTTER for p in CONSTANT]
     for case, (index, waveforms) in study.fixed.items():
@@ -118,6 +120,7 @@ def test_the_best_constant_is_tuned_on_worlds_of_its_own(study):
         assert list(waveforms) == [system.action_set.library.labels[i] for i in system.constants()[index]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", CONSTANT)
 def test_with_particles_the_constants_best_with_jpda_are_tuned(both, policy):
     seeds = world_seeds(SEED, "tune", 2)

@@ -36,6 +36,7 @@ def played():
     return study.play(4, 3, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_box_has_no_larger_objective_at_the_first_step(played, scene):
     """All policies meet the same first belief; the box holds the library."""

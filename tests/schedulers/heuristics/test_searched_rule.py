@@ -114,6 +114,7 @@ def planted_cost(rule, count=200, seed=7):
     return 100.0 * np.expm1(log_cost(system, rule, worlds) - log_cost(system, Best(), worlds))
 
 
+@pytest.mark.slow
 def test_the_search_finds_the_planted_rule():
     system = Planted()
     found = search_rule(system, delay_worlds(system, 60), Budget(500), seed=1)
@@ -125,6 +126,7 @@ def test_the_search_finds_the_planted_rule():
     assert (played == best).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_the_test_notices_a_rule_that_ignores_the_delay():
     system = Planted()
     found = search_rule(system, delay_worlds(system, 60), Budget(500), seed=1)
@@ -145,6 +147,7 @@ def test_a_budget_in_evaluations_is_reproducible_and_another_seed_differs():
     assert other.constants["weights"] != one.constants["weights"]
 
 
+@pytest.mark.slow
 def test_the_result_is_at_least_as_good_as_every_start_on_the_worlds_of_the_search():
     system = DelaySystem()
     worlds = delay_worlds(system, 10)

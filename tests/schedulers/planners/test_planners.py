@@ -47,6 +47,7 @@ def exhaustive(system, worlds):
     return np.where(can, total, np.inf).reshape(count, -1).min(axis=1) / system.horizon
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "planner",
     [
@@ -168,6 +169,7 @@ def test_the_shortlist_holds_the_candidates_of_least_cost_one_step_ahead(masked)
     assert permitted.all()
 
 
+@pytest.mark.slow
 def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():
     """Against the exact expectimax over choices and outcomes: no better, and at most a few per cent worse."""
     system = DelaySystem(horizon=3, setup=1, budget=2.0, pd=0.6)
@@ -178,6 +180,7 @@ def test_searched_futures_come_close_to_the_best_policy_where_pulses_may_fail():
         assert best - 4 * error < mean < 1.04 * best + 4 * error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "planner",
     [

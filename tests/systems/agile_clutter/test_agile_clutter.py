@@ -212,6 +212,7 @@ def test_trackers_agree_with_jpda_without_clutter(tracker):
         assert distance.size == 0 or distance.max() < 1e-7, k
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chooses", ["myopic", "random"])
 def test_particles_do_not_degenerate_in_clutter(chooses):
     """Per step, after the first three: median effective sample size >= 10 %, distinct ancestors >= 5 %."""

@@ -173,6 +173,7 @@ def test_particles_are_points_of_the_map_and_of_the_errors():
         np.testing.assert_allclose(cloud.get_xydata(), expected - now.truth.targets[0, t, :2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "system", [SYSTEM, PARTICLES, AgileClutter(births=(0, 2), lifetime=4, horizon=6, action="box")]
 )
@@ -212,6 +213,7 @@ def test_other_numbers_of_sensors_are_drawn_too(count):
     assert len(env._film._canvas._parts[0]._gates) == min(count, 2)
 
 
+@pytest.mark.slow
 def test_gymnasium_records_a_video(tmp_path):
     moviepy = pytest.importorskip("moviepy")
     env = gym.make("wavegym/AgileClutter-v0", render_mode="rgb_array", births=(0, 1), lifetime=3, horizon=3)

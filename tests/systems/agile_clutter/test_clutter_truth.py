@@ -85,6 +85,7 @@ def test_tracker_and_schedulers_keep_their_assumptions(kind, change):
             np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("change", MISMATCHES)
 def test_a_tracker_that_is_not_told_of_the_world_is_overconfident(kind, change):

@@ -80,6 +80,7 @@ def run(env_id, tracker):
     return Run(present > 0, nees, error, trace, info["lost"], outside)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("env_id", IDS)
 def test_the_mixture_is_consistent_in_clutter(env_id):
     """The mean NEES within 10 % of 4, 2 % of the tracks lost at most, the true error at most 1.25 times the believed.
@@ -101,6 +102,7 @@ def test_jpda_is_not(env_id):
     assert np.mean(r.outside) > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("env_id", IDS)
 def test_losing_a_target_never_pays(env_id):
     """Paired worlds, the detections of target 0 suppressed from step 5 on: the episode costs more in 97 % of them."""

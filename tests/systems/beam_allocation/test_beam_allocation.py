@@ -25,6 +25,7 @@ from wavegym.testing.model_check import prediction_defect
 ID = "wavegym/BeamAllocation-v0"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [60_000, pytest.param(300_000, marks=pytest.mark.slow)])
 def test_only_visible_targets_in_a_beam_are_detected(steps):
     """Detections are the tape's draws below Pd at the true ranges; other targets have no return and no update."""

@@ -81,6 +81,7 @@ def test_a_given_outcome_is_predicted_as_the_world_updates_it():
     assert seen > 2000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("action", [0 * 6 + 3, 1 * 6 + 0, 4 * 6 + 5])
 def test_expected_prediction_is_the_mean_of_the_world(action):
     """Mean cost over 20 000 truths drawn from one belief; within 1 % of the reduction, and five standard errors.

@@ -90,6 +90,7 @@ def registered():
     del gym.registry[ID]
 
 
+@pytest.mark.slow
 def test_a_composed_loop_conforms_and_is_compared_like_any_other(registered) -> None:
     check_vector_env(registered)
     comparison = compare(registered, ["random", "lookahead:2", "rollout:2"], worlds=4, jobs=1)

@@ -47,6 +47,7 @@ def test_whatever_is_asked_the_account_pays_what_it_has(units, sensors, data):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [300, pytest.param(7000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", BOTH)
 def test_energy_is_conserved_in_every_random_step(kind, count):
@@ -90,6 +91,7 @@ def test_occluded_nothing_is_seen_and_all_energy_is_lost():
     assert system.state_info(loud)["occluded"].all()
 
 
+@pytest.mark.slow
 def test_spells_have_the_lengths_of_their_chain():
     system = EnergyBudget(mean_clear=9.0, mean_occluded=4.0)
     worlds = oracles.worlds(system, 3000, 5)

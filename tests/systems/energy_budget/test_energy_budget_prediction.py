@@ -93,6 +93,7 @@ def repeated(system, count, seed=0):
     return State(truth._replace(path=path), belief), worlds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BOTH)
 @pytest.mark.parametrize("action", [3, 15, 9])
 def test_the_expected_step_is_the_mean_of_steps(kind, action):
@@ -116,6 +117,7 @@ def test_the_expected_step_is_the_mean_of_steps(kind, action):
         assert abs((1.0 - ahead.occluded).mean() - sight) < 5 * np.sqrt(sight * (1 - sight) / count)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BOTH)
 def test_sampled_outcomes_are_as_likely_as_the_worlds(kind):
     """Mean cost over drawn outcomes against that of steps: 3 % of what the step takes away, and Monte Carlo."""

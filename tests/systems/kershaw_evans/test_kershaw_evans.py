@@ -304,12 +304,14 @@ def test_the_tracker_adapts_where_the_targets_are_not_drawn_from_its_model() -> 
     assert KershawEvans(tracker="imm", **CA)._own_tracker.models[2].Q[2, 2] == 100.0
 
 
+@pytest.mark.slow
 def test_the_adaptive_tracker_conforms() -> None:
     """Two densities make it short; the myopic and the fused search predict with its own process noise."""
     check_vector_env("wavegym/KershawEvans-v0", tracker="imm", densities=(1.0, 100.0), horizon=5)
     assert capability_defect(KershawEvansPosition(tracker="imm", horizon=6)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["myopic", "lookahead:2"])
 def test_the_adaptive_tracker_is_better_than_a_kalman_filter_of_the_wrong_noise(name) -> None:
     """Targets that fly straight, then turn hard; the filters assume q = .01, q = 1000, or both."""

@@ -96,6 +96,7 @@ def places(state, system):
     return x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{"horizon": 40}, {"seconds": 0.3, "targets": 40.0, "slots": 5}], ids=str)
 def test_single_environments_equal_batches(settings):
     check_vector_env("wavegym/MultifunctionRadar-v0", max_steps=60, **settings)
@@ -202,6 +203,7 @@ def test_gains_for_several_times_ahead_are_those_of_each():
         np.testing.assert_array_equal(together[..., n], system.gain_per_second(belief, ahead, 2.0))
 
 
+@pytest.mark.slow
 def test_simulated_futures_are_those_of_predict_and_the_rule():
     """Mean cost of .15 s and of the time after, in which all wait, against a loop over predictions with draws.
 
@@ -250,6 +252,7 @@ def test_gospa_is_that_of_the_reported_tracks():
     assert compared > 20
 
 
+@pytest.mark.slow
 def test_traffic_is_in_equilibrium():
     """Over 400 worlds of straight flight: the number, and its distribution over range bins, before and after 40 s."""
     system = MultifunctionRadar(density=(0.0, 0.0), seconds=50.0)

@@ -211,6 +211,7 @@ def mean_nees(system, steps=5, seed=1):
     return values.mean(axis=(1, 2)), values[0].size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [RfEo(horizon=5), RfEo(horizon=5, first_estimate="drawn"), RfEoFar(horizon=5)])
 def test_the_iterated_filter_is_consistent_from_the_first_step(system):
     """Mean NEES of 200 worlds: each step inside its 99.9 % bounds, all five together inside the 95 % ones of one."""
@@ -224,6 +225,7 @@ def test_the_iterated_filter_is_consistent_from_the_first_step(system):
 EPISODES = [(RfEo(), "random", 200), (RfEoFar(), "random", 300), (RfEoFar(), "myopic", 50)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "chooses", "count"), EPISODES)
 def test_the_filter_is_consistent_in_every_step_of_an_episode(system, chooses, count):
     """Mean NEES: 4 within 5 standard errors in each step, and within 4 of one step's over all steps.
@@ -242,6 +244,7 @@ def test_the_filter_is_consistent_in_every_step_of_an_episode(system, chooses, c
     assert low < means.mean() < high
 
 
+@pytest.mark.slow
 def test_after_a_range_alone_the_belief_is_as_wide_as_the_posterior():
     """One platform measures a range of 35 km to 2 m over a prior of 1 km: the posterior bends by 14 m.
 

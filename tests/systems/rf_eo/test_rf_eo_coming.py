@@ -176,6 +176,7 @@ def test_environment_keeps_gymnasiums_contract(system):
     )
 
 
+@pytest.mark.slow
 def test_the_picture_shows_who_is_there():
     """From the birth on, until it has gone; the caption names who is absent."""
     system = RfEo(horizon=4, births=(1, 2), lifetime=1, slew_rate=0.2)

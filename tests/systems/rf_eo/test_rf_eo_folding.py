@@ -41,6 +41,7 @@ def closed_loop(system, worlds, choose):
         yield before, action, state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", CLOSED, ids=str)
 def test_transition_and_prediction_are_the_plain_ones(settings):
     """Against all hypotheses listed and whole matrices, from each state of an episode with random settings.
@@ -119,6 +120,7 @@ EPISODES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "chooses", "count"), EPISODES)
 def test_the_filter_is_consistent(system, chooses, count):
     """Mean NEES within 10 % of 4, and at most 8 % of the steps outside their 95 % bounds."""
@@ -135,6 +137,7 @@ def test_the_filter_is_consistent(system, chooses, count):
     assert ((means < low) | (means > high)).mean() <= 0.08
 
 
+@pytest.mark.slow
 def test_predictions_are_honest():
     """Expected against realised covariance under the one-step scheduler, averaged over 100 worlds.
 

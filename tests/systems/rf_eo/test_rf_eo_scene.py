@@ -285,6 +285,7 @@ def test_any_numbers_are_drawn(form, platforms, targets):
     scene._map.figure.canvas.draw()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [SYSTEM, FAR])
 def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before(system):
     env = played(system, 0)

@@ -28,6 +28,7 @@ def coasted(system, belief):
     return F @ belief.covariance @ F.T + belief.q[..., None, None] * Q
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [60_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dead_steps", [3, 0])
 def test_dead_steps_and_windows_hold_in_every_random_step(steps, dead_steps):

@@ -25,6 +25,7 @@ from wavegym.testing.capability_check import capability_defect
 SYSTEM = SectorSetupCity()
 
 
+@pytest.mark.slow
 def test_targets_start_on_roads_and_drive_along_their_right_hand_side():
     truth = SYSTEM.initial(oracles.worlds(SYSTEM, 400)).truth.targets.reshape(-1, 4)
     x, u, y, v = truth.T
@@ -58,6 +59,7 @@ def wander(system, count, seed=1):
         yield last
 
 
+@pytest.mark.slow
 def test_the_environment_conforms_and_its_capabilities_agree():
     check_vector_env("wavegym/SectorSetupCity-v0", horizon=6)
     assert capability_defect(SectorSetupCity(horizon=12)) is None
@@ -69,6 +71,7 @@ def test_nobody_is_told_when_buildings_hide_a_target():
     assert SYSTEM.observation_fields == sector_fields(4, 2, 3, foretold=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "change", [{}, {"truth": {"q": (0.05, 0.5), "turn_rate": 0.02}}], ids=["as assumed", "other world"]
@@ -158,6 +161,7 @@ def wide(system, count, spread=12.0):
     return worlds, state.belief._replace(mean=state.truth.targets, covariance=P, pointed=zero, dead=zero)
 
 
+@pytest.mark.slow
 def test_a_look_that_finds_nothing_has_the_moments_of_the_hidden_places():
     """Against 50 000 drawn places, in 40 cases: the mean to .2 standard deviations, the covariance to 15 %, typically.
 

@@ -49,6 +49,7 @@ def test_a_truth_equal_to_the_assumptions_changes_nothing(name):
             np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.slow
 @EVERY
 def test_the_tracker_is_not_told_of_manoeuvres(name):
     """Four times the process noise: until the first look it knows nothing of them, and then its errors are too great.

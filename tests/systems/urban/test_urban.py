@@ -256,6 +256,7 @@ def test_the_belief_has_the_fields_of_tracks():
     assert Belief._fields[1:] == Tracks._fields
 
 
+@pytest.mark.slow
 def test_a_tree_of_futures_can_be_searched():
     """The belief has no single covariance: the tree identifies nodes by the whole observation."""
     system = Urban(horizon=40)

@@ -56,6 +56,7 @@ class Errors:
         return ended / (self.held[1:] & ~self.held[:-1]).sum()
 
 
+@pytest.mark.slow
 def test_the_tracker_is_consistent_over_all_scans():
     """200 episodes: mean NEES within 10 % of its expectation 4, true over believed at most 1.25, 2 % of tracks lost.
 
@@ -68,6 +69,7 @@ def test_the_tracker_is_consistent_over_all_scans():
     assert found.lost() <= 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["swerling1", "swerling3"])
 def test_the_tracker_is_consistent_where_it_knows_the_snr_of_errors(law, tmp_path):
     """200 episodes of a target that stands on an open road, eta 131: NEES as where errors have the mean SNR.
@@ -92,6 +94,7 @@ def test_the_tracker_is_consistent_where_it_knows_the_snr_of_errors(law, tmp_pat
     assert deceived > 1.25 * matched
 
 
+@pytest.mark.slow
 def test_without_direction_of_arrival_the_tracker_deceives_itself():
     """The tracker of the paper: mirror images in the line of the antennas are confirmed with small covariances."""
     mean, error = Errors(Urban(direction_of_arrival=False), 200).mean_nees()
@@ -144,6 +147,7 @@ def test_losing_a_track_never_pays(since):
     assert (cost[1] - cost[0] > 0.5 * SYSTEM.absent * (SYSTEM.horizon - since - 20)).all()
 
 
+@pytest.mark.slow
 def test_the_truth_may_differ_from_the_belief():
     """More clutter than assumed, and more agile drivers: the world changes, prediction and cost of a belief do not."""
     count = 50

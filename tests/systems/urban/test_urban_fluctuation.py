@@ -119,6 +119,7 @@ def first_returns(system, count):
     return off, found.R[seen, 0, 0], seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("searched", [0, 3])
 @pytest.mark.parametrize("snr", [5.0, 20.0, 200.0])
 @pytest.mark.parametrize("name", ["swerling1", "swerling3"])
@@ -199,6 +200,7 @@ def test_signals_have_errors_of_their_own():
     assert (predicted[0] != predicted[2]).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{"fluctuation": "swerling3", "searched": 3}, {"direction_of_arrival": False}])
 def test_errors_at_the_realised_snr_conform(settings):
     check_vector_env("wavegym/Urban-v0", horizon=12, arrivals=(-10.0, 0.0), error_snr="realised", **settings)

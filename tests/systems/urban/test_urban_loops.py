@@ -60,12 +60,14 @@ def test_each_of_several_transmitters_has_its_own_waveform():
     assert (cost[:, 1] != cost[:, 2]).all()
 
 
+@pytest.mark.slow
 def test_joint_choices_of_several_transmitters_conform():
     check_vector_env(
         "wavegym/Urban-v0", horizon=12, arrivals=(-10.0, 0.0), transmitters=((2085.0, 1470.5), (2060.0, 1530.0))
     )
 
 
+@pytest.mark.slow
 def test_a_second_transmitter_elsewhere_helps():
     """Its ellipses cross those of the first: less error on held targets in fifty runs."""
     one, _ = headline(Urban(), f"fixed:{LONG_UP}")

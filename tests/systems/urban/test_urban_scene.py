@@ -194,6 +194,7 @@ def test_any_numbers_are_drawn(changes):
     scene._map.figure.canvas.draw()
 
 
+@pytest.mark.slow
 def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before():
     env = played(SYSTEM, 0)
     frames = [env.render()[0]]
