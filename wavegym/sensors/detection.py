@@ -35,8 +35,7 @@ def detection_probability(
         Pd in (Pf, 1), in the broadcast shape.
 
     Raises:
-        InputError: an SNR that is not a finite number > 0, a Pf outside (0, 1), shapes that do not broadcast, an
-            unknown fluctuation, or a number of pulses or quantities out of range.
+        InputError: an invalid shape or value, or an unknown fluctuation.
     """
     check_choice("fluctuation", fluctuation, FLUCTUATIONS)
     if (fluctuation, pulses, searched) == ("swerling1", 1, 0):

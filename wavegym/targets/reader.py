@@ -65,9 +65,7 @@ def read_tracks(
         One track per id, in order of id; positions in metres. ``dropped`` counts what was left out and why.
 
     Raises:
-        InputError: no such file, an empty file, a missing column, a cell that is not a finite number or a time, a time
-            in milliseconds, a latitude outside [-90, 90], an invalid origin, an origin for a file in metres, or more
-            than half of the reports contradict the others, as when a file of several targets has no column of ids.
+        InputError: no such file, an invalid column or cell, or reports that mostly contradict each other.
     """
     if max_acceleration is not None and not max_acceleration > 0:
         raise InputError(f"max_acceleration is {max_acceleration!r} m/s², expected a number > 0")

@@ -123,8 +123,7 @@ def mixture_update(
         See ``MixtureUpdate``.
 
     Raises:
-        InputError: shapes that do not fit, values out of range, weights that do not sum to 1, covariances that are not
-            positive definite, or more than ten targets that share measurements.
+        InputError: an invalid shape or value, or more than ten targets that share measurements.
     """
     own = _check_mixture(mixture)
     targets = len(own.weight)

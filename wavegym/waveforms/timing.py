@@ -76,8 +76,7 @@ class PulseTiming:
         max_duty: greatest duty cycle of the transmitter, in (0, 1].
 
     Raises:
-        InputError: a value out of range, several pulses without an interval, an interval without room for the pulse
-            and the recovery, or more duty than the transmitter's; with the nearest valid value.
+        InputError: an invalid value, or a pulse that does not fit the interval or the duty; names a valid value.
     """
 
     duration: float

@@ -109,8 +109,7 @@ class UrbanTracker:
         cell: width of the cells of the grid, m.
 
     Raises:
-        InputError: an antenna in a building, fewer than two receivers, antennas in one line, an axis that is missing or
-            no unit vector, an unknown name, a number out of range.
+        InputError: an invalid value or an antenna in a building, or antennas that cannot locate a target.
     """
 
     urban_map: UrbanMap
