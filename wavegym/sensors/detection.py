@@ -1,4 +1,4 @@
-"""Detection of a target, whose echo fluctuates from scan to scan as ``fluctuation.py`` names it.
+"""Detection of a target whose echo fluctuates from scan to scan; ``fluctuation.py`` names the models.
 
 The matched filter's output is compared with a threshold set by the false-alarm probability Pf. For an amplitude that is
 Rayleigh from scan to scan (Swerling 1), the probability of detection is Pd = Pf^(1 / (1 + E/N0)), where E is the mean

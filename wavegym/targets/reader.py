@@ -50,8 +50,8 @@ def read_tracks(
       optionally ``alt_m``, ``alt``, ``altitude`` or ``geoaltitude``: metres above the ellipsoid.
 
     Rows may be in any order, with ids interleaved. Of several reports of a target at one time, the last in the file
-    counts. Dropped are reports that repeat the position before, and reports that need more than ``max_acceleration``
-    (late time stamps or wrong positions). A missing height (empty cell) is interpolated in time. A track without any
+    counts. Reports that repeat the previous position, or that need more than ``max_acceleration`` (late time stamps or
+    wrong positions), are dropped. A missing height (empty cell) is interpolated in time. A track without any
     height lies at height 0, with ``height_known`` False.
 
     Args:

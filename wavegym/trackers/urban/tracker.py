@@ -1,7 +1,7 @@
-"""Urban tracker: an unknown number of targets, which walls hide and of which walls make ghosts.
+"""Urban tracker: an unknown number of targets, which walls hide and which appear as ghosts over reflecting walls.
 
 Gates, LMIPDA, a variable-structure IMM of unscented filters, and track management (Barbosa et al., section 4.2), for
-transmitters whose signals receivers can separate and two or more receivers. The map settles what the paper leaves
+transmitters whose signals receivers can separate and two or more receivers. The map decides what the paper leaves
 open: a track starts where measurements of the first two receivers from the first transmitter intersect on a road
 visible to all three; a missed detection does not count against a hidden track; a track that leaves the roads was a
 mirror image and ends; returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
@@ -76,8 +76,8 @@ class UrbanTracker:
         transmitters, receivers: (x, y) in m; at least two receivers. Measurements are ordered by pairs: the first
             transmitter with each receiver first.
         axes: unit vector along the line of array elements of each receiver, whose measurements then have a direction of
-            arrival; None for measurements without, as in the paper. The first two receivers must not stand in one line
-            with the first transmitter then.
+            arrival; None for measurements without, as in the paper. The first two receivers must then not stand in one
+            line with the first transmitter.
         elements: number of elements of each array, half a wavelength apart.
         models: "vsimm": constant velocity and acceleration, and turns near junctions; "ncv": constant velocity.
         dt: time between scans, s.
