@@ -48,7 +48,7 @@ FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
 """The names of the laws of fluctuation."""
 MOST_PULSES = 1000
 STEPS = 50  # halvings of the interval in which a quantile lies
-LAWS = 8  # of whose tables each is kept: one takes up to a second, and every environment of the law needs it
+LAWS = 8  # whose tables are kept: a table takes up to a second, and every environment of the law needs it
 TABLE = 4001  # values of a table over ln eta
 ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
 RATIOS = 541  # values of eta over its mean from which a row is interpolated

@@ -43,7 +43,7 @@ MOST_SAMPLES = 1e8  # of a scan: 1.6 GB
 MOST_CELLS = 4096.0  # of delay: a covariance of their noise has 130 MB
 MOST = 64  # peaks of an image; weaker ones are lost
 CUT_OFF = 1e-3  # of the peak amplitude: below it the simulated pulse ends
-BANDWIDTHS = 6.0  # rms bandwidths within the sample rate: all but .3 % of the energy of a Gaussian pulse
+BANDWIDTHS = 6.0  # rms bandwidths within the sample rate: all but 0.3 % of the energy of a Gaussian pulse
 SIDELOBE_MARGIN = 2.0  # a peak is kept 3 dB above the sidelobes of stronger peaks
 
 

@@ -20,8 +20,8 @@ from wavegym.targets.recorded import RecordedTrack
 from wavegym.targets.reports import fill_heights, flyable, fresh, last_of_each_time
 
 AIRCRAFT_ACCELERATION = 8.0  # m/s²: airliners stay below 6 (bank of 30°); late reports at 10 s intervals give 9 to 16
-GREATEST_ACCELERATION = 1000.0  # m/s²: nothing follows a path that bends more; several targets in one track seem to
-MOST_IMPOSSIBLE = 0.5  # share of a file's reports: with more, the file is not what it was taken for
+GREATEST_ACCELERATION = 1000.0  # m/s²: no target accelerates more; several targets in one track seem to
+MOST_IMPOSSIBLE = 0.5  # share of a file's reports: if more contradict the others, its columns are misread
 
 
 class _Cleaned(NamedTuple):

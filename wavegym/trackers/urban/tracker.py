@@ -45,7 +45,7 @@ from wavegym.trackers.urban import kernels, scan_kernels
 EMPTY, TENTATIVE, CONFIRMED = kernels.EMPTY, kernels.TENTATIVE, kernels.CONFIRMED
 MODELS = ("NCV", "NCA", "CT left", "CT right")
 TRANSITION = np.array([[0.99, 0.01, 0.0, 0.0], [0.1, 0.7, 0.1, 0.1], [0.0, 0.01, 0.99, 0.0], [0.0, 0.01, 0.0, 0.99]])
-"""From row to column. The paper prints .1 in place of .01 and exchanges rows and columns; rows then sum to 1.09."""
+"""From row to column. The paper prints 0.1 instead of 0.01 and exchanges rows and columns; rows then sum to 1.09."""
 SETS = ((False, True, True, True), (True, True, False, False))  # near junctions, elsewhere
 NO_IMAGE = 9  # order of a padding image: more walls than any path has
 
