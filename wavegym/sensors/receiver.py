@@ -6,10 +6,10 @@ the image; an echo of eta = 2E/N0 has power eta / 2.
 
 Signals are simulated behind the matched filters, at the delay cells that the receiver looks at. An element samples
 x[n] = sum of a s(n - tau) + w[n], with white noise w; its filter correlates with the pulse s at each cell d. Both are
-linear, so the output is the sum of a chi(d - tau), with the autocorrelation chi of the pulse, and of Gaussian noise of
-covariance chi(d - d'), independent from pulse to pulse and from element to element: the same law as that of samples
-that are filtered (Kay, "Fundamentals of Statistical Signal Processing: Detection Theory", 1998, section 4.3), and the
-same outputs for echoes. Samples that no output within the reach depends on are never drawn.
+linear. With the autocorrelation chi of the pulse, the output is the sum of a chi(d - tau) plus Gaussian noise of
+covariance chi(d - d'). The noise is independent from pulse to pulse and from element to element. Its law is that of
+filtered samples (Kay, "Fundamentals of Statistical Signal Processing: Detection Theory", 1998, section 4.3), and echoes
+have the same outputs. Samples that no output within the reach depends on are never drawn.
 """
 
 from __future__ import annotations

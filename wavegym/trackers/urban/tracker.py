@@ -2,9 +2,13 @@
 
 Gates, LMIPDA, a variable-structure IMM of unscented filters, and track management (Barbosa et al., section 4.2), for
 transmitters whose signals receivers can separate and two or more receivers. The map decides what the paper leaves
-open: a track starts where measurements of the first two receivers from the first transmitter intersect on a road
-visible to all three; a missed detection does not count against a hidden track; a track that leaves the roads was a
-mirror image and ends; returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
+open:
+
+- A track starts where measurements of the first two receivers from the first transmitter intersect on a road that is
+  visible to all three.
+- A missed detection does not count against a hidden track.
+- A track that leaves the roads was a mirror image and ends.
+- Returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
 """
 
 from __future__ import annotations
