@@ -128,10 +128,10 @@ def mean_inverse_detected_snr(
 ) -> Array:
     """Mean of 1 / max(eta, ``least``) of the echo, given that it is detected: the factor of a measurement covariance.
 
-    With least = 0 the mean is infinite for "swerling1", and for "swerling2" with one pulse, detected or not. The density
-    of eta is positive at 0, where noise exceeds the threshold with probability Pf, so the integral of Pf / eta diverges.
-    Such a detection is noise. It has the error of a resolution cell, not R / eta with a tiny eta.
-    The covariance at an SNR of 1 is about that of a resolution cell, so ``least = 1`` bounds the error there.
+    With least = 0 the mean is infinite for "swerling1", and for "swerling2" with one pulse, detected or not. The
+    density of eta is positive at 0, where noise exceeds the threshold with probability Pf, so the integral of Pf / eta
+    diverges. Such a detection is noise. It has the error of a resolution cell, not R / eta with a tiny eta. The
+    covariance at an SNR of 1 is about that of a resolution cell, so ``least = 1`` bounds the error there.
 
     Args:
         snr, false_alarm, fluctuation, pulses, searched: see ``detected_snr``.
