@@ -29,7 +29,7 @@ PEERS = (
 
 def peers() -> Iterator[tuple[str, Ratio, float | None]]:
     """Every comparison with another library as it is measured: its name, the ratio, and the target, if any."""
-    print("| work | ours (us) | peer (us) | ratio | least..greatest | wanted |\n|---|---|---|---|---|---|")
+    print("| work | ours (us) | peer (us) | ratio | least..greatest | goal |\n|---|---|---|---|---|---|")
     for peer, measure in PEERS:
         for name, (r, wanted) in measure().items():
             row = f"{r.ours_us:.3f} | {r.peer_us:.1f} | {r.ratio:.3g} | {r.low:.3g}..{r.high:.3g}"
@@ -47,7 +47,7 @@ def main() -> None:
     if not is_quick:
         others()
     elif slow:
-        raise InputError(f"less than half as fast as wanted: {'; '.join(slow)}")
+        raise InputError(f"less than half as fast as the goal: {'; '.join(slow)}")
 
 
 def others() -> None:
@@ -60,10 +60,10 @@ def others() -> None:
     for name, decisions in (planners.run() | planners.rollouts() | rf_eo.lookaheads()).items():
         for d in decisions:
             print(f"| {name} | {d.batch} | {d.cpu_us:.1f} | {d.peak_mib:.1f} |")
-    print(f"\nOne-step decision of RfEo on its grid, single: {rf_eo.decision_us():.0f} us, wanted <= 1000 us.")
+    print(f"\nOne-step decision of RfEo on its grid, single: {rf_eo.decision_us():.0f} us, goal <= 1000 us.")
     for name in ("KershawEvansPosition-v0", "RfEo-v0"):
         share, speed = training.run(f"wavegym/{name}")
-        print(f"The share of {name} in PPO's wall time at 64 environments: {share:.1%}, wanted <= 10 %;")
+        print(f"The share of {name} in PPO's wall time at 64 environments: {share:.1%}, goal <= 10 %;")
         print(f"training speed: {speed:.0f} steps/s.")
 
 

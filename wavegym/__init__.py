@@ -58,8 +58,7 @@ def load_agent(id: str, /, algo: str, **parameters: Any) -> Policy:
         **parameters: parameters of the environment, such as ``action="joint"``.
 
     Raises:
-        InputError: no such environment or agent (nearest named), or with these parameters the environment has other
-            observations or actions than in the training (its parameters named).
+        InputError: no such agent, or one that does not fit the environment.
     """
     from wavegym.evaluation.task import make_task
     from wavegym.policies.pretrained import load_pretrained
@@ -107,8 +106,7 @@ def register_chirp_law(name: str, law: Any) -> None:
         law: a ``wavegym.waveforms.FrequencyLaw``.
 
     Raises:
-        InputError: the name is taken or has other characters, or the law does not rise from 0 to 1, or its phase is
-            not the integral of its frequency.
+        InputError: an invalid or taken name, or a law that does not rise from 0 to 1 or has another phase.
     """
     from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 

@@ -1,7 +1,7 @@
 """Proximal policy optimisation in one file with torch alone, in the manner of CleanRL, on the native batch.
 
-The environments begin anew in the step in which an episode ends (``SameStep``). A termination has no value beyond it;
-after a truncation the critic values the last observation, which ``info["final_obs"]`` holds.
+The environments restart in the step in which an episode ends (``SameStep``). A terminated episode has no value after
+its end. After a truncation the critic values the last observation, which is in ``info["final_obs"]``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GAMMA, LAMBDA, CLIP, RATE = 0.9, 0.95, 0.2, 3e-4
 
 
 class Rollout(NamedTuple):
-    """What one rollout has seen, (step, env, ...)."""
+    """The data of one rollout, (step, env, ...)."""
 
     observation: Tensor
     action: Tensor

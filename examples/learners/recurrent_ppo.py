@@ -1,4 +1,4 @@
-"""RecurrentPPO of sb3-contrib: it sees what the sensor measured, not the belief, and has to remember."""
+"""RecurrentPPO of sb3-contrib: it sees the sensor's measurements, not the belief, so it needs its memory."""
 
 from __future__ import annotations
 

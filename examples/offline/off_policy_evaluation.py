@@ -1,4 +1,4 @@
-"""Off-policy evaluation: how good are policies, judged by the episodes of another? ``python off_policy_evaluation.py``.
+"""Off-policy evaluation: how good are policies, judged by episodes of another one? ``python off_policy_evaluation.py``.
 
 The episodes are those of the one-step scheduler with exploration. Each policy's cost is estimated from them alone, by
 fitted Q evaluation (a network learns the sum of the costs to come) and by weighted importance sampling. Then the
@@ -37,7 +37,7 @@ def batch(dataset):
 def fitted_q(data, chosen, actions):
     """The mean cost of a step under a policy: a network of the costs to come, fitted to its own one-step estimates.
 
-    The network has their logarithm, because costs span decades.
+    The network learns their logarithm, because costs span decades.
     """
     torch.manual_seed(0)
     horizon = data["action"].shape[1]

@@ -3,7 +3,7 @@
     python examples/rllib/ppo.py KershawEvansPosition-v0 --steps 320000
     python examples/rllib/ppo.py EnergyBudgetKnown-v0 --masks --steps 320000
 
-On a cluster of several machines: --address auto on its head node, and as many workers as it has cores to spare.
+On a cluster of several machines: --address auto on its head node, and as many workers as it has free cores.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class LikeliestAction:
 
 
 def config(env_id: str, masks: bool, workers: int, envs: int, seed: int) -> PPOConfig:
-    """The suite's own settings for PPO in this environment, and native batches; no imitation comes first here."""
+    """The suite's settings for PPO in this environment, and native batches, without imitation."""
     own = load_settings(env_id, "ppo")
     batch = workers * envs * own.n_steps
     network = DefaultModelConfig(fcnet_hiddens=list(own.network), fcnet_activation=own.activation)

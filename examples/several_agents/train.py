@@ -53,7 +53,7 @@ def make_ppo(env: VecEnv, seed: int) -> PPO:
 
 
 class AgentRows(VecEnv):
-    """Every agent of every environment as a row of its own, so that one network learns from all.
+    """Every agent of every environment as a separate row, so that one network learns from all.
 
     Rows: all environments of the first agent, then of the second. A row is the agent's observation and its number.
 
@@ -107,7 +107,7 @@ class AgentRows(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """No attribute is known but the render mode, which is None."""
+        """The only attribute is the render mode, which is None."""
         if attr_name != "render_mode":
             raise AttributeError(attr_name)
         return [None] * self.num_envs
@@ -133,7 +133,7 @@ def numbered(observation: np.ndarray, number: int, names: Sequence[str]) -> np.n
 
 
 class Seat(gym.Env):
-    """The spaces of one agent, for a PPO whose steps are made by ``train_independent``."""
+    """The spaces of one agent, for a PPO that ``train_independent`` steps."""
 
     def __init__(self, observation_space: spaces.Space, action_space: spaces.Space) -> None:
         self.observation_space, self.action_space = observation_space, action_space

@@ -1,6 +1,6 @@
-"""A street radar that must choose: ``Urban`` with two streets; a scan lights one, both at half energy, or none.
+"""A street radar that must choose: ``Urban`` with two streets. A scan illuminates one, both at half energy, or none.
 
-A trial of what such a choice is worth to a planner, not an environment of the suite: see ``street_trial.py``.
+A trial of what a planner gains by such a choice, not an environment of the suite: see ``street_trial.py``.
 """
 
 from __future__ import annotations
@@ -67,14 +67,14 @@ class StreetTruth(NamedTuple):
 
 @system_parameters
 class Street(Urban, Delay, Gain, Spending):
-    """Two streets on both sides of a square: what is not looked at now may hide soon, and be lost.
+    """Two streets on both sides of a square: a vehicle that is not observed now may soon be hidden, and be lost.
 
     Description
         The radar of ``Urban`` in the middle of a square. Two vehicles drive in each street, and kiosks hide them at
-        intervals; an induction loop has handed them over. ``kind`` is the choice of a scan: "time": one street with the
-        whole train, or both with half a train each; "revisit": one of the streets; "energy": both streets or silence,
-        from an account of ``budget`` trains a scan. ``dead_scans`` is the time in which a beam on a mount turns to the
-        other street.
+        intervals; an induction loop has detected them first. ``kind`` is the choice of a scan: "time": one street with
+        the whole train, or both with half a train each; "revisit": one of the streets; "energy": both streets or
+        silence, from an account of ``budget`` trains a scan. ``dead_scans`` is the time in which a beam on a mount
+        turns to the other street.
 
     Rewards
         As wavegym/Urban-v0.

@@ -69,7 +69,7 @@ def measure(keys, scans, targets, route, lit, scene, law, wave, snr, z, count):
 
 @kernel
 def share_lit(t, x, P, mu, pair, constants, models):
-    """Share of the places within two standard deviations of a track that the map and the beam let be seen."""
+    """Share of the places within two standard deviations of a track that are visible, given the map and the beam."""
     a, b, _, _ = place_of(t, x, mu, models)
     u = v = w = 0.0
     for j in range(models):
@@ -93,7 +93,7 @@ def foresee(x, P, mu, existence, status, age, constants, wave, snr, draws, nn, m
     """The tracks a scan later, in place: expected for draws (env, 0), drawn detections for draws (env, pair * slot).
 
     As ``scan_kernels.expect``, but a track is visible with a probability, ``share_lit``; a drawn detection proves that
-    it exists, a drawn miss takes from its existence what Bayes's rule takes.
+    it exists, a drawn miss lowers its existence by Bayes's rule.
     """
     scratch = scratch_for(mu.shape[1], len(mm), len(nn), len(ll))
     predicted = predicted_for(mu.shape[1], len(mm), len(nn), len(ll))

@@ -3,7 +3,7 @@
     cd examples/street && python street_trial.py --choices "turning beam,energy" --page ../../docs/street.md
 
 Three choices of ``street.py``. The best simple rule is chosen on tuning worlds, and planners follow it. All policies
-meet the same test worlds.
+play the same test worlds.
 """
 
 from __future__ import annotations

@@ -87,8 +87,7 @@ def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]
         system: its closed loop.
 
     Raises:
-        InputError: no finished run, a missing or torn file, other observations or actions than those of the training
-            (both named), or runs that are not seeds of one learner (the difference named).
+        InputError: no finished run, a broken file, or runs that do not fit the system or each other.
     """
     folder = Path(folder)
     if not folder.is_dir():

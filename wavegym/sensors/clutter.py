@@ -32,9 +32,7 @@ def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, densit
         The points, (points, 2).
 
     Raises:
-        InputError: a key outside its range, a centre that is not finite, an S that is not symmetric positive definite,
-            a gate or density outside its range, shapes that do not fit, more than 1e7 expected points, or gates too
-            far from the origin, or too long and thin, for cells of area 1 / density.
+        InputError: invalid shapes or values, more than 1e7 expected points, or gates too long or too far away.
     """
     own = check_key(key)
     points, L = np.array(check_finite("centre", centre, 2), order="C"), cholesky(S)

@@ -1,4 +1,4 @@
-"""Detection of a target, whose echo fluctuates from scan to scan as ``fluctuation.py`` names it.
+"""Detection of a target whose echo fluctuates from scan to scan; ``fluctuation.py`` names the models.
 
 The matched filter's output is compared with a threshold set by the false-alarm probability Pf. For an amplitude that is
 Rayleigh from scan to scan (Swerling 1), the probability of detection is Pd = Pf^(1 / (1 + E/N0)), where E is the mean
@@ -35,8 +35,7 @@ def detection_probability(
         Pd in (Pf, 1), in the broadcast shape.
 
     Raises:
-        InputError: an SNR that is not a finite number > 0, a Pf outside (0, 1), shapes that do not broadcast, an
-            unknown fluctuation, or a number of pulses or quantities out of range.
+        InputError: an invalid shape or value, or an unknown fluctuation.
     """
     check_choice("fluctuation", fluctuation, FLUCTUATIONS)
     if (fluctuation, pulses, searched) == ("swerling1", 1, 0):

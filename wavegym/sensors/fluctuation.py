@@ -48,7 +48,7 @@ FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
 """The names of the laws of fluctuation."""
 MOST_PULSES = 1000
 STEPS = 50  # halvings of the interval in which a quantile lies
-LAWS = 8  # of whose tables each is kept: one takes up to a second, and every environment of the law needs it
+LAWS = 8  # whose tables are kept: a table takes up to a second, and every environment of the law needs it
 TABLE = 4001  # values of a table over ln eta
 ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
 RATIOS = 541  # values of eta over its mean from which a row is interpolated
@@ -84,8 +84,8 @@ def detected_snr(
 ) -> Array:
     """SNR of the echo in one look, given its detection, from uniform draws (inverse of the distribution function).
 
-    An event that happens when a draw d is below its probability Pd leaves d / Pd uniform: one draw of a tape decides
-    on the detection and on the SNR of the detected echo.
+    If an event happens when a draw d is below its probability Pd, then d / Pd is uniform given the event. So one draw
+    of a tape decides on the detection and on the SNR of the detected echo.
 
     Args:
         uniform: draws in [0, 1), any shape.
@@ -128,10 +128,10 @@ def mean_inverse_detected_snr(
 ) -> Array:
     """Mean of 1 / max(eta, ``least``) of the echo, given that it is detected: the factor of a measurement covariance.
 
-    With least = 0 the mean is infinite for "swerling1", and for "swerling2" with one pulse, given a detection or not:
-    the density of eta is positive at 0, and there noise exceeds the threshold with probability Pf, so that the integral
-    of Pf / eta diverges. Such a detection is noise. It has the error of a resolution cell, not R / eta with a tiny eta.
-    The covariance at an SNR of 1 is about that of a resolution cell, so ``least = 1`` bounds the error there.
+    With least = 0 the mean is infinite for "swerling1", and for "swerling2" with one pulse, detected or not. The
+    density of eta is positive at 0, where noise exceeds the threshold with probability Pf, so the integral of Pf / eta
+    diverges. Such a detection is noise. It has the error of a resolution cell, not R / eta with a tiny eta. The
+    covariance at an SNR of 1 is about that of a resolution cell, so ``least = 1`` bounds the error there.
 
     Args:
         snr, false_alarm, fluctuation, pulses, searched: see ``detected_snr``.

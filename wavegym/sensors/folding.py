@@ -1,9 +1,9 @@
 """Folding: a pulse train measures range and range-rate up to whole unambiguous intervals.
 
 A fold hypothesis is a number of whole intervals. It has a likelihood, given a Gaussian prediction; several PRFs have
-one together. What they do not resolve is an ambiguous measurement, with the probabilities of its folds, not an error.
-Sources: Skolnik, Introduction to Radar Systems, 3rd ed. 2001, chapter 3; Richards, Fundamentals of Radar Signal
-Processing, 2nd ed. 2014, chapter 5; the wrapped likelihood is the sum over the folds.
+one together. If they do not resolve it, the measurement is ambiguous: the result has the probabilities of its folds,
+and is no error. Sources: Skolnik, Introduction to Radar Systems, 3rd ed. 2001, chapter 3; Richards, Fundamentals of
+Radar Signal Processing, 2nd ed. 2014, chapter 5; the wrapped likelihood is the sum over the folds.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Agreements(NamedTuple):
     detection: NDArray[np.int64]  # (combination, prf) index of the detection; -1: none of this PRF agrees
     fold: NDArray[np.int64]  # (combination, prf); 0 where there is no detection
     chi_square: FloatArray  # (combination,) weighted squares of the differences to the mean
-    probability: FloatArray  # (combination,) of each among those with as many PRFs, all values being as likely before
+    probability: FloatArray  # (combination,) among those with as many PRFs, for a uniform prior
 
 
 def fold_range(range_m: ArrayLike, unambiguous_range: ArrayLike) -> Folded:
@@ -221,8 +221,8 @@ def agreeing_combinations(
 
     Every fold of every detection is a candidate. Of each other PRF the nearest unfolded detection joins if it agrees. A
     combination counts if the chi-square of its differences is within the quantile ``gate_probability`` of its degrees
-    of freedom, PRFs less one. For one detection of each PRF this is the maximum likelihood over fold numbers. Without
-    noise it is the Chinese remainder theorem, for any widths, integer ratios or not.
+    of freedom, the number of PRFs minus one. For one detection of each PRF this is the maximum likelihood over fold
+    numbers. Without noise it is the Chinese remainder theorem, for any widths, integer ratios or not.
 
     Args:
         apparent: apparent values of the detections of each PRF, a sequence of (detection,).

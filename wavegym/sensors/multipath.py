@@ -21,7 +21,7 @@ class Antenna:
     """An antenna in an urban map, and its mirror images.
 
     A ray from the antenna to a point over up to two walls is as long as the straight line from an image to the point,
-    and arrives from the same direction: for delay, Doppler shift and direction each image acts as an antenna.
+    and arrives from the same direction. So each image acts as an antenna for delay, Doppler shift and direction.
 
     Args:
         urban_map: the map whose walls reflect.

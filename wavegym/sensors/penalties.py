@@ -52,8 +52,7 @@ def fov_penalty(
         phi in the unit of x squared, (...).
 
     Raises:
-        InputError: an unknown kind, a sharpness or high not > 0, a negative height, an empty interval, a NaN in x, or
-            shapes that do not fit.
+        InputError: an unknown kind, or an invalid shape or value.
     """
     code = KINDS[check_choice("penalty", kind, PENALTIES)]
     check_elements(check_positive, "sharpness", sharpness)

@@ -17,7 +17,7 @@ def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool
         platform: (x, y, look direction) in m, m and rad, (..., 3); the look direction is clockwise from +y. Leading
             axes broadcast with those of ``state``.
         as_printed: use the paper's range-rate, whose second term has the wrong sign, and its arcsin(dx / r), which does
-            not tell a target behind the platform from one in front.
+            not distinguish a target behind the platform from one in front.
 
     Returns:
         (r in m, rdot in m/s, azimuth in rad from the look direction, wrapped to [-pi, pi]), (..., 3). rdot is positive

@@ -6,10 +6,10 @@ the image; an echo of eta = 2E/N0 has power eta / 2.
 
 Signals are simulated behind the matched filters, at the delay cells that the receiver looks at. An element samples
 x[n] = sum of a s(n - tau) + w[n], with white noise w; its filter correlates with the pulse s at each cell d. Both are
-linear, so the output is the sum of a chi(d - tau), with the autocorrelation chi of the pulse, and of Gaussian noise of
-covariance chi(d - d'), independent from pulse to pulse and from element to element: the same law as that of samples
-that are filtered (Kay, "Fundamentals of Statistical Signal Processing: Detection Theory", 1998, section 4.3), and the
-same outputs for echoes. Samples that no output within the reach depends on are never drawn.
+linear. With the autocorrelation chi of the pulse, the output is the sum of a chi(d - tau) plus Gaussian noise of
+covariance chi(d - d'). The noise is independent from pulse to pulse and from element to element. Its law is that of
+filtered samples (Kay, "Fundamentals of Statistical Signal Processing: Detection Theory", 1998, section 4.3), and echoes
+have the same outputs. Samples that no output within the reach depends on are never drawn.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MOST_SAMPLES = 1e8  # of a scan: 1.6 GB
 MOST_CELLS = 4096.0  # of delay: a covariance of their noise has 130 MB
 MOST = 64  # peaks of an image; weaker ones are lost
 CUT_OFF = 1e-3  # of the peak amplitude: below it the simulated pulse ends
-BANDWIDTHS = 6.0  # rms bandwidths within the sample rate: all but .3 % of the energy of a Gaussian pulse
+BANDWIDTHS = 6.0  # rms bandwidths within the sample rate: all but 0.3 % of the energy of a Gaussian pulse
 SIDELOBE_MARGIN = 2.0  # a peak is kept 3 dB above the sidelobes of stronger peaks
 
 

@@ -1,4 +1,4 @@
-"""Tables on a grid over an urban map: distance to roads, junctions, visible images of an antenna, sight of several.
+"""Tables on a grid over an urban map: distance to roads, junctions, visible images of an antenna, joint sight.
 
 Each table is computed once and shared by all callers: do not write to it.
 """

@@ -70,8 +70,7 @@ def windows(
         Windows with 9 components: x, y, z, their rates and their accelerations [m, m/s, m/s²].
 
     Raises:
-        InputError: steps < 1; no window in any track (the message gives the longest gap-free piece and the length
-            needed); or an argument that ``RecordedTrack.resample`` refuses.
+        InputError: an invalid argument, or no window in any track (the message has the longest piece without a gap).
     """
     check_int("steps", steps, 1)
     sources = [tracks] if isinstance(tracks, RecordedTrack) else list(tracks)
@@ -105,8 +104,7 @@ def range_paths(
         Windows with the components r, rdot (receding positive) and, with ``acceleration``, rddot.
 
     Raises:
-        InputError: a radar that is not three finite numbers, limits that are not 0 < low < high, no window within
-            the limits, or a catalogue that does not come from ``windows``.
+        InputError: invalid arguments, or no window within the limits.
     """
     place = np.asarray(radar, np.float64)
     if place.shape != (3,) or not np.isfinite(place).all():

@@ -36,7 +36,7 @@ def nearly_constant_velocity(dt: float, sigma: float, acceleration: float = 0.5)
 
 
 def coordinated_turn(dt: float, turn_rate: float, sigma: float, acceleration: float = 0.5) -> MotionModel:
-    """CT: the velocity turns at a known rate [rad/s], positive to the left; rest as ``nearly_constant_velocity``."""
+    """CT: the velocity turns at a known rate [rad/s], positive to the left; others as ``nearly_constant_velocity``."""
     return _turning(dt, turn_rate, sigma, acceleration)
 
 

@@ -110,8 +110,7 @@ def random_path(
         The paths with their start, (..., steps + 1, n); leading axes broadcast.
 
     Raises:
-        InputError: a last axis that is not n, leading axes that do not broadcast, numbers that are not finite, or with
-            a Generator steps that are no integer >= 1.
+        InputError: an invalid shape or value.
     """
     x0 = for_kernel(check_finite("start", start))
     n = len(model.names)

@@ -67,8 +67,7 @@ class ScriptedPath:
         segments: the segments in order.
 
     Raises:
-        InputError: numbers of axes that differ, numbers that are not finite, a turn in other than two axes,
-            acceleration along the motion of a target that has never moved, or braking beyond standstill.
+        InputError: an invalid shape or value, a turn in other than two axes, or a motion that is impossible.
     """
 
     start: Sequence[float] | FloatArray

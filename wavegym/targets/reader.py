@@ -20,8 +20,8 @@ from wavegym.targets.recorded import RecordedTrack
 from wavegym.targets.reports import fill_heights, flyable, fresh, last_of_each_time
 
 AIRCRAFT_ACCELERATION = 8.0  # m/s²: airliners stay below 6 (bank of 30°); late reports at 10 s intervals give 9 to 16
-GREATEST_ACCELERATION = 1000.0  # m/s²: nothing follows a path that bends more; several targets in one track seem to
-MOST_IMPOSSIBLE = 0.5  # share of a file's reports: with more, the file is not what it was taken for
+GREATEST_ACCELERATION = 1000.0  # m/s²: no target accelerates more; several targets in one track seem to
+MOST_IMPOSSIBLE = 0.5  # share of a file's reports: if more contradict the others, its columns are misread
 
 
 class _Cleaned(NamedTuple):
@@ -50,8 +50,8 @@ def read_tracks(
       optionally ``alt_m``, ``alt``, ``altitude`` or ``geoaltitude``: metres above the ellipsoid.
 
     Rows may be in any order, with ids interleaved. Of several reports of a target at one time, the last in the file
-    counts. Dropped are reports that repeat the position before, and reports that need more than ``max_acceleration``
-    (late time stamps or wrong positions). A missing height (empty cell) is interpolated in time. A track without any
+    counts. Reports that repeat the previous position, or that need more than ``max_acceleration`` (late time stamps or
+    wrong positions), are dropped. A missing height (empty cell) is interpolated in time. A track without any
     height lies at height 0, with ``height_known`` False.
 
     Args:
@@ -65,9 +65,7 @@ def read_tracks(
         One track per id, in order of id; positions in metres. ``dropped`` counts what was left out and why.
 
     Raises:
-        InputError: no such file, an empty file, a missing column, a cell that is not a finite number or a time, a time
-            in milliseconds, a latitude outside [-90, 90], an invalid origin, an origin for a file in metres, or more
-            than half of the reports contradict the others, as when a file of several targets has no column of ids.
+        InputError: no such file, an invalid column or cell, or reports that mostly contradict each other.
     """
     if max_acceleration is not None and not max_acceleration > 0:
         raise InputError(f"max_acceleration is {max_acceleration!r} m/s², expected a number > 0")

@@ -1,4 +1,4 @@
-"""Recordings as true paths of a system: of its state, frame and time step, drawn by the numbers of a tape."""
+"""Recordings as true paths in a system's state, frame and time step, drawn by the numbers of a tape."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FEW_FILES = 4  # recordings kept in memory: a comparison makes the same system s
 class RecordedPaths:
     """Windows of a recording whose components are the elements of a system's state.
 
-    Targets that are together in a world are of different tracks.
+    The targets of one world come from different tracks.
     """
 
     catalogue: Windows
@@ -41,7 +41,7 @@ class RecordedPaths:
     def draw(self, uniform: FloatArray) -> NDArray[np.int64]:
         """Windows of each target, (env, target), from uniform draws (env, target).
 
-        Every window of the tracks that are left is equally likely.
+        Every window of the remaining tracks is equally likely.
         """
         lengths = np.diff(self.bounds)
         is_free = np.ones((len(uniform), len(lengths)), np.bool_)
@@ -87,7 +87,7 @@ def recorded_paths(
             a recording in degrees, or the origin of a recording in metres.
         smoothing: time constant [s]; None: chosen for each track.
         limits: nearest and farthest distance [m] of a window's samples from the radar, over the axes of the state.
-        targets: targets that are together in a world, each of a track of its own.
+        targets: targets of one world, each from a different track.
 
     Raises:
         InputError: a file that cannot be read, too few tracks with a window within the limits, or an unknown element.

@@ -20,7 +20,7 @@ def last_of_each_time(times: FloatArray) -> Mask:
 
 
 def fresh(horizontal: FloatArray, height: FloatArray) -> Mask:
-    """Mask (report,) of the reports that do not repeat the position before.
+    """Mask (report,) of the reports that do not repeat the previous position.
 
     A recorder without new data repeats the last position with a new time: the target would seem to stop and then jump.
     A height (report,) may be missing (NaN); horizontal is (report, 2).

@@ -7,16 +7,16 @@ multiplies the histories by the returns in their gates. The tracker keeps at mos
 2. Each target's likelihood of a return is the sum over its components. The joint association of all targets is exact
    (``joint_association``): a return belongs to one target at most.
 3. Every component branches: a hypothesis for each return in its gate, and one for the miss. Hypotheses of negligible
-   weight are merged with the miss of their parent, as in probabilistic data association: nothing is cut off.
+   weight are merged with the miss of their parent, as in probabilistic data association: nothing is pruned.
 4. The hypotheses are merged down to C components. From the heaviest down, each joins the component with which merging
    costs least by Runnalls's bound on the Kullback-Leibler divergence, if that cost is negligible or no place is free;
    else it becomes a component.
 
-Merging preserves the mean and the covariance of the mixture. So the covariance of the belief counts the hypotheses
-that disagree, and an unlikely one costs until the scans refute it. With one component the tracker is JPDA. With one
-target and as many components as histories it is the exact Bayes filter, but for the unscented transform. Between scans
-the targets are independent: the dependence of targets that shared returns in earlier scans is neglected, as in JPDA.
-There are no random numbers.
+Merging preserves the mean and the covariance of the mixture. So the covariance of the belief includes hypotheses that
+disagree, and an unlikely hypothesis adds cost until the scans refute it. With one component the tracker is JPDA. With
+one target and as many components as histories it is the exact Bayes filter, but for the unscented transform. Between
+scans the targets are independent: the dependence of targets that shared returns in earlier scans is neglected, as in
+JPDA. There are no random numbers.
 
 References: Salmond, *Mixture reduction algorithms for target tracking in clutter*, SPIE 1305 (1990); Pao, *Multisensor
 multitarget mixture reduction algorithms for tracking*, Journal of Guidance, Control, and Dynamics 17 (1994), for
@@ -117,14 +117,13 @@ def mixture_update(
         gate: radius of each component's gate in standard deviations; inf: no gates.
         gate_probability: probability that a detected target's return lies in its component's gate.
         negligible: a hypothesis whose weight is below ``negligible`` / C is merged into its parent's, and components
-            that merge at a cost of at most ``negligible`` / C nats are merged though places are free; 0 merges none.
+            that merge at a cost of at most ``negligible`` / C nats are merged even if there is room; 0 merges none.
 
     Returns:
         See ``MixtureUpdate``.
 
     Raises:
-        InputError: shapes that do not fit, values out of range, weights that do not sum to 1, covariances that are not
-            positive definite, or more than ten targets that share measurements.
+        InputError: an invalid shape or value, or more than ten targets that share measurements.
     """
     own = _check_mixture(mixture)
     targets = len(own.weight)

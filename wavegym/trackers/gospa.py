@@ -52,8 +52,7 @@ def gospa(
         See ``Gospa``; leading axes broadcast.
 
     Raises:
-        InputError: shapes that do not fit, more than 12 targets, a cutoff or order out of range, or a position that
-            counts and is not finite.
+        InputError: an invalid shape or value, or more than 12 targets.
     """
     c, p = check_positive("cutoff", cutoff, "m"), check_within("order", order, 1.0, 100.0)
     if p * math.log(c) > math.log(sys.float_info.max):

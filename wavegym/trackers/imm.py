@@ -69,8 +69,7 @@ def imm_mix(
         probability 0 keeps its own mean and covariance.
 
     Raises:
-        InputError: shapes that do not fit, a mean that is not finite, a covariance that is not symmetric positive
-            semidefinite, or a ``probability`` or row of ``transition`` that is no distribution.
+        InputError: an invalid shape or value.
     """
     return kernels.mix(*_check_models(mean, covariance, probability), _check_transition("transition", transition))
 
@@ -123,9 +122,7 @@ def imm_ukf_scan(
         Updated means, covariances and model probabilities in the given shapes.
 
     Raises:
-        InputError: shapes that do not fit, numbers that are not finite, fewer than four state components, a P or Q that
-            is not symmetric positive semidefinite, an R or predicted P that is not positive definite, or a
-            ``probability`` or row of ``transition`` that is no distribution.
+        InputError: an invalid shape or value.
     """
     F = np.array(check_finite("F", F), np.float64, order="C")
     if F.ndim != 3 or F.shape[1] != F.shape[2]:

@@ -38,7 +38,7 @@ class ImmKalman:
 
     Args:
         models: motion models of equal states, such as constant velocity with several process noise densities.
-        stay: probability that a target keeps its model from one step to the next; it changes to the others alike.
+        stay: probability that a target keeps its model from one step to the next; other models are equally likely.
 
     Raises:
         InputError: no models, models of different states, or a probability outside [0, 1].

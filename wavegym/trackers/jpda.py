@@ -53,9 +53,7 @@ def jpda_update(
         Updated mean (..., target, n) and covariance (..., target, n, n).
 
     Raises:
-        InputError: shapes that do not fit, numbers that are not finite, a pd or gate_probability out of range, a
-            clutter density or gate not > 0, a P that is not symmetric positive semidefinite, an S that is not positive
-            definite, or more than ten targets in one cluster.
+        InputError: an invalid shape or value, or more than ten targets in one cluster.
     """
     check_positive("gate", gate)
     check_covariance("covariance", covariance)

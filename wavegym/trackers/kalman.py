@@ -74,8 +74,7 @@ def update(
         The updated mean (..., n) and the exactly symmetric covariance (..., n, n).
 
     Raises:
-        InputError: shapes that do not fit, numbers that are not finite, a P or R that is not symmetric positive
-            semidefinite, or a singular innovation covariance S.
+        InputError: an invalid shape or value, or a singular innovation covariance S.
     """
     check_covariance("P", covariance)
     check_covariance("R", R)
@@ -113,8 +112,7 @@ def scalar_updates(
         The updated mean (..., n) and the exactly symmetric covariance (..., n, n).
 
     Raises:
-        InputError: a variance that is not > 0, shapes that do not fit, numbers that are not finite, or a P that is not
-            symmetric positive semidefinite.
+        InputError: an invalid shape or value.
     """
     errors = np.atleast_1d(np.asarray(variance, dtype=np.float64))
     if not (errors > 0.0).all():

@@ -1,4 +1,4 @@
-"""What metrics of several targets and tracks compare: positions, and which of them count."""
+"""The inputs of metrics for several targets and tracks: positions, and which of them count."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a tracker of your own has to offer, for every system that takes one (``tracker=``).
+"""The methods that your own tracker needs, in every system that takes one (``tracker=``).
 
 A ``Tracker`` works on all targets of all environments at once. A ``TargetFilter`` works on one target, as the filters
 of other packages do; ``OneByOne`` makes a tracker of it. A ``TrackerWithMemory`` keeps more than a mean and a
@@ -23,7 +23,7 @@ UNKNOWN = -1  # ``Scan.target`` of a return of unknown origin
 
 
 class Estimate(NamedTuple):
-    """Means and covariances of the states of all targets, and what an adaptive tracker knows beside them."""
+    """Means and covariances of the states of all targets, and an adaptive tracker's memory and process noise."""
 
     mean: Array  # (env, target, n)
     covariance: Array  # (env, target, n, n)
@@ -40,10 +40,10 @@ class MeasurementModel(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What one sensor reports in one step, and what a tracker may assume of it.
+    """What one sensor reports in one step, and what a tracker may assume about it.
 
-    Where origins are unknown, some returns are clutter, a target is detected with the probability ``detection``, and
-    the tracker associates returns with targets. Its gates are its own business. ``detection`` is 0 for a target that
+    If origins are unknown, some returns are clutter, a target is detected with the probability ``detection``, and
+    the tracker associates returns with targets. It chooses its own gates. ``detection`` is 0 for a target that
     the sensor does not illuminate: its estimate stays as predicted.
     """
 

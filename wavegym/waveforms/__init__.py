@@ -54,7 +54,8 @@ Four moments describe a frequency law. One call therefore takes any mixture of l
 >>> chirp_measurement_covariance(moments[[0, 1, 1]], [1e-4, 1e-4, 5e-5], [15e6, -15e6, 1e6], carrier_hz=10.4e9).shape
 (3, 2, 2)
 
-A pulse blinds its radar. The time that counts is named, here 99 % of the energy or an amplitude above -60 dB (m):
+A radar cannot receive while it transmits. How long a pulse lasts is a matter of definition, here 99 % of the energy or
+an amplitude above -60 dB. The blind ranges (m):
 
 >>> from wavegym.waveforms import PulseTiming, transmitted_interval
 >>> by_energy, by_level = PulseTiming.of(chirp, 10.4e9), PulseTiming.of(chirp, 10.4e9, level_db=-60)

@@ -47,8 +47,8 @@ Sampler = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 class CumulatedMoments(NamedTuple):
     """A table of the cumulated moments of a pulse of one shape, centred in time, in units of T and W.
 
-    h is what the regression of w on x over the whole pulse leaves: exactly 0 for linear FM. So a long chirp loses no
-    digits.
+    h is the residual of the regression of w on x over the whole pulse: exactly 0 for linear FM. So a long chirp loses
+    no digits.
     """
 
     nodes: FloatArray  # (cell + 1,) ends of the cells, x from the energy's centre

@@ -55,8 +55,7 @@ def numeric_fisher_factors(waveform: _Pulse) -> FisherFactors:
     last digits.
 
     Raises:
-        InputError: a waveform that is not smooth between the ends of its ``pieces``, whose energy is not 1, or whose
-            envelope jumps: the delay information is then infinite.
+        InputError: a waveform that is not smooth within its ``pieces``, or not of energy 1, or with a jump.
     """
     samples = sample(waveform)
     _check_no_jump(waveform)

@@ -32,8 +32,7 @@ class PulseTrain(Waveform):
         interval: T1, pulse repetition interval, s.
 
     Raises:
-        InputError: a pulse that is not a waveform, a count that is not an integer >= 1, or an interval that is not > 0
-            or so short that the pulses overlap.
+        InputError: an invalid value, or pulses that overlap.
     """
 
     pulse: Waveform

@@ -32,8 +32,8 @@ def transmitted_interval(
 ) -> tuple[float, float]:
     """First and last time (s, in the pulse's own time) at which a pulse occupies the transmitter.
 
-    A pulse with smooth edges has no end, so the definition is named. By energy: the central interval that holds this
-    share of the energy, with equal shares before and after. By level: from the first to the last time at which the
+    A pulse with smooth edges has no end, so its length needs a definition. By energy: the central interval that holds
+    this share of the energy, with equal shares before and after. By level: from the first to the last time at which the
     amplitude exceeds this level below its peak. A Gaussian pulse of duration parameter k occupies 3.643 k at 99 % of
     the energy and 7.434 k at -60 dB (its ``effective_length``). A trapezoid chirp occupies its whole duration at 100 %.
 
@@ -76,8 +76,7 @@ class PulseTiming:
         max_duty: greatest duty cycle of the transmitter, in (0, 1].
 
     Raises:
-        InputError: a value out of range, several pulses without an interval, an interval without room for the pulse
-            and the recovery, or more duty than the transmitter's; with the nearest valid value.
+        InputError: an invalid value, or a pulse that does not fit the interval or the duty; names a valid value.
     """
 
     duration: float
@@ -124,7 +123,7 @@ class PulseTiming:
     ) -> PulseTiming:
         """The timing of a waveform: its transmitted interval's length and, of a ``PulseTrain``, interval and count.
 
-        ``interval``, ``recovery`` and ``max_duty`` may be given besides, ``count`` too for a single pulse.
+        ``interval``, ``recovery`` and ``max_duty`` may also be given, and ``count`` for a single pulse.
         """
         first, last = transmitted_interval(waveform, energy, level_db)
         if isinstance(waveform, PulseTrain):
@@ -163,7 +162,7 @@ class PulseTiming:
 
     @property
     def unambiguous_velocity(self) -> float:
-        """lambda PRF/2, m/s, the full interval: range-rates in [-lambda PRF/4, lambda PRF/4) are told apart.
+        """lambda PRF/2, m/s, the full interval: range-rates in [-lambda PRF/4, lambda PRF/4) are unambiguous.
 
         inf for one pulse.
         """

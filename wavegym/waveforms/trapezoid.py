@@ -129,8 +129,7 @@ def trapezoid_fisher_factors(moments: ArrayLike, duration: ArrayLike, signed_swe
         signed_sweep: d D, Hz, negative for a down-chirp, (...); the three broadcast.
 
     Raises:
-        InputError: shapes that do not fit, moments or a sweep that are not finite, or a duration that is not a finite
-            number > 0.
+        InputError: an invalid shape or value.
     """
     m, length = check_finite("moments", moments, 4), check_elements(check_positive, "duration", duration)
     sweep = check_finite("signed_sweep", signed_sweep)

@@ -1,4 +1,4 @@
-"""A ship's radar in ten lines: another setting of a published system, and (in ``scalar``) a system of one's own."""
+"""A ship's radar in ten lines: a published system with other parameters, and (in ``scalar``) your own system."""
 
 import wavegym
 

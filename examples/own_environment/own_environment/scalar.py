@@ -1,4 +1,4 @@
-"""A system of one's own in plain NumPy: a random walk, watched with dwells of different length and price."""
+"""Your own system in plain NumPy: a random walk, observed with dwells of different length and price."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

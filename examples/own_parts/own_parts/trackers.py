@@ -1,4 +1,4 @@
-"""Trackers of other packages, and one of our own, as the tracker of a loop: ``gym.make(id, tracker=...)``."""
+"""Trackers of other packages, and our own ones, as the tracker of a loop: ``gym.make(id, tracker=...)``."""
 
 from typing import NamedTuple
 
@@ -127,7 +127,7 @@ def filterpy_ukf():
 
 
 def stonesoup_kalman():
-    """A tracker of Stone Soup's predictor and updater; its other Kalman filters go in likewise."""
+    """A tracker of Stone Soup's predictor and updater; its other Kalman filters work in the same way."""
     from stonesoup.predictor.kalman import KalmanPredictor
     from stonesoup.updater.kalman import ExtendedKalmanUpdater
 

@@ -47,9 +47,7 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
         progress: show a progress bar on standard error.
 
     Raises:
-        InputError: another training runs in the folder; it already holds a run; with ``resume``: it holds none, a run
-            of another specification, no intact checkpoint of this run, or a finished run with a torn policy; an
-            environment or reward that cannot be played.
+        InputError: the folder is in use or does not fit the call, or an invalid environment or reward.
         OSError: a full disk, for example; the last checkpoint is kept.
     """
     check_int("checkpoint-every", checkpoint_every, 1)

@@ -36,8 +36,7 @@ def load_pretrained(env_id: str, algo: str, system: System) -> Policy:
     """The agent that comes with an environment.
 
     Raises:
-        InputError: no agent of this algorithm or for this environment (nearest named), or ``system`` has other
-            observations or actions than those of the training (its parameters named).
+        InputError: no such agent, or one that does not fit ``system``.
     """
     check_choice("agent", algo, ALGORITHMS)
     folder = pretrained_folder(env_id, algo)

@@ -1,10 +1,14 @@
-"""Urban tracker: an unknown number of targets, which walls hide and of which walls make ghosts.
+"""Urban tracker: an unknown number of targets, which walls hide and which appear as ghosts over reflecting walls.
 
 Gates, LMIPDA, a variable-structure IMM of unscented filters, and track management (Barbosa et al., section 4.2), for
-transmitters whose signals receivers can separate and two or more receivers. The map settles what the paper leaves
-open: a track starts where measurements of the first two receivers from the first transmitter intersect on a road
-visible to all three; a missed detection does not count against a hidden track; a track that leaves the roads was a
-mirror image and ends; returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
+transmitters whose signals receivers can separate and two or more receivers. The map decides what the paper leaves
+open:
+
+- A track starts where measurements of the first two receivers from the first transmitter intersect on a road that is
+  visible to all three.
+- A missed detection does not count against a hidden track.
+- A track that leaves the roads was a mirror image and ends.
+- Returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
 """
 
 from __future__ import annotations
@@ -45,7 +49,7 @@ from wavegym.trackers.urban import kernels, scan_kernels
 EMPTY, TENTATIVE, CONFIRMED = kernels.EMPTY, kernels.TENTATIVE, kernels.CONFIRMED
 MODELS = ("NCV", "NCA", "CT left", "CT right")
 TRANSITION = np.array([[0.99, 0.01, 0.0, 0.0], [0.1, 0.7, 0.1, 0.1], [0.0, 0.01, 0.99, 0.0], [0.0, 0.01, 0.0, 0.99]])
-"""From row to column. The paper prints .1 in place of .01 and exchanges rows and columns; rows then sum to 1.09."""
+"""From row to column. The paper prints 0.1 instead of 0.01 and exchanges rows and columns; rows then sum to 1.09."""
 SETS = ((False, True, True, True), (True, True, False, False))  # near junctions, elsewhere
 NO_IMAGE = 9  # order of a padding image: more walls than any path has
 
@@ -76,8 +80,8 @@ class UrbanTracker:
         transmitters, receivers: (x, y) in m; at least two receivers. Measurements are ordered by pairs: the first
             transmitter with each receiver first.
         axes: unit vector along the line of array elements of each receiver, whose measurements then have a direction of
-            arrival; None for measurements without, as in the paper. The first two receivers must not stand in one line
-            with the first transmitter then.
+            arrival; None for measurements without, as in the paper. The first two receivers must then not stand in one
+            line with the first transmitter.
         elements: number of elements of each array, half a wavelength apart.
         models: "vsimm": constant velocity and acceleration, and turns near junctions; "ncv": constant velocity.
         dt: time between scans, s.
@@ -109,8 +113,7 @@ class UrbanTracker:
         cell: width of the cells of the grid, m.
 
     Raises:
-        InputError: an antenna in a building, fewer than two receivers, antennas in one line, an axis that is missing or
-            no unit vector, an unknown name, a number out of range.
+        InputError: an invalid value or an antenna in a building, or antennas that cannot locate a target.
     """
 
     urban_map: UrbanMap
