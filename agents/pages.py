@@ -2,7 +2,7 @@
 
 A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best
 scores known (``python -m agents.leaderboard``), if there are any, and above its steps per second
-(``python -m benchmarks.steps``).
+(``python -m research.benchmarks.steps``).
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import sys
 import gymnasium as gym
 
 from agents.leaderboard import HEADROOM, ROOT, entry, scores
-from benchmarks.steps import read as read_speeds
-from benchmarks.steps import table as speed_table
+from research.benchmarks.steps import read as read_speeds
+from research.benchmarks.steps import table as speed_table
 from wavegym.core.command_line import Parser, guarded
 from wavegym.envs.describe import describe, summary, table
 from wavegym.evaluation.files import write_whole

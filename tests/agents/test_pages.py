@@ -6,7 +6,7 @@ import sys
 
 from agents import pages as module
 from agents.pages import FOLDER, main, page
-from benchmarks.steps import read
+from research.benchmarks.steps import read
 from wavegym.envs.describe import describe
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS

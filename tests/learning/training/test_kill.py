@@ -1,4 +1,4 @@
-"""The real thing: DQN's training killed with SIGKILL at random moments; tests/promises/test_faults.py kills PPO's."""
+"""DQN's training killed with SIGKILL at random moments; tests/research/promises/test_faults.py kills PPO's."""
 
 from __future__ import annotations
 

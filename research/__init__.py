@@ -1,0 +1,1 @@
+"""What makes this repository's own figures, proofs and times; not in the wheel."""
