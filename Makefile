@@ -67,7 +67,7 @@ site: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 docs: $(READY)
-	$(BIN)/python -m agents.pages
+	$(BIN)/python -m research.pages
 	$(MAKE) site
 
 # Run the notebook of the tutorial and keep what it prints.
@@ -122,7 +122,7 @@ league: $(READY)
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
 headroom: $(READY)
 	$(BIN)/python -m wavegym.evaluation.headroom $(IDS) --out results/headroom
-	$(BIN)/python -m wavegym.evaluation.headroom_page results/headroom docs/headroom.md results/baselines
+	$(BIN)/python -m agents.headroom_page results/headroom docs/headroom.md results/baselines
 
 benchmarks: $(READY)
 	$(BIN)/python -m research.benchmarks.run

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from agents import blocks
 from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
@@ -26,12 +27,11 @@ from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.worlds import word
-from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
+from wavegym.evaluation import compare, full_id, make_task, statistics
 from wavegym.evaluation.account import Account
 from wavegym.evaluation.comparison import BASELINE
-from wavegym.evaluation.consistency import consistency
+from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated

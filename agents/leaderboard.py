@@ -16,19 +16,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from agents import blocks
 from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import word
-from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
+from wavegym.evaluation import compare, full_id, make_task, statistics
 from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE
-from wavegym.evaluation.consistency import consistency
+from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.orders import reversals
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import (

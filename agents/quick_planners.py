@@ -11,9 +11,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from agents import blocks
 from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, ROOT, against, play_and_renew
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation import blocks, compare, full_id, make_task
+from wavegym.evaluation import compare, full_id, make_task
 from wavegym.evaluation.account import read_accounts
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS

@@ -11,9 +11,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from agents import blocks
 from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, play_and_renew, stage_of
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation import blocks, compare, full_id
+from wavegym.evaluation import compare, full_id
 from wavegym.evaluation.account import read_accounts
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS

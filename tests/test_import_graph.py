@@ -31,11 +31,8 @@ ROOMS = (
     "wavegym.learning",
     "wavegym.cli",
     "wavegym",  # the package itself, and python -m wavegym
-    "research",  # the package itself
-    "research.benchmarks",
     "agents",
-    "research.papers",
-    "research.promises",
+    "research",
 )
 
 
@@ -74,7 +71,7 @@ def graph(root: Path) -> nx.DiGraph:
 def room(module: str) -> str:
     """The room that a module belongs to; an unknown one is an error."""
     parts = module.split(".")
-    name = ".".join(parts[:2]) if parts[0] in ("wavegym", "research") and module != "wavegym.__main__" else parts[0]
+    name = ".".join(parts[:2]) if parts[0] == "wavegym" and module != "wavegym.__main__" else parts[0]
     assert name in ROOMS, f"{module} is in no room, expected one of {ROOMS}"
     return name
 

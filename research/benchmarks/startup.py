@@ -17,10 +17,10 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from agents import blocks
 from research.benchmarks.figures import read_rows, renew_rows
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
-from wavegym.evaluation import blocks
 from wavegym.evaluation.table import tabulated
 from wavegym.registration import SYSTEMS, full_id, stem
 

@@ -3,7 +3,7 @@
 Under random allowed actions, the best simple rule and the trained agent, single and in batches, on one core; in the
 largest batch also on two. Only ``step`` and the resets in it are timed, not the decisions. A step on one core counts in
 CPU time; two threads are compared with one by the wall clock, in turn, so the machine should have nothing else to do.
-Figures go to results/speed.csv, the table to docs/speed.md and to the environments' pages (``python -m agents.pages``).
+Figures go to results/speed.csv, the table to docs/speed.md and (``python -m research.pages``) the environments' pages.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import gymnasium as gym
 import numpy as np
 
 import wavegym
+from agents import blocks
 from research.benchmarks.figures import read_rows, renew_rows
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation import blocks
 from wavegym.evaluation.saved import SAVED
 from wavegym.evaluation.table import tabulated
 from wavegym.policies.records import read_run

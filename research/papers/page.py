@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from agents import blocks
 from research.papers import claims
 from research.papers.catalogue import load
 from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
-from wavegym.evaluation import blocks
 
 START, END = "<!-- made by `make papers PAGE=1`: -->", "<!-- to here -->"
 

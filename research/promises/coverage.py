@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from agents import blocks
 from agents.leaderboard import HEADROOM, LEADERBOARD
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.worlds import word
-from wavegym.evaluation import blocks, statistics
+from wavegym.evaluation import statistics
 from wavegym.evaluation.account import read_accounts
 from wavegym.evaluation.table import tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE

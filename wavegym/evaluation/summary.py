@@ -15,8 +15,7 @@ from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.account import Account
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
-from wavegym.evaluation.consistency import consistency, steps_outside
-from wavegym.evaluation.orders import reversals
+from wavegym.evaluation.consistency import consistency, reversals, steps_outside
 from wavegym.evaluation.statistics import Estimate
 
 PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")

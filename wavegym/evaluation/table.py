@@ -82,7 +82,7 @@ def consistency_title(dimension: int | None) -> str:
 
 
 def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
-    """What a report says of the pairs found by ``wavegym.evaluation.orders.reversals``, but for what rounds to 0."""
+    """What a report says of the pairs found by ``consistency.reversals``, but for what rounds to 0."""
     reversals = [pair for pair in reversals if "0" not in (signed(pair["belief"]), signed(pair["truth"]))]
     if not reversals:
         return "No two policies are established to have one order by belief and the other by truth."

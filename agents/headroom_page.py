@@ -1,4 +1,4 @@
-"""The page "How much is there to gain": ``python -m wavegym.evaluation.headroom_page RESULTS PAGE SWEEPS``."""
+"""The page "How much is there to gain": ``python -m agents.headroom_page RESULTS PAGE SWEEPS``."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from agents import blocks
 from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
-from wavegym.evaluation import blocks
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.planner_sweep import LIMITS, best_by_limit, limit_name
@@ -193,7 +193,7 @@ def main(arguments: list[str]) -> int:
 
     def renew() -> None:
         if len(arguments) != 3:
-            raise InputError("expected three arguments: python -m wavegym.evaluation.headroom_page RESULTS PAGE SWEEPS")
+            raise InputError("expected three arguments: python -m agents.headroom_page RESULTS PAGE SWEEPS")
         folder, page, swept = (Path(argument) for argument in arguments)
         names = [env_id.rpartition("/")[2] for env_id in SYSTEMS]
         on_file = {name: swept / f"{name}.csv" for name in names if (swept / f"{name}.csv").exists()}

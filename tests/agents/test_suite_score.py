@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavegym.evaluation import board
-from wavegym.evaluation.suite_score import over_suite, profile, suite_score
+from agents import board
+from agents.suite_score import over_suite, profile, suite_score
+from wavegym.evaluation import submission
 
 SUITE = ["a", "b", "c"]
 
@@ -52,7 +53,7 @@ def test_the_board_lists_the_cheapest_first_and_draws_all() -> None:
     records = [record("dear", 1.2), record("cheap", 0.8)]
     lines = board.scores(records).splitlines()
     assert [line.split("|")[1].strip() for line in lines[2:]] == ["cheap", "dear"]
-    (own,) = board.table(records[1]).splitlines()[2:]
+    (own,) = submission.table(records[1]).splitlines()[2:]
     cells = [cell.strip() for cell in own.split("|")[1:-1]]
     assert cells == ["KershawEvans-v0", "-20.0", "-20.0 to -20.0", "", "", "-36.0", "50 %", "50 to 50", "5", "10", ""]
     assert board.picture(records).startswith(b"\x89PNG")

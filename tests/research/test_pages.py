@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from agents import pages as module
-from agents.pages import FOLDER, main, page
+from research import pages as module
 from research.benchmarks.steps import read
+from research.pages import FOLDER, main, page
 from wavegym.envs.describe import describe
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS

@@ -1,4 +1,4 @@
-"""The pages of the suite's environments in the docs: ``python -m agents.pages``.
+"""The pages of the suite's environments in the docs: ``python -m research.pages``.
 
 A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best
 scores known (``python -m agents.leaderboard``), if there are any, and above its steps per second
@@ -56,7 +56,7 @@ def page(env_id: str) -> str:
 
 def main() -> None:
     """The command."""
-    Parser(prog="python -m agents.pages", description="Write the pages of the environments.").read(None)
+    Parser(prog="python -m research.pages", description="Write the pages of the environments.").read(None)
     write_whole(FOLDER, {name: text.encode() for name, text in pages().items()})
 
 

@@ -1,6 +1,6 @@
 """Write the table of the information reduction factor.
 
-    python -m wavegym.trackers.tabulate_information_reduction [FILE]
+    python -m research.information_reduction [FILE]
 
 Definition, in whitened two-dimensional innovation coordinates: N clutter returns x_i, Poisson with density b =
 rho sqrt(det S) in the disc of radius g; and the target's return, standard normal, received with probability Pd if it
@@ -27,9 +27,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
+from research.information_reduction_kernels import simulated_reduction
 from wavegym.core.arrays import FloatArray
 from wavegym.trackers.information_reduction import TABLE
-from wavegym.trackers.information_reduction_kernels import GATE, simulated_reduction
+from wavegym.trackers.information_reduction_kernels import GATE
 
 PD = np.append(np.round(special.expit(np.linspace(-9.0, 7.0, 65)), 6), 1.0)  # as dense near 0 as near 1
 CLUTTER = 10.0 ** np.linspace(-3.0, 5.0, 65)
