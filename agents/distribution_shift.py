@@ -28,10 +28,10 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, full_id, make_task, statistics
-from wavegym.evaluation.account import Account
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.play import Account
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated

@@ -24,12 +24,12 @@ from wavegym.core.errors import check_choice
 from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, full_id, make_task, statistics
-from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.play import Account
+from wavegym.evaluation.report import episodes, read_accounts
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import (
     both,

@@ -20,7 +20,7 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.account import read_accounts
+from wavegym.evaluation.report import read_accounts
 from wavegym.evaluation.table import tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
 

@@ -17,8 +17,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.account import Account
-from wavegym.evaluation.play import Played
+from wavegym.evaluation.play import Account, Played
 from wavegym.evaluation.statistics import LEVEL, Estimate
 
 TOLERANCE = 0.1  # of the expected NEES
