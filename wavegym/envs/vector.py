@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from wavegym.envs.build import build_system
 from wavegym.envs.episodes import Episodes, Info, Seed, seed_list
 from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward, make_reward
+from wavegym.envs.scenario import with_scenario
 
 PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
 Stepped = tuple[Array, Array, Array, Array, dict[str, Any]]
@@ -264,6 +266,13 @@ class WaveformVectorEnv(VectorEnv):
             wanted = f"a bool array of shape ({self.num_envs},), not all False"
             raise InputError(f"options['reset_mask'] is {mask!r}, expected {wanted}")
         return mask.copy()
+
+
+def make_vector_env(
+    system: System | type[System] | str, num_envs: int = 1, *, registered: Mapping[str, Any] | None = None, **given: Any
+) -> WaveformVectorEnv:
+    """What ``gym.make_vec`` calls: a vector environment; see ``wavegym.envs.single.make_env``."""
+    return WaveformVectorEnv(system, num_envs, **with_scenario(system, registered or {}, given))
 
 
 def row_of(value: Any, i: int, num_envs: int) -> Any:
