@@ -104,9 +104,9 @@ def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
 
 
 def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
+    from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
-    from wavegym.learning.training.run_spec import RunSpec
-    from wavegym.learning.training.train import train
+    from wavegym.learning.train import train
     from wavegym.policies.runs import RUN
 
     if (folder / RUN).exists():

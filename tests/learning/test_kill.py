@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from runs_for_tests import EVERY, arguments, assert_same_run, small_spec
 
-from wavegym.learning.training.train import train
+from wavegym.learning.train import train
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 ALGO = "dqn"
 STEPS = 1500
 KILLS = 2

@@ -17,10 +17,10 @@ from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from wavegym.evaluation.files import write_whole
-from wavegym.learning.training.checkpoints import save_checkpoint
-from wavegym.learning.training.curve import LearningCurve
-from wavegym.learning.training.run_spec import RunSpec
-from wavegym.learning.training.snapshots import snapshot
+from wavegym.learning.checkpoints import save_checkpoint
+from wavegym.learning.curve import LearningCurve
+from wavegym.learning.run_spec import RunSpec
+from wavegym.learning.snapshots import snapshot
 from wavegym.policies.runs import BOARD, CHECKPOINTS, CURVE
 
 ROWS = 100  # of the learning curve of a complete run

@@ -25,7 +25,7 @@ from torch import Tensor, nn
 
 from wavegym.core.capabilities import TrackSlots, offers
 from wavegym.core.system import System
-from wavegym.learning.policies.pooling_kernels import share_gradient
+from wavegym.learning.pooling_kernels import share_gradient
 from wavegym.observations.forecasts import PRESENT
 
 FAR_BELOW = -1e9  # added to features of candidates that do not count, before a maximum

@@ -26,9 +26,9 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.work import Parts
 from wavegym.core.worlds import draw_worlds, training_seeds, word
-from wavegym.learning.policies.export import export
-from wavegym.learning.policies.mixture import parts
-from wavegym.learning.policies.scorer import Dueling
+from wavegym.learning.export import export
+from wavegym.learning.mixture import parts
+from wavegym.learning.scorer import Dueling
 from wavegym.learning.settings import Settings
 from wavegym.observations.observer import Observer
 from wavegym.policies.networks import LearnedPolicy

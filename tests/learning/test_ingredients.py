@@ -10,11 +10,11 @@ from runs_for_tests import SMALL, small_spec
 
 from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, training_seeds
-from wavegym.learning.policies.export import export
+from wavegym.learning import imitation
+from wavegym.learning.export import export
+from wavegym.learning.models import build_model
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training import imitation
-from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import RunSpec
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from wavegym.learning.policies.scorer import pooled
+from wavegym.learning.scorer import pooled
 
 
 def by_pytorch(hidden: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wavegym.learning.training.curve import LearningCurve
+from wavegym.learning.curve import LearningCurve
 
 
 @given(seed=st.integers(0, 2**32 - 1), num_envs=st.integers(1, 4), length=st.integers(1, 40))

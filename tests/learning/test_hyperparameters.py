@@ -12,8 +12,8 @@ from runs_for_tests import ID, SMALL
 
 import train
 from wavegym.core.errors import InputError
+from wavegym.learning import hyperparameters as tuning
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training import hyperparameters as tuning
 
 pytest.importorskip("optuna")
 

@@ -12,9 +12,9 @@ from runs_for_tests import ENVIRONMENT, ID, SMALL
 
 import wavegym
 from wavegym.core.errors import InputError
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import RunSpec
-from wavegym.learning.training.train import train
+from wavegym.learning.train import train
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 OWN = "tests/Own-v0"

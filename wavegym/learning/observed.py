@@ -12,7 +12,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.system import System
 from wavegym.evaluation import make_task, training_seeds
 from wavegym.evaluation.play import play
-from wavegym.learning.training.models import ROOT
+from wavegym.learning.models import ROOT
 from wavegym.observations.forecasts import Forecasts
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.policies.training_range import TrainingRange

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
-from wavegym.learning.training.checkpoints import HEADER, load_checkpoint, save_checkpoint
+from wavegym.learning.checkpoints import HEADER, load_checkpoint, save_checkpoint
 
 
 def names(folder: Path) -> list[str]:

@@ -18,9 +18,9 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError
-from wavegym.learning.training.curve import LearningCurve
-from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import RunSpec
+from wavegym.learning.curve import LearningCurve
+from wavegym.learning.models import build_model
+from wavegym.learning.run_spec import RunSpec
 from wavegym.policies.records import difference
 
 # Of a model of Stable-Baselines3: what a training changes, but for weights, optimiser and buffers.

@@ -9,7 +9,7 @@ import sys
 PROGRAM = """
 import resource
 import torch
-from wavegym.learning.training.memory import keep_freed_memory
+from wavegym.learning.memory import keep_freed_memory
 
 keep_freed_memory()
 for _ in range(20):  # at first small blocks may come between large ones

@@ -18,11 +18,11 @@ from runs_for_tests import EVERY, arguments, assert_same_run, small_spec
 import train as command
 from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError
-from wavegym.learning.training import callbacks as callback
-from wavegym.learning.training import imitation
-from wavegym.learning.training import train as learn
-from wavegym.learning.training.checkpoints import load_checkpoint, save_checkpoint
-from wavegym.learning.training.train import train
+from wavegym.learning import callbacks as callback
+from wavegym.learning import imitation
+from wavegym.learning import train as learn
+from wavegym.learning.checkpoints import load_checkpoint, save_checkpoint
+from wavegym.learning.train import train
 
 
 class StoppedError(Exception):

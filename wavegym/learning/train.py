@@ -17,17 +17,17 @@ from stable_baselines3.common.callbacks import BaseCallback
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.work import kept_parts
 from wavegym.evaluation.files import write_whole
-from wavegym.learning.policies.export import export
-from wavegym.learning.training.callbacks import SnapshotCallback, tensorboard
-from wavegym.learning.training.checkpoints import load_checkpoint
-from wavegym.learning.training.curve import LearningCurve
-from wavegym.learning.training.imitation import Lessons, WarmUp, pretrain
-from wavegym.learning.training.memory import keep_freed_memory
-from wavegym.learning.training.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
-from wavegym.learning.training.observed import range_in_training
-from wavegym.learning.training.run_spec import RunSpec, check_resumable, check_unused, planned_steps
-from wavegym.learning.training.snapshots import restore
-from wavegym.learning.training.time_discount import NoteDurations
+from wavegym.learning.callbacks import SnapshotCallback, tensorboard
+from wavegym.learning.checkpoints import load_checkpoint
+from wavegym.learning.curve import LearningCurve
+from wavegym.learning.export import export
+from wavegym.learning.imitation import Lessons, WarmUp, pretrain
+from wavegym.learning.memory import keep_freed_memory
+from wavegym.learning.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
+from wavegym.learning.observed import range_in_training
+from wavegym.learning.run_spec import RunSpec, check_resumable, check_unused, planned_steps
+from wavegym.learning.snapshots import restore
+from wavegym.learning.time_discount import NoteDurations
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import CHECKPOINTS, CURVE, LOCK, MODEL, POLICY, RUN, SPEC, read_policy, signature

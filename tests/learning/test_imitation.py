@@ -16,11 +16,9 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, training_seeds
-from wavegym.learning.policies.export import export
-from wavegym.learning.policies.mixture import Mixture
-from wavegym.learning.settings import load_settings
-from wavegym.learning.training import imitation
-from wavegym.learning.training.imitation import (
+from wavegym.learning import imitation
+from wavegym.learning.export import export
+from wavegym.learning.imitation import (
     INVERSE_TEMPERATURE,
     MARGIN,
     MOST,
@@ -35,8 +33,10 @@ from wavegym.learning.training.imitation import (
     preferences,
     pretrain,
 )
-from wavegym.learning.training.models import build_model, systems_of
-from wavegym.learning.training.run_spec import RunSpec
+from wavegym.learning.mixture import Mixture
+from wavegym.learning.models import build_model, systems_of
+from wavegym.learning.run_spec import RunSpec
+from wavegym.learning.settings import load_settings
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers import Fixed, Myopic
 from wavegym.schedulers.planners import RolloutPlanner

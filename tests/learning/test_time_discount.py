@@ -9,17 +9,17 @@ from gymnasium import spaces
 from runs_for_tests import SMALL
 
 from wavegym.core.errors import InputError
+from wavegym.learning.curve import LearningCurve
+from wavegym.learning.models import build_model
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.curve import LearningCurve
-from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import RunSpec
-from wavegym.learning.training.time_discount import (
+from wavegym.learning.time_discount import (
     CENTRING,
     NoteDurations,
     TimedMaskableRolloutBuffer,
     TimedRolloutBuffer,
 )
-from wavegym.learning.training.train import train
+from wavegym.learning.train import train
 from wavegym.policies.runs import CURVE, POLICY
 
 STEPS, ENVS, GAMMA, LAMBDA = 7, 3, 0.6, 0.8

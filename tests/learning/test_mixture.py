@@ -14,11 +14,11 @@ from scipy.stats import chisquare, kstest, norm, uniform
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from wavegym.core.errors import InputError
-from wavegym.learning.policies.mixture import Mixture, MixturePolicy, parts
+from wavegym.learning.imitation import imitate
+from wavegym.learning.mixture import Mixture, MixturePolicy, parts
+from wavegym.learning.models import build_model
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.imitation import imitate
-from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import RunSpec
 
 MODES, PARAMETERS = 3, 2
 POSITION = "wavegym/KershawEvansPosition-v0"

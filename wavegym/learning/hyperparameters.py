@@ -21,9 +21,9 @@ from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.play import play
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import RunSpec
-from wavegym.learning.training.train import train
+from wavegym.learning.train import train
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE

@@ -10,8 +10,8 @@ from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor, nn
 
 from wavegym.core.arrays import Array
-from wavegym.learning.policies.mixture import Mixture
-from wavegym.learning.policies.scorer import Dueling, Exchange, Scorer
+from wavegym.learning.mixture import Mixture
+from wavegym.learning.scorer import Dueling, Exchange, Scorer
 from wavegym.policies.networks import Network
 
 ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu"}

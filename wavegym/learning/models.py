@@ -21,11 +21,11 @@ from wavegym.core.system import System
 from wavegym.envs.sb3 import BatchedVecEnv, SB3VecEnv
 from wavegym.envs.sb3_mixed import SB3MixedVecEnv
 from wavegym.evaluation import training_seeds
-from wavegym.learning.policies.mixture import MixturePolicy
-from wavegym.learning.policies.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
+from wavegym.learning.mixture import MixturePolicy
+from wavegym.learning.run_spec import RunSpec
+from wavegym.learning.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
 from wavegym.learning.settings import PPOSettings, Settings
-from wavegym.learning.training.run_spec import RunSpec
-from wavegym.learning.training.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
+from wavegym.learning.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
 from wavegym.policies.records import difference
 from wavegym.policies.runs import signature
 
