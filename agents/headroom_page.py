@@ -18,7 +18,6 @@ from wavegym.evaluation.planner_sweep import LIMITS, best_by_limit, limit_name
 from wavegym.evaluation.table import (
     CONSISTENCY,
     Table,
-    both,
     columns,
     consistency_row,
     consistency_title,
@@ -71,7 +70,7 @@ def _swept(row: Mapping[str, str]) -> str:
 
 def overview(results: list[dict[str, Any]]) -> str:
     """How much each policy costs by belief and errs by truth against the best simple rule, and the consistency."""
-    costs_and_errors = both(_overview(results, _by_belief), _overview(results, _by_truth))
+    costs_and_errors = blocks.both(_overview(results, _by_belief), _overview(results, _by_truth))
     measured = [result for result in results if result["nees_dimension"]]
     if not measured:
         return costs_and_errors
