@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = str(Path(wavegym.__file__).parent)
 FOLDERS = ("wavegym", "agents", "research", "tests")
 LARGEST = 5
+EVALUATE = ["evaluate", "KershawEvans-v0", "--policies", "myopic,best-fixed", "--worlds", "10", "--jobs", "1", "--out"]
 
 
 def passed(run: Callable[[], object]) -> set[CodeType]:
@@ -63,14 +64,14 @@ def of_step(env_id: str) -> set[CodeType]:
 def of_evaluate() -> set[CodeType]:
     """The functions that a comparison of two policies passes, on ten worlds in this process."""
     with tempfile.TemporaryDirectory() as folder, redirect_stdout(io.StringIO()):
-        options = ["--policies", "myopic,best-fixed", "--worlds", "10", "--jobs", "1", "--out", folder]
-        return passed(lambda: command(["evaluate", "KershawEvans-v0", *options]))
+        return passed(lambda: command([*EVALUATE, folder]))
 
 
 def loaded(statement: str) -> int:
     """How many modules of wavegym a statement loads in a new process."""
     code = f"{statement}\nimport sys\nprint(sum(name.split('.')[0] == 'wavegym' for name in sys.modules))"
-    return int(subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True).stdout)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True)
+    return int(done.stdout.split()[-1])
 
 
 def lines() -> dict[Path, int]:
@@ -81,9 +82,12 @@ def lines() -> dict[Path, int]:
 
 def main() -> None:
     """Print Markdown tables."""
-    imports = ("import wavegym", "import wavegym.evaluation")
-    print(tabulated(["statement", "modules"], [[f"`{each}`", str(loaded(each))] for each in imports]), end="\n\n")
-    runs = {"`wavegym evaluate KershawEvans-v0`": of_evaluate()}
+    with tempfile.TemporaryDirectory() as folder:
+        whole = f"from wavegym.cli.main import main; main({[*EVALUATE, folder]})"
+        statements = {"`import wavegym`": "import wavegym", "`import wavegym.evaluation`": "import wavegym.evaluation"}
+        rows = [[name, str(loaded(each))] for name, each in {**statements, "`wavegym evaluate`": whole}.items()]
+    print(tabulated(["run", "modules"], rows), end="\n\n")
+    runs = {"`wavegym evaluate`": of_evaluate()}
     runs |= {f"a step of {env_id}": of_step(f"wavegym/{env_id}") for env_id in ("KershawEvans-v0", "RfEo-v0")}
     rows = [[name, str(len(found)), str(len({code.co_filename for code in found}))] for name, found in runs.items()]
     print(tabulated(["run", "functions", "files"], rows), end="\n\n")
