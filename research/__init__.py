@@ -1,1 +1,1 @@
-"""What makes this repository's own figures, proofs and times; not in the wheel."""
+"""The figures of four papers, tests of what is promised, benchmarks, pages of the docs; not in the wheel."""

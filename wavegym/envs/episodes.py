@@ -180,7 +180,10 @@ class Episodes:
         """
         if keep is not None and keep.all():
             return *self.observe(), np.zeros(self.num_envs), {}
-        measured = self._measured(actions)
+        measured: Any = None
+        if self.measurements or self._received is not None:  # before chunks: scans have as many places as the fullest
+            truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
+            measured = self.system.measure(truth, self.state.belief, actions, self.world)
         before = Before(self.state, actions, self.world, self._memory, self._received, measured, keep)
         after: After = in_chunks(self._advanced, before, self.num_envs, self._threads)
         self._state, self._received, terms = after.state, after.received, after.transition_info
@@ -201,13 +204,6 @@ class Episodes:
         cost = state_info["cost"]
         reward, terms = self.reward(Transition(self.system, previous, actions, following, cost, memory))
         return After(following, received, observation, state_info, reward, terms)
-
-    def _measured(self, actions: Array) -> Any:
-        """What the sensors report in a step, of all environments: scans have as many places as the fullest; or None."""
-        if not self.measurements and self._received is None:
-            return None
-        truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
-        return self.system.measure(truth, self.state.belief, actions, self.world)
 
 
 def _replaced(old: Array | None, rows: Array, new: Array) -> Array:
