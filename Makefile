@@ -76,7 +76,7 @@ site: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 docs: $(READY)
-	$(BIN)/python -m agents.pages
+	$(BIN)/python -m research.pages
 	$(MAKE) site
 
 # Run the notebook of the tutorial and keep what it prints.
@@ -108,12 +108,12 @@ papers: $(READY)
 	for p in $(PAPERS); do $(MAKE) --no-print-directory paper-$$p || exit; done
 
 paper-%: $(READY)
-	$(BIN)/python -m papers $* $(if $(PAGE),$(PAPER_OPTIONS_$*)) --out $(OUT)/$*
+	$(BIN)/python -m research.papers $* $(if $(PAGE),$(PAPER_OPTIONS_$*)) --out $(OUT)/$*
 ifdef PAGE
 	mkdir -p results/$*
 	cp $(OUT)/$*/summary.json $(OUT)/$*/figure*.csv results/$*/
 	for f in $(OUT)/$*/figure*.png; do cp $$f docs/images/$*_$$(basename $$f) || exit; done
-	$(BIN)/python -m papers.page results/$*/summary.json docs/papers/$*.md
+	$(BIN)/python -m research.papers.page results/$*/summary.json docs/papers/$*.md
 endif
 
 # Everything about some environments: trains missing agents, plays ladders, agents, quick planners, stages of learning and
@@ -131,20 +131,20 @@ league: $(READY)
 # How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
 headroom: $(READY)
 	$(BIN)/python -m wavegym.evaluation.headroom $(IDS) --out results/headroom
-	$(BIN)/python -m wavegym.evaluation.headroom_page results/headroom docs/headroom.md results/baselines
+	$(BIN)/python -m agents.headroom_page results/headroom docs/headroom.md results/baselines
 
 benchmarks: $(READY)
-	$(BIN)/python -m benchmarks.run
-	$(BIN)/python -m benchmarks.steps
-	$(BIN)/python -m benchmarks.startup
+	$(BIN)/python -m research.benchmarks.run
+	$(BIN)/python -m research.benchmarks.steps
+	$(BIN)/python -m research.benchmarks.startup
 
 # Files changed at random, commands killed at random, intervals simulated, and planted defects: half an hour.
 promises: $(READY)
-	$(BIN)/python -m promises.fuzz
-	$(BIN)/python -m promises.faults
-	$(BIN)/python -m promises.determinism
-	$(BIN)/python -m promises.coverage
-	$(BIN)/python -m promises.mutate
+	$(BIN)/python -m research.promises.fuzz
+	$(BIN)/python -m research.promises.faults
+	$(BIN)/python -m research.promises.determinism
+	$(BIN)/python -m research.promises.coverage
+	$(BIN)/python -m research.promises.mutate
 
 clean:
 	rm -rf $(VENV) $(VENV)-oldest $(VENV)-learners $(OUT) site

@@ -10,17 +10,35 @@ from __future__ import annotations
 import json
 import secrets
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from agents import blocks
 from agents.leaderboard import ROOT, environment_of, saved
+from agents.suite_score import over_suite, profile, suite_score
+from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.version import VERSION
-from wavegym.evaluation import blocks, board
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.saved import LEARNERS
-from wavegym.evaluation.submission import SETTINGS, Entry, Submission, play_submission, read_record, suite
+from wavegym.evaluation.submission import (
+    SETTINGS,
+    Entry,
+    Record,
+    Submission,
+    bootstrap,
+    pair,
+    play_submission,
+    read_record,
+    suite,
+    table,
+)
+from wavegym.evaluation.table import estimated, interval, tabulated
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN
 
@@ -28,6 +46,7 @@ FOLDER, PAGE, PICTURE = ROOT / "results" / "board", ROOT / "docs" / "board.md", 
 RELEASE = "release.json"  # version, root and worlds
 START, END = "<!-- made by `python -m agents.board`: -->", "<!-- board to here -->"
 WORLDS = 100
+FARTHEST = 50.0  # per cent, of the picture
 
 
 def release() -> None:
@@ -69,11 +88,51 @@ def renew() -> None:
         return
     parts = [
         f"Release {about['version']}, {about['worlds']} worlds of the root {about['root']}.",
-        board.scores(records),
+        scores(records),
     ]
-    parts += [f"### {record['name']}\n\n{board.table(record)}" for record in records]
+    parts += [f"### {record['name']}\n\n{table(record)}" for record in records]
     blocks.renew(PAGE, START, END, "\n\n".join(parts))
-    write_whole(PICTURE.parent, {PICTURE.name: board.picture(records)})
+    write_whole(PICTURE.parent, {PICTURE.name: picture(records)})
+
+
+def scores(records: Sequence[Record]) -> str:
+    """A line for each submission over the whole suite, the cheapest first."""
+    known, lines = suite(), list[tuple[float, list[str]]]()
+    for record in records:
+        found = suite_score(_logs(record), known, bootstrap(record))
+        cells = [record["name"], f"{len(record['environments'])} of {len(known)}"]
+        for estimate in (found.mean, found.interquartile):
+            cells += estimated(estimate)
+        ends = interval(found.improvement.ci, "{:.2f}".format)
+        cells += [f"{found.improvement.value:.2f}", ends, record["code"]]
+        lines.append((found.mean.value or 0.0, cells))
+    head = ["submission", "plays", "geometric mean %", "95 %", "interquartile mean %", "95 %"]
+    ordered = [cells for _, cells in sorted(lines, key=lambda line: line[0])]
+    return tabulated([*head, "probability of improvement", "95 %", "code"], ordered)
+
+
+def picture(records: Sequence[Record]) -> bytes:
+    """Performance profiles as PNG: the share of worlds that cost at most so much more than under best-simple."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes, known = figure.subplots(), suite()
+    percents = np.linspace(-FARTHEST, FARTHEST, 401)
+    for record in records:
+        axes.plot(percents, profile(over_suite(_logs(record), known), percents), label=record["name"])
+    axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
+    axes.set(xlabel="cost above that of the best simple heuristic [%]", ylabel="share of environments and worlds")
+    axes.set(xlim=(-FARTHEST, FARTHEST), ylim=(0.0, 1.0))
+    axes.legend(fontsize="small")
+    return as_png(figure)
+
+
+def _logs(record: Record) -> dict[str, Array]:
+    """ln of the ratios of the costs, (world,), by environment."""
+    pairs = {env_id: pair(found, "cost") for env_id, found in record["environments"].items()}
+    return {env_id: np.log(own / simple)[0] for env_id, (own, simple) in pairs.items()}
 
 
 def main() -> None:

@@ -44,9 +44,9 @@ def demo(arguments: Sequence[str] | None) -> None:
     """Train, compare, print."""
     options = parser().read(arguments)
     from wavegym.cli.evaluate import evaluate
+    from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
-    from wavegym.learning.training.run_spec import RunSpec
-    from wavegym.learning.training.train import train
+    from wavegym.learning.train import train
 
     out = unused(options.out.absolute())
     settings = load_settings(ENV, "ppo", {"steps": options.steps, "variants": ()})

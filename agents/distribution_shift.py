@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from agents import blocks
 from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
@@ -26,15 +27,14 @@ from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.worlds import word
-from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
-from wavegym.evaluation.account import Account
+from wavegym.evaluation import compare, full_id, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE
-from wavegym.evaluation.consistency import consistency
+from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.orders import reversals
+from wavegym.evaluation.play import Account
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.summary import named
-from wavegym.evaluation.table import both, decimal, flagged, interval, number, order_list, signed, tabulated
+from wavegym.evaluation.table import decimal, flagged, interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
@@ -141,10 +141,11 @@ def _against_simple(account: Account, simple: Account, dimension: int | None) ->
 
 def tables(results: dict[str, dict[str, Any]]) -> str:
     """For each half, by belief and by truth, a line for each environment and shift."""
-    return "\n\n".join(
-        f"{title}. {both(_table(results, half, 'belief'), _table(results, half, 'truth'))}\n\n{_orders(results, half)}"
-        for half, title in {KNOWN: "The tracker knows the change", UNKNOWN: "The tracker does not know it"}.items()
-    )
+    parts = []
+    for half, title in {KNOWN: "The tracker knows the change", UNKNOWN: "The tracker does not know it"}.items():
+        pair = blocks.both(_table(results, half, "belief"), _table(results, half, "truth"))
+        parts.append(f"{title}. {pair}\n\n{_orders(results, half)}")
+    return "\n\n".join(parts)
 
 
 def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
@@ -184,7 +185,7 @@ def _share(outside: float | None) -> str:
 def _orders(results: dict[str, dict[str, Any]], half: str) -> str:
     """The changed environments in which two policies have one order by belief and the other by truth."""
     told = {f"{env}, {shift}": found["reversals"] for env, shift, found in _played(results, half)}
-    return order_list(told)
+    return blocks.order_list(told)
 
 
 def _played(results: dict[str, dict[str, Any]], half: str) -> Iterator[tuple[str, str, dict[str, Any]]]:

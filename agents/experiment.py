@@ -18,10 +18,11 @@ import gymnasium as gym
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from agents import blocks
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.work import Call, run_all
-from wavegym.evaluation import blocks, compare, write_report
+from wavegym.evaluation import compare, write_report
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "results"
@@ -103,9 +104,9 @@ def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
 
 
 def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
+    from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
-    from wavegym.learning.training.run_spec import RunSpec
-    from wavegym.learning.training.train import train
+    from wavegym.learning.train import train
     from wavegym.policies.runs import RUN
 
     if (folder / RUN).exists():

@@ -16,29 +16,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from agents import blocks
 from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import word
-from wavegym.evaluation import blocks, compare, full_id, make_task, statistics
-from wavegym.evaluation.account import Account, read_accounts
+from wavegym.evaluation import compare, full_id, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE
-from wavegym.evaluation.consistency import consistency
+from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.orders import reversals
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.play import Account
+from wavegym.evaluation.report import episodes, read_accounts
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import (
-    both,
     decimal,
     estimated,
     flagged,
     interval,
     number,
-    order_list,
     shared,
     signed,
     tabulated,
@@ -209,12 +207,12 @@ def errors(entries: Sequence[Entry]) -> str:
 
 def front(entries: Sequence[Entry]) -> str:
     """What README shows: both tables, the policies whose orders by belief and by truth differ, and the teachers."""
-    return f"{both(table(entries), errors(entries))}\n\n{orders(entries)}\n\n{teachers(entries)}"
+    return f"{blocks.both(table(entries), errors(entries))}\n\n{orders(entries)}\n\n{teachers(entries)}"
 
 
 def orders(entries: Sequence[Entry]) -> str:
     """The environments in which two policies have one order by belief and the other by truth."""
-    return order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
+    return blocks.order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
 
 
 def teachers(entries: Sequence[Entry]) -> str:

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from agents import blocks
 from agents.leaderboard import ROOT
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.worlds import word
-from wavegym.evaluation import blocks, compare, make_task, statistics
+from wavegym.evaluation import compare, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.picture import as_png

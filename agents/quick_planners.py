@@ -11,14 +11,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from agents import blocks
 from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, ROOT, against, play_and_renew
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation import blocks, compare, full_id, make_task
-from wavegym.evaluation.account import read_accounts
+from wavegym.evaluation import compare, full_id, make_task
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.planner_sweep import Swept, best_within, made, read_sweep
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.report import episodes, read_accounts
 from wavegym.evaluation.table import estimated, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE, tuned_heuristic
 

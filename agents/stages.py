@@ -11,13 +11,13 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from agents import blocks
 from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, play_and_renew, stage_of
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation import blocks, compare, full_id
-from wavegym.evaluation.account import read_accounts
+from wavegym.evaluation import compare, full_id
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.report import episodes, read_accounts
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import estimated, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE

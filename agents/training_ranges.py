@@ -13,7 +13,7 @@ from pathlib import Path
 from agents.leaderboard import ROOT
 from wavegym.core.command_line import Parser, guarded
 from wavegym.evaluation.files import write_whole
-from wavegym.learning.training.observed import range_in_training
+from wavegym.learning.observed import range_in_training
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN, read_network

@@ -79,7 +79,7 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Folders of one PPO and one DQN run that nothing has interrupted, trained once for all tests."""
     from runs_for_tests import EVERY, small_spec
 
-    from wavegym.learning.training.train import train
+    from wavegym.learning.train import train
 
     folders = {algo: tmp_path_factory.mktemp("unbroken") / algo for algo in ("ppo", "dqn")}
     for algo, folder in folders.items():

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from stable_baselines3 import DQN, PPO
 
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import RunSpec
 
 ID = "wavegym/KershawEvansPosition-v0"
 ENVIRONMENT = {"horizon": 7, "max_episode_steps": 6}

@@ -9,7 +9,7 @@ import networkx as nx
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("wavegym", "agents", "papers")
+PACKAGES = ("wavegym", "agents", "research")
 
 # From the lowest room to the highest: a file may import from its own room and from lower ones.
 ROOMS = (
@@ -32,7 +32,7 @@ ROOMS = (
     "wavegym.cli",
     "wavegym",  # the package itself, and python -m wavegym
     "agents",
-    "papers",
+    "research",
 )
 
 

@@ -94,10 +94,12 @@ def test_the_wheel_holds_every_file_of_the_package_and_nothing_else(installed: I
 
 
 def test_the_library_is_the_installed_one_and_brings_no_other_package(installed: Installed) -> None:
-    code = "import wavegym, importlib.util as u; print(wavegym.__file__, u.find_spec('agents'), u.find_spec('papers'))"
-    file, agents, papers = installed.python(code).split()
+    code = (
+        "import wavegym, importlib.util as u; print(wavegym.__file__, u.find_spec('agents'), u.find_spec('research'))"
+    )
+    file, agents, research = installed.python(code).split()
     assert Path(file).is_relative_to(installed.scripts.parent)
-    assert (agents, papers) == ("None", "None")
+    assert (agents, research) == ("None", "None")
 
 
 def test_the_command_lists_the_environments(installed: Installed) -> None:

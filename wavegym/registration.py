@@ -59,8 +59,8 @@ def register(id: str, system: Any, *, max_episode_steps: int | None = None, **pa
     _check_system(system, {name: value for name, value in parameters.items() if name not in SHELL})
     gym.register(
         id,
-        entry_point="wavegym.envs.make:make_env",
-        vector_entry_point="wavegym.envs.make:make_vector_env",
+        entry_point="wavegym.envs.single:make_env",
+        vector_entry_point="wavegym.envs.vector:make_vector_env",
         max_episode_steps=max_episode_steps,
         kwargs={"system": system, **({"registered": parameters} if parameters else {})},
     )

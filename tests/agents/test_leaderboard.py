@@ -14,8 +14,8 @@ from agents import leaderboard as leaderboard
 from agents import timing
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, saved
-from wavegym.evaluation.account import Account
 from wavegym.evaluation.adapters import as_policies
+from wavegym.evaluation.play import Account
 from wavegym.evaluation.report import episodes
 from wavegym.schedulers import Lookahead, Myopic
 from wavegym.schedulers.tuned_constants import recorded

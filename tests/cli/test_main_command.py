@@ -184,7 +184,7 @@ def test_evaluate_falls_back_to_the_agents_of_the_package(tmp_path, monkeypatch)
 
 
 def test_train_without_torch_names_the_extra(monkeypatch, capsys, tmp_path):
-    monkeypatch.setitem(sys.modules, "wavegym.learning.training.train", None)
+    monkeypatch.setitem(sys.modules, "wavegym.learning.train", None)
     assert main(["train", "KershawEvans-v0", "--algo", "ppo", "--out", str(tmp_path / "run")]) == 2
     assert "pip install 'wavegym[agents]'" in capsys.readouterr().err
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from promises.faults import children, is_alive
+from research.promises.faults import children, is_alive
 from wavegym.core import work
 from wavegym.core.arrays import Array
 from wavegym.core.work import Call, Parts, hidden_folder, kept_parts, run_all

@@ -7,7 +7,7 @@ from gymnasium.vector import SyncVectorEnv
 
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.envs.seeds import seed_list
+from wavegym.envs.episodes import seed_list
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.testing.bitwise import difference
 

@@ -9,8 +9,7 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare
-from wavegym.evaluation.account import read_accounts
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.report import episodes, read_accounts
 from wavegym.schedulers import Fixed
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavegym.evaluation import compare
-from wavegym.evaluation.bounds import BOUNDS, lower_bound
+from wavegym.evaluation.submission import BOUNDS, lower_bound
 
 
 @pytest.mark.slow

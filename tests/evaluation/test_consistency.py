@@ -8,10 +8,9 @@ from evaluation_systems import Walker
 
 from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import summarise
-from wavegym.evaluation.account import account_of
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.consistency import consistency, nees_bounds, nees_flag, steps_outside
-from wavegym.evaluation.play import merged, play
+from wavegym.evaluation.play import account_of, merged, play
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import markdown
 from wavegym.evaluation.task import Task

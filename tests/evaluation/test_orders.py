@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from wavegym.evaluation.account import Account
-from wavegym.evaluation.orders import reversals
+from wavegym.evaluation.consistency import reversals
+from wavegym.evaluation.play import Account
 from wavegym.evaluation.table import order_sentence
 
 WORLDS = 200

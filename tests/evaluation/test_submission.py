@@ -12,7 +12,7 @@ import pytest
 
 from wavegym.cli.main import main
 from wavegym.core.errors import InputError
-from wavegym.evaluation import board, compare, submission
+from wavegym.evaluation import compare, submission
 from wavegym.evaluation.submission import play_submission, read_record, read_submission, suite
 from wavegym.policies.onnx_export import export_onnx
 from wavegym.policies.pretrained import FOLDER
@@ -66,7 +66,7 @@ def test_a_submission_is_played_as_compare_plays_it(folder: Path, tmp_path: Path
     assert record["environments"][ID]["cpu_seconds"] == 900.0
     assert record["environments"]["wavegym/AgileClutter-v0"]["cpu_seconds"] is None
     ratio = np.log(np.divide(*(record["environments"][ID][name] for name in ("cost", "simple_cost")))).mean()
-    line = next(line for line in board.table(record).splitlines() if "KershawEvansPosition" in line)
+    line = next(line for line in submission.table(record).splitlines() if "KershawEvansPosition" in line)
     assert float(line.split("|")[2]) == pytest.approx(100.0 * np.expm1(ratio), abs=0.06)
 
 

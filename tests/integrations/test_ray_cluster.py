@@ -75,7 +75,7 @@ def test_trials_of_a_search_run_on_ray(two_workers, tmp_path):
     pytest.importorskip("optuna")
     from runs_for_tests import ID, SMALL
 
-    from wavegym.learning.training.hyperparameters import tune
+    from wavegym.learning.hyperparameters import tune
 
     with cluster():
         tune(ID, "ppo", 3, 0, SMALL["ppo"], {"horizon": 7}, tmp_path, jobs=2)

@@ -17,9 +17,9 @@ from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation import compare
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.run_spec import RunSpec
-from wavegym.learning.training.train import train
+from wavegym.learning.train import train
 from wavegym.policies.runs import load_policy, signature
 
 ID = "tests/TwoSensors-v0"

@@ -14,10 +14,10 @@ from runs_for_tests import SMALL
 from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
-from wavegym.learning.policies.export import export
+from wavegym.learning.export import export
+from wavegym.learning.models import build_model
+from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
-from wavegym.learning.training.models import build_model
-from wavegym.learning.training.run_spec import RunSpec
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 

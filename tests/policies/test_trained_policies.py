@@ -27,7 +27,7 @@ from wavegym.core.policy import Policy
 from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.play import play
-from wavegym.learning.training.train import train
+from wavegym.learning.train import train
 from wavegym.policies.pretrained import pretrained_folder
 from wavegym.policies.runs import load_policy, signature
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition

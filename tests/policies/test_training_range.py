@@ -19,7 +19,7 @@ from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.policy import Trained
 from wavegym.evaluation import compare, make_task
 from wavegym.evaluation.play import play
-from wavegym.learning.training.train import train
+from wavegym.learning.train import train
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.policies.pretrained import FOLDER
 from wavegym.policies.runs import load_policy

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from research.information_reduction import integrated_reduction, write_table
+from research.information_reduction_kernels import simulated_reduction
 from wavegym.core.errors import InputError
 from wavegym.trackers import fitted_information_reduction, information_reduction
 from wavegym.trackers.information_reduction import TABLE, reduction_table
-from wavegym.trackers.information_reduction_kernels import reduction_one, simulated_reduction
-from wavegym.trackers.tabulate_information_reduction import integrated_reduction, write_table
+from wavegym.trackers.information_reduction_kernels import reduction_one
 
 PROBABILITIES = st.floats(0.001, 1.0)
 CLUTTERS = st.floats(-3.0, 5.0).map(lambda x: 10.0**x)

@@ -26,8 +26,7 @@ def parser() -> Parser:
 def submit(arguments: Sequence[str]) -> None:
     """Play, write the record, print the table."""
     options = parser().read(arguments)
-    from wavegym.evaluation.board import table
-    from wavegym.evaluation.submission import play_submission, read_record, read_submission
+    from wavegym.evaluation.submission import play_submission, read_record, read_submission, table
 
     submission = read_submission(options.folder)
     with workers(options):

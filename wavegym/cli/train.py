@@ -69,20 +69,20 @@ def train(arguments: Sequence[str] | None) -> None:
     for package in options.packages:
         import_package(package)
     # These imports take seconds; a misspelt option is reported before them.
+    from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
-    from wavegym.learning.training.run_spec import RunSpec
     from wavegym.policies.records import read_run
     from wavegym.policies.runs import RUN, environment_of
 
     try:
-        from wavegym.learning.training.train import train as run
+        from wavegym.learning.train import train as run
     except ImportError as error:
         raise InputError(f"training needs the extra: {error}; pip install 'wavegym[agents]'") from None
     env_id, environment, changes = _task(options)
     if options.steps is not None:
         changes["steps"] = options.steps
     if options.tune is not None:
-        from wavegym.learning.training.hyperparameters import tune
+        from wavegym.learning.hyperparameters import tune
 
         with workers(options):
             best = tune(

@@ -13,7 +13,6 @@ from wavegym.core.errors import InputError, WrongTypeError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.envs import action_kernels
-from wavegym.schedulers.rollout import allowed
 
 NOBODY = np.zeros(0, np.bool_)  # whose action is ignored
 
@@ -43,6 +42,7 @@ class IndexReader:
         actions = system.actions
         assert not isinstance(actions, ParameterBox)
         self.system, self.count = system, len(actions.labels)
+        self._is_masked = system.strict and _has_mask(system)
         self.shape: tuple[int, ...] = ()
         self.space: spaces.Space[Any] = spaces.Discrete(self.count)
         if isinstance(actions, PerSensorLibrary):
@@ -62,9 +62,8 @@ class IndexReader:
         array = np.array(array, np.int64, order="C")
         if not action_kernels.are_indices(array.reshape(-1), self.count):
             raise self._out_of_range(array)
-        mask = allowed(self.system, belief) if self.system.strict else None
-        if mask is not None:
-            _check_mask(array, mask, ignored)
+        if self._is_masked:
+            _check_mask(array, self.system.mask(belief), ignored)
         return array
 
     def transition_info(self, actions: Any, chosen: Array) -> dict[str, Array]:
@@ -117,10 +116,14 @@ def action_reader(system: System) -> ActionReader:
         InputError: the system masks the actions of a PerSensorLibrary.
     """
     actions = system.actions
-    if isinstance(actions, PerSensorLibrary) and type(system).mask is not System.mask:
+    if isinstance(actions, PerSensorLibrary) and _has_mask(system):
         wanted = "none with a PerSensorLibrary: limits that couple sensors need the joint form, a JointLibrary"
         raise InputError(f"{type(system).__name__} has a mask of its own, expected {wanted}")
     return BoxReader(actions) if isinstance(actions, ParameterBox) else IndexReader(system)
+
+
+def _has_mask(system: System) -> bool:
+    return type(system).mask is not System.mask
 
 
 def _check_mask(chosen: Array, mask: Array, ignored: Array | None) -> None:

@@ -5,10 +5,12 @@ The environments are built on this class; they define how a batch is reset and w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.utils import seeding
+from numpy.typing import NDArray
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
@@ -20,6 +22,8 @@ from wavegym.observations.measured import MeasurementObserver
 from wavegym.observations.observer import Observer
 
 OBSERVATIONS = ("belief", "measurements")
+
+Seed = int | Sequence[int | None] | NDArray[np.integer] | None
 
 Info = dict[str, Array]  # state info or transition info, each value (env, ...)
 
@@ -176,7 +180,10 @@ class Episodes:
         """
         if keep is not None and keep.all():
             return *self.observe(), np.zeros(self.num_envs), {}
-        measured = self._measured(actions)
+        measured: Any = None
+        if self.measurements or self._received is not None:  # before chunks: scans have as many places as the fullest
+            truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
+            measured = self.system.measure(truth, self.state.belief, actions, self.world)
         before = Before(self.state, actions, self.world, self._memory, self._received, measured, keep)
         after: After = in_chunks(self._advanced, before, self.num_envs, self._threads)
         self._state, self._received, terms = after.state, after.received, after.transition_info
@@ -197,13 +204,6 @@ class Episodes:
         cost = state_info["cost"]
         reward, terms = self.reward(Transition(self.system, previous, actions, following, cost, memory))
         return After(following, received, observation, state_info, reward, terms)
-
-    def _measured(self, actions: Array) -> Any:
-        """What the sensors report in a step, of all environments: scans have as many places as the fullest; or None."""
-        if not self.measurements and self._received is None:
-            return None
-        truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
-        return self.system.measure(truth, self.state.belief, actions, self.world)
 
 
 def _replaced(old: Array | None, rows: Array, new: Array) -> Array:
@@ -227,3 +227,27 @@ def make_observer(system: System, observation: str, forecasts: bool = False) -> 
     if forecasts:
         raise InputError("forecasts is True with observation='measurements', expected False: forecasts tell the belief")
     return MeasurementObserver(system)
+
+
+def seed_list(seed: Seed, num_envs: int) -> list[int | None]:
+    """One seed or None for each environment: s gives environment i the seed s + i, a list or an array is taken as is.
+
+    Raises:
+        InputError: a seed that is not an integer >= 0, or a list of the wrong length.
+    """
+    if isinstance(seed, np.ndarray):
+        seed = seed.tolist()
+    if seed is None:
+        return [None] * num_envs
+    if not isinstance(seed, Sequence) or isinstance(seed, str):
+        first = _checked_seed(seed)
+        return [first + i for i in range(num_envs)]
+    if len(seed) != num_envs:
+        raise InputError(f"seed has {len(seed)} entries, expected {num_envs}: one for each environment")
+    return [None if each is None else _checked_seed(each) for each in seed]
+
+
+def _checked_seed(seed: Any) -> int:
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"seed is {seed!r}, expected an integer >= 0")
+    return int(seed)

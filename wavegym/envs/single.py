@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -13,6 +14,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward
+from wavegym.envs.scenario import with_scenario
 from wavegym.envs.vector import WaveformVectorEnv
 
 
@@ -103,3 +105,22 @@ class WaveformEnv(gym.Env):
 def _first(info: dict[str, Array]) -> dict[str, Any]:
     """The info of the only environment, as plain scalars and arrays."""
     return {key: values.item() if values.ndim == 1 else values[0] for key, values in info.items()}
+
+
+def make_env(
+    system: System | type[System] | str, *, registered: Mapping[str, Any] | None = None, **given: Any
+) -> WaveformEnv:
+    """What ``gym.make`` calls: a single environment.
+
+    Args:
+        system: see ``WaveformVectorEnv``.
+        registered: parameters and settings of the registration; the file ``given["scenario"]`` and ``given`` win.
+        **given: parameters and settings; they win over the file.
+
+    Raises:
+        InputError: see ``WaveformVectorEnv`` and ``scenario_parameters``.
+    """
+    return WaveformEnv(system, **with_scenario(system, registered or {}, given))
+
+
+make_env.metadata = WaveformEnv.metadata  # type: ignore[attr-defined]  # which Gymnasium's ``make`` reads

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,10 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.envs.actions import action_reader
 from wavegym.envs.build import build_system
-from wavegym.envs.episodes import Episodes, Info
-from wavegym.envs.info import add_info, final_info
+from wavegym.envs.episodes import Episodes, Info, Seed, seed_list
 from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward, make_reward
-from wavegym.envs.seeds import Seed, seed_list
+from wavegym.envs.scenario import with_scenario
 
 PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
 Stepped = tuple[Array, Array, Array, Array, dict[str, Any]]
@@ -134,7 +134,7 @@ class WaveformVectorEnv(VectorEnv):
         self._ended = self._ended & ~rows
         self._some_ended = bool(self._ended.any())
         info: dict[str, Any] = {}
-        add_info(info, state_info, None if rows.all() else rows)
+        _add_info(info, state_info, None if rows.all() else rows)
         if self._film:
             self._film.begin(self.episodes.state, rows)
         return observation, info
@@ -160,10 +160,10 @@ class WaveformVectorEnv(VectorEnv):
         info: dict[str, Any] = {}
         if self._some_ended and self.autoreset_mode is AutoresetMode.SAME_STEP:
             active = ~self._ended
-            final_info(info, observation, {**state_info, **transition_info}, self._ended)
+            _final_info(info, observation, {**state_info, **transition_info}, self._ended)
             observation, state_info = self._restart_now()
-        add_info(info, state_info, None)
-        add_info(info, transition_info, active)
+        _add_info(info, state_info, None)
+        _add_info(info, transition_info, active)
         return observation, reward, terminated, truncated, info
 
     def transmit(self, actions: Any, restarting: Array | None) -> tuple[Array, Array, Array, Array, Info, Info]:
@@ -268,6 +268,13 @@ class WaveformVectorEnv(VectorEnv):
         return mask.copy()
 
 
+def make_vector_env(
+    system: System | type[System] | str, num_envs: int = 1, *, registered: Mapping[str, Any] | None = None, **given: Any
+) -> WaveformVectorEnv:
+    """What ``gym.make_vec`` calls: a vector environment; see ``wavegym.envs.single.make_env``."""
+    return WaveformVectorEnv(system, num_envs, **with_scenario(system, registered or {}, given))
+
+
 def row_of(value: Any, i: int, num_envs: int) -> Any:
     """Environment i's part of a batch's value; a belief keeps a leading axis of one, as policies take it."""
     if isinstance(value, tuple) and hasattr(value, "_fields"):
@@ -293,3 +300,33 @@ def _mode(mode: str) -> AutoresetMode:
 
 def _limit(max_episode_steps: int | None) -> int | None:
     return None if max_episode_steps is None else check_int("max_episode_steps", max_episode_steps, 1)
+
+
+def _add_info(info: dict[str, Any], entries: dict[str, Array], rows: Array | None) -> None:
+    """Add ``entries`` of the environments in ``rows`` (None: all); other rows are zero and masked out.
+
+    The layout is Gymnasium's: for every key an array and a mask ``_key``.
+    """
+    if rows is None:
+        everyone: Array | None = None
+        for key, values in entries.items():
+            info[key] = values
+            everyone = np.ones(len(values), np.bool_) if everyone is None else everyone.copy()
+            info[f"_{key}"] = everyone
+    elif rows.any():
+        for key, values in entries.items():
+            shown = np.zeros_like(values)
+            shown[rows] = values[rows]
+            info[key] = shown
+            info[f"_{key}"] = rows.copy()
+
+
+def _final_info(info: dict[str, Any], observation: Array, entries: dict[str, Array], ended: Array) -> None:
+    """``final_obs`` and ``final_info`` of the environments that ended in this step."""
+    final = np.full(len(ended), None, dtype=object)
+    for i in np.flatnonzero(ended):
+        final[i] = observation[i].copy()
+    nested: dict[str, Any] = {}
+    _add_info(nested, entries, ended)
+    info["final_obs"], info["_final_obs"] = final, ended.copy()
+    info["final_info"], info["_final_info"] = nested, ended.copy()

@@ -16,9 +16,8 @@ from wavegym.core.errors import InputError, InputWarning, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.work import Call, kept_parts, run_all
 from wavegym.core.worlds import tuning_tapes, world_seeds
-from wavegym.evaluation.account import Account, account_of
 from wavegym.evaluation.adapters import Given, as_policies
-from wavegym.evaluation.play import Played, merged, play
+from wavegym.evaluation.play import Account, Played, account_of, merged, play
 from wavegym.evaluation.task import Task, make_task
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 

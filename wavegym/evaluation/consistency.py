@@ -1,4 +1,4 @@
-"""Whether a tracker is consistent: whether its errors are as large as its covariances say.
+"""Belief against truth: whether a tracker's errors are as large as it says, and whether both rank policies alike.
 
 The normalised estimation error squared (NEES) of a consistent tracker with n elements of error has the mean n and, for
 Gaussian errors, a chi-square distribution with n degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with
@@ -8,15 +8,16 @@ of a mean over steps is a bootstrap over worlds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.account import Account
-from wavegym.evaluation.play import Played
+from wavegym.evaluation.play import Account, Played
 from wavegym.evaluation.statistics import LEVEL, Estimate
 
 TOLERANCE = 0.1  # of the expected NEES
@@ -77,3 +78,49 @@ def nees_bounds(count: Array | int, dimension: int) -> tuple[Array, Array]:
 
     low, high = (chi2.ppf(tail, dimension * np.asarray(count)) / count for tail in ((1 - LEVEL) / 2, (1 + LEVEL) / 2))
     return low, high
+
+
+def reversals(accounts: Mapping[str, Account], root: int) -> list[dict[str, Any]]:
+    """The pairs of which one policy costs less by belief and has the larger error by truth, as plain types.
+
+    Both differences are geometric means of paired ratios, and both intervals exclude 0. Of policies that played alike
+    the first stands for all.
+
+    Args:
+        accounts: on the same worlds, by policy.
+        root: of the comparison; the bootstrap follows from it.
+
+    Returns:
+        For each pair ``policy``, ``reference``, and the differences ``belief`` and ``truth`` in per cent.
+    """
+    found = []
+    for (name, account), (other, reference) in combinations(_distinct(accounts).items(), 2):
+        pairs = (account.cost, reference.cost), (account.squared_error, reference.squared_error)
+        if np.prod([_sign(*pair) for pair in pairs]) != -1.0:
+            continue  # the same order; the bootstrap is slow
+        belief, truth = (_established(*pair, root) for pair in pairs)
+        if belief is not None and truth is not None:
+            found.append({"policy": name, "reference": other, "belief": belief, "truth": truth})
+    return found
+
+
+def _distinct(accounts: Mapping[str, Account]) -> dict[str, Account]:
+    """The accounts without those that repeat an earlier one."""
+    distinct: dict[str, Account] = {}
+    for name, account in accounts.items():
+        if not any(np.array_equal(account.cost, other.cost) for other in distinct.values()):
+            distinct[name] = account
+    return distinct
+
+
+def _sign(values: Array, reference: Array) -> float:
+    """-1, 0 or 1: the geometric mean of the ratios is below, at or above one; NaN where it is undefined."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.sign(np.log(values / reference.mean(axis=0)).mean()))
+
+
+def _established(values: Array, reference: Array, root: int) -> float | None:
+    """The geometric difference in per cent if its interval excludes 0, else None."""
+    rng = np.random.default_rng([root, word("bootstrap")])
+    value, ci = statistics.difference(values, reference, rng).geometric
+    return value if ci is not None and ci[0] * ci[1] > 0.0 else None

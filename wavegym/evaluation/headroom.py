@@ -24,11 +24,11 @@ from wavegym.core.system import System
 from wavegym.core.workers import add_worker_options, workers
 from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.account import Account, read_accounts
 from wavegym.evaluation.comparison import BASELINE, Comparison, compare
+from wavegym.evaluation.consistency import reversals
 from wavegym.evaluation.files import csv_text, write_whole
-from wavegym.evaluation.orders import reversals
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.play import Account
+from wavegym.evaluation.report import episodes, read_accounts
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS

@@ -56,6 +56,42 @@ class Played(NamedTuple):
         return np.stack(each, axis=1) if each else np.zeros((len(self.steps), 0, 0), np.int64)
 
 
+class Account(NamedTuple):
+    """The figures of every episode of a policy, (member, world) each; NaN where the system has no such metric."""
+
+    cost: Array  # by belief, mean per step
+    rmse: Array  # root mean square position error over steps and the targets present, m
+    believed_rmse: Array  # the same by belief, m
+    gospa: Array  # root mean square GOSPA distance over steps, m
+    nees: Array  # mean over steps and the targets present
+    lost: Array  # tracks lost when the episode ended
+    outside: Array  # share of decisions on observations outside the range of the policy's training
+
+    @property
+    def in_gospa(self) -> bool:
+        """Whether the error by truth is the GOSPA distance, as in systems that report it."""
+        return not np.isnan(self.gospa).all()
+
+    @property
+    def squared_error(self) -> Array:
+        """The error by truth, m^2 per step: of the GOSPA distance where it is reported, else of the position."""
+        return np.square(self.gospa if self.in_gospa else self.rmse)
+
+
+BY_EPISODE = Account._fields  # columns of episodes.csv
+
+
+def account_of(members: Sequence[Played]) -> Account:
+    """The account of a policy's members on the same worlds."""
+    by_episode = [by_world(member) for member in members]
+    return Account(*(np.stack(values) for values in zip(*by_episode, strict=True)))
+
+
+def by_world(played: Played) -> list[Array]:
+    """One member's figures in the order of ``BY_EPISODE``, (world,) each."""
+    return [played.episode_cost(), *(getattr(played, name) for name in BY_EPISODE[1:])]
+
+
 Watch = Callable[[WaveformVectorEnv, Mapping[str, Array], Array], None]
 
 

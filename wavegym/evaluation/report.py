@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.action_sets import waveform_labels
+from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.evaluation.account import BY_EPISODE, by_world
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.page import page
 from wavegym.evaluation.picture import draw
-from wavegym.evaluation.play import Played
+from wavegym.evaluation.play import BY_EPISODE, Account, Played, by_world
 from wavegym.evaluation.summary import summarise
 from wavegym.evaluation.table import markdown
 
@@ -85,3 +86,20 @@ def _rows(played: Played, labels: tuple[str, ...]) -> list[list[Any]]:
         favourites = [cell for sensor in chosen for cell in (labels[sensor.argmax()], float(sensor.max() / steps))]
         rows.append([steps, *["" if np.isnan(v) else float(v) for v in values], *(favourites or ["", ""])])
     return rows
+
+
+def read_accounts(file: Path) -> dict[str, Account]:
+    """The accounts in an episodes.csv by policy. A column that an older file lacks is NaN.
+
+    Raises:
+        InputError: the file is missing.
+    """
+    if not file.exists():
+        raise InputError(f"{file} is missing, expected it from `make headroom` or `python -m agents.leaderboard`")
+    rows: dict[str, dict[int, list[list[float]]]] = {}
+    with file.open(newline="", encoding="utf-8") as lines:
+        for row in csv.DictReader(lines):
+            members = rows.setdefault(row["policy"], {})
+            members.setdefault(int(row["member"]), []).append([float(row.get(key) or "nan") for key in BY_EPISODE])
+    values = {name: np.array([members[m] for m in sorted(members)]) for name, members in rows.items()}
+    return {name: Account(*np.moveaxis(table, 2, 0)) for name, table in values.items()}

@@ -22,22 +22,25 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict, NonNegativeFloat, NonNegativeInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.version import VERSION
-from wavegym.evaluation.bounds import lower_bound
+from wavegym.core.worlds import word
+from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import compare
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.saved import is_onnx
 from wavegym.evaluation.summary import us_per_decision
+from wavegym.evaluation.table import estimated, shared, signed, tabulated
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded
@@ -46,6 +49,9 @@ FILE = "submission.toml"
 SETTINGS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
 DIGITS = 6  # of a cost
 CLOSED = ConfigDict(extra="forbid")
+FREE_ENERGY = 2.0  # longest pulses of one radar in a step: what two radars can spend
+
+Record = Mapping[str, Any]  # of ``play_submission``
 
 
 @dataclass(frozen=True, config=CLOSED)
@@ -78,6 +84,22 @@ class Submission:
     name: str
     code: str
     policies: dict[str, Entry]
+
+
+class Bound(NamedTuple):
+    """A play that no policy of the environment can be cheaper than, in the same world."""
+
+    policy: str
+    lifted: dict[str, Any]  # parameters that lift a limit
+
+
+# With free energy the longest pulses of both radars are the best: they have the highest SNR and the finest range-rate.
+BOUNDS = {
+    "wavegym/KershawEvans-v0": Bound("optimum", {}),
+    "wavegym/KershawEvansPosition-v0": Bound("optimum", {}),
+    "wavegym/EnergyBudget-v0": Bound("fixed:9", {"budget": FREE_ENERGY}),
+    "wavegym/EnergyBudgetKnown-v0": Bound("fixed:9", {"budget": FREE_ENERGY}),
+}
 
 
 def suite() -> list[str]:
@@ -163,6 +185,46 @@ def read_record(file: Path) -> dict[str, Any]:
     raise InputError(f"{file} is no record of a submission, expected one that wavegym submit wrote")
 
 
+def table(record: Record) -> str:
+    """A line for each environment of one submission: cost by belief and squared error by truth against best-simple.
+
+    *Share of the gap* is the submission's gain over best-simple, in logarithms, over that of the lower bound.
+    """
+    rows = []
+    for env_id, found in record["environments"].items():
+        cells = [env_id.rpartition("/")[2]]
+        for figure in ("cost", "error"):
+            estimate = statistics.difference(*pair(found, figure), bootstrap(record)).geometric
+            cells += estimated(estimate)
+        cells += _share_of_gap(found, record)
+        spent = found["cpu_seconds"]
+        rows.append([*cells, f"{found['microseconds']:g}", f"{found['steps']}", "" if spent is None else f"{spent:g}"])
+    head = ["environment", "cost %", "95 %", "squared error by truth %", "95 %"]
+    head += ["bound %", "share of the gap", "95 %", "us", "steps", "CPU seconds"]
+    return tabulated(head, rows)
+
+
+def _share_of_gap(found: Mapping[str, Any], record: Record) -> list[str]:
+    """The lower bound against best-simple and the share of the gap to it; empty where no bound is known."""
+    if "bound" not in found:
+        return ["", "", ""]
+    cost, simple = pair(found, "cost")
+    bound = np.array([found["bound"]], np.float64)
+    share = statistics.ratio(np.log(cost / simple), np.log(bound / simple), bootstrap(record))
+    return [signed(statistics.difference(bound, simple, bootstrap(record)).geometric.value), *shared(share)]
+
+
+def pair(found: Mapping[str, Any], figure: str) -> tuple[Array, Array]:
+    """A figure of the submission and of the best simple heuristic, (1, world) each."""
+    own, simple = (np.array([found[name]], np.float64) for name in (figure, f"simple_{figure}"))
+    return own, simple
+
+
+def bootstrap(record: Record) -> np.random.Generator:
+    """The random numbers of the intervals of a record."""
+    return np.random.default_rng([record["root"], word("bootstrap")])
+
+
 def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress: bool) -> dict[str, Any]:
     """Costs and squared errors of the policy and of the best simple heuristic, and a lower bound where one is known."""
     own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.settings)
@@ -176,6 +238,24 @@ def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress
     if bound is not None:
         figures["bound"] = _rounded(bound)
     return {**figures, "microseconds": float(f"{us_per_decision(own, name):.3g}")}
+
+
+def lower_bound(env_id: str, **common: Any) -> Array | None:
+    """Mean cost per step, (world,), below which no policy is expected; None where no bound is known.
+
+    In KershawEvans and KershawEvansPosition it is the clairvoyant optimum, certified to a thousandth. In EnergyBudget
+    and EnergyBudgetKnown the account never runs out: no policy can do better on average, but one may in a single world,
+    because clutter is random.
+
+    Args:
+        env_id: a full id.
+        **common: number of worlds, root, jobs and the like, as for ``compare``.
+    """
+    if env_id not in BOUNDS:
+        return None
+    policy, lifted = BOUNDS[env_id]
+    played = compare(env_id, {policy: None}, **common, **lifted)
+    return played.cost(policy)[0]
 
 
 def _rounded(values: Any) -> list[float | None]:

@@ -13,10 +13,9 @@ from wavegym.core.action_sets import waveform_labels
 from wavegym.core.version import VERSION
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.account import Account
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
-from wavegym.evaluation.consistency import consistency, steps_outside
-from wavegym.evaluation.orders import reversals
+from wavegym.evaluation.consistency import consistency, reversals, steps_outside
+from wavegym.evaluation.play import Account
 from wavegym.evaluation.statistics import Estimate
 
 PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")

@@ -66,11 +66,6 @@ def titled(table: Table) -> str:
     return f"{table.title}:\n\n{aligned(table.columns)}" if len(table.columns) > 1 else ""
 
 
-def both(belief: str, truth: str) -> str:
-    """Two tables of the same form."""
-    return f"By belief:\n\n{belief}\n\nBy truth:\n\n{truth}"
-
-
 def truth_title(in_gospa: bool) -> str:
     """The title of a table of errors by truth."""
     return f"Error by truth, of {'the GOSPA distance' if in_gospa else 'the position'}"
@@ -82,7 +77,7 @@ def consistency_title(dimension: int | None) -> str:
 
 
 def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
-    """What a report says of the pairs found by ``wavegym.evaluation.orders.reversals``, but for what rounds to 0."""
+    """What a report says of the pairs found by ``consistency.reversals``, but for what rounds to 0."""
     reversals = [pair for pair in reversals if "0" not in (signed(pair["belief"]), signed(pair["truth"]))]
     if not reversals:
         return "No two policies are established to have one order by belief and the other by truth."
@@ -92,13 +87,6 @@ def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
         for pair in reversals
     ]
     return f"The order by belief is not the order by truth: {'; '.join(listed)}."
-
-
-def order_list(reversals: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """``order_sentence`` for several comparisons by name; those without such a pair are not listed."""
-    told = {name: order_sentence(pairs) for name, pairs in reversals.items()}
-    none = order_sentence([])
-    return "\n".join(f"- {name}: {sentence}" for name, sentence in told.items() if sentence != none) or none
 
 
 def aligned(columns: list[list[str]]) -> str:

@@ -51,7 +51,7 @@ class Settings:
         num_envs: number of environments in the batch.
         reward: the environment's training reward.
         forecasts: whether the observation holds forecasts of each candidate.
-        policy: "mlp", or "scorer": one network that scores every candidate alike (``learning.policies.scorer``).
+        policy: "mlp", or "scorer": one network that scores every candidate alike (``learning.scorer``).
         network: widths of the hidden layers; for a scorer, of the trunk and of each round after the trunk.
         activation: of the hidden layers.
         learning_rate: Adam's learning rate at the start; falls linearly to 0.
@@ -104,7 +104,7 @@ class PPOSettings(Settings):
     Attributes:
         masks: whether forbidden actions are masked (sb3-contrib's MaskablePPO).
         discount: what gamma is a factor of: "step", or "second" of a step's duration (``training.time_discount``).
-        modes: number of Gaussians over a box (``learning.policies.mixture``); 1: a plain Gaussian.
+        modes: number of Gaussians over a box (``learning.mixture``); 1: a plain Gaussian.
     """
 
     masks: bool

@@ -17,7 +17,7 @@ from wavegym.core.capabilities import Gain, Spending, TrackSlots, delays, offers
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
-from wavegym.observations.dwell_kernels import forecast
+from wavegym.observations.kernels import forecast
 from wavegym.observations.scaling import ObservationScaler
 
 MOST = 256  # candidates; more take too long to predict at every step

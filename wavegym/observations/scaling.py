@@ -6,7 +6,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
-from wavegym.observations import scaling_kernels
+from wavegym.observations.kernels import scale
 
 LIMIT = 10.0  # bound of scaled fields; ordinary values lie within 3
 
@@ -25,7 +25,5 @@ class ObservationScaler:
         """Scaled observations (env, fields) float32 and the number of saturated fields (env,)."""
         count = len(values)
         observation, saturated = np.empty((count, len(self._centre)), np.float32), np.empty(count, np.int64)
-        scaling_kernels.scale(
-            np.ascontiguousarray(values, np.float64), self._centre, self._scale, LIMIT, observation, saturated
-        )
+        scale(np.ascontiguousarray(values, np.float64), self._centre, self._scale, LIMIT, observation, saturated)
         return observation, saturated

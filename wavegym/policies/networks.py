@@ -1,6 +1,6 @@
 """Trained networks in plain NumPy: a decision takes some ten microseconds and needs no torch.
 
-A network is a kind and its float32 arrays. ``learning.policies.export`` converts Stable-Baselines3's policies.
+A network is a kind and its float32 arrays. ``learning.export`` converts Stable-Baselines3's policies.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Network(NamedTuple):
         heads: number of alternatives of each choice: one entry, or one for each sensor; empty for a point of a box;
             for a mixture, one entry: its number of modes. A scorer of candidates that are alike scores any number.
         arrays: of an MLP W0 (out, in), b0, W1, ...; of a scorer those of its context, then ``shared``, ``own``,
-            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as in ``learning.policies.scorer``.
+            ``pairs``, ``offset``, ``round0``, ``round0_others``, ... and ``score`` as in ``learning.scorer``.
             A scorer of candidates that are alike has ``own`` and ``own_bias`` in place of all before ``round0``, and
             its observation is the forecasts alone.
     """
@@ -155,7 +155,7 @@ class Network(NamedTuple):
 
 
 def _pooled(hidden: Array, present: Array | None) -> Array:
-    """See ``learning.policies.scorer.pooled``."""
+    """See ``learning.scorer.pooled``."""
     if present is None:
         return np.concatenate([hidden.mean(axis=1), hidden.max(axis=1)], axis=1)
     weights = present / present.sum(axis=1, keepdims=True)

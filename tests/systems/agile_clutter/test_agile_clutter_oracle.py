@@ -7,7 +7,7 @@ import numpy as np
 import oracles
 import pytest
 
-from papers.agile_clutter.study import CountingEverySensor
+from research.papers.agile_clutter.study import CountingEverySensor
 from wavegym.schedulers import Myopic
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import parse_law

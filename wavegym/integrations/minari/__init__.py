@@ -13,8 +13,7 @@ from __future__ import annotations
 from wavegym.core.errors import InputError
 
 try:
-    from wavegym.integrations.minari.collect import collect
-    from wavegym.integrations.minari.storage import load, stored_in
+    from wavegym.integrations.minari.collect import collect, load, stored_in
 except ImportError as error:
     raise InputError(f"datasets need the extra: {error}; pip install 'wavegym[minari]'") from None
 

@@ -1,9 +1,11 @@
-"""Play episodes and write them as a Minari dataset."""
+"""Play episodes and write them as a Minari dataset, in a folder of the user's choice."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +16,7 @@ from minari import MinariDataset
 from minari.data_collector import EpisodeBuffer
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_int
+from wavegym.core.errors import InputError, check_int, nearest
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.version import VERSION
 from wavegym.core.worlds import word
@@ -22,10 +24,10 @@ from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.adapters import as_policy
 from wavegym.evaluation.task import make_task
 from wavegym.integrations.minari.returns import ReturnsOfAll
-from wavegym.integrations.minari.storage import stored_in
 from wavegym.registration import full_id
 
 BATCH = 64  # episodes played together
+VARIABLE = "MINARI_DATASETS_PATH"
 
 
 def collect(
@@ -189,3 +191,31 @@ def _buffer(row: int, seed: int, steps: Sequence[_Step], last: Array, first_cost
         truncations=[bool(step.truncated[row]) for step in own],
         infos=infos,
     )
+
+
+@contextmanager
+def stored_in(folder: Path | str) -> Iterator[None]:
+    """Inside this context, Minari's functions find and write their datasets in ``folder``, else in the home folder."""
+    before = os.environ.get(VARIABLE)
+    os.environ[VARIABLE] = str(Path(folder).absolute())
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[VARIABLE]
+        else:
+            os.environ[VARIABLE] = before
+
+
+def load(folder: Path | str, dataset_id: str) -> MinariDataset:
+    """A dataset that ``collect`` wrote to ``folder``.
+
+    Raises:
+        InputError: there is no such dataset (nearest named).
+    """
+    with stored_in(folder):
+        found = list(minari.list_local_datasets())
+        if dataset_id not in found:
+            listed = f"one of {', '.join(found)}" if found else "the folder of a dataset"
+            raise InputError(f"{folder} has no dataset {dataset_id!r}, expected {listed}{nearest(dataset_id, found)}")
+        return minari.load_dataset(dataset_id)

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.envs.seeds import Seed
+from wavegym.envs.episodes import Seed
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.integrations.pettingzoo.views import AgentViews
 from wavegym.registration import full_id

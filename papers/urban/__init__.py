@@ -1,8 +1,0 @@
-"""Barbosa et al.: tracking in a street in an open and in a closed loop, Figures 3 to 6."""
-
-from papers.urban.claims import check_claims
-from papers.urban.files import FILES, write
-from papers.urban.study import TRACKERS, play
-from papers.urban.table import markdown
-
-__all__ = ["FILES", "TRACKERS", "check_claims", "markdown", "play", "write"]

@@ -1,0 +1,76 @@
+"""Estimates over runs with 95 % intervals, as the papers' ``summary.json`` hold them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from research.papers.seeds import BOOTSTRAP
+from wavegym.core.arrays import Array
+from wavegym.core.worlds import word
+from wavegym.evaluation import statistics
+from wavegym.evaluation.statistics import LEVEL, Estimate
+
+
+def mean_estimate(values: Array, root: int) -> Estimate:
+    """The mean of (run,) values. All calls use the same resamples, so an interval depends on its own values only."""
+    return statistics.mean(values[None], _generator(root)) if len(values) else Estimate(None, None)
+
+
+def share_estimate(values: Array, root: int) -> Estimate:
+    """The mean of (run,) shares. Where all runs agree, or each has 0 or 1, a bootstrap interval is too narrow.
+
+    The interval is then the exact one of a count of n runs. Where all runs agree on a share between 0 and 1, it is the
+    range of the mean if the share of runs with another value is as large as a count of 0 in n allows.
+    """
+    if not len(values) or not (np.isin(values, (0.0, 1.0)).all() or (values == values[0]).all()):
+        return mean_estimate(values, root)
+    from scipy.stats import binomtest  # half a second that a worker process need not spend
+
+    share = float(values.mean())
+    if 0.0 < share < 1.0 and (values == values[0]).all():
+        other = float(binomtest(0, len(values)).proportion_ci(LEVEL, method="exact").high)
+        return Estimate(share, (share * (1.0 - other), share + (1.0 - share) * other))
+    exact = binomtest(int(values.sum()), len(values)).proportion_ci(LEVEL, method="exact")
+    return Estimate(share, (float(exact.low), float(exact.high)))
+
+
+def ratio_estimates(values: Array, reference: Array, root: int) -> dict[str, Any]:
+    """The ratio of means and the geometric mean of the runs' ratios, with paired intervals; both arguments (run,)."""
+    if not len(values):
+        return {"ratio": None, "ci": None, "geometric": None, "geometric_ci": None, "runs": 0}
+    found = statistics.difference(values[None], reference[None], _generator(root))
+    (ratio, ci), (geometric, geometric_ci) = (_from_percent(estimate) for estimate in found)
+    return {"ratio": ratio, "ci": ci, "geometric": geometric, "geometric_ci": geometric_ci, "runs": len(values)}
+
+
+def rms_estimate(squares: Array, counts: Array, root: int) -> Estimate:
+    """Root of the mean of all squares: ``squares`` (run,) are their sums, ``counts`` (run,) how many there are."""
+    return statistics.of_worlds(lambda runs: _rms(squares, counts, runs), len(squares), _generator(root))
+
+
+def rms_ratio(ours: tuple[Array, Array], reference: tuple[Array, Array], root: int) -> dict[str, Any]:
+    """One root mean square, (squares, counts) as for ``rms_estimate``, over another of the same worlds."""
+    found = statistics.of_worlds(
+        lambda runs: _rms(*ours, runs) / _rms(*reference, runs), len(ours[0]), _generator(root)
+    )
+    return {"ratio": found.value, "ci": None if found.ci is None else list(found.ci)}
+
+
+def plain(estimate: Estimate) -> dict[str, Any]:
+    """An estimate as plain types for JSON."""
+    return {"mean": estimate.value, "ci": None if estimate.ci is None else list(estimate.ci)}
+
+
+def _from_percent(estimate: Estimate) -> tuple[float | None, list[float] | None]:
+    value, ci = estimate
+    return None if value is None else 1.0 + value / 100.0, None if ci is None else [1.0 + end / 100.0 for end in ci]
+
+
+def _rms(squares: Array, counts: Array, runs: Array) -> Array:
+    return np.asarray(np.sqrt(squares[runs].sum(axis=-1) / counts[runs].sum(axis=-1)))
+
+
+def _generator(root: int) -> np.random.Generator:
+    return np.random.default_rng([root, word(BOOTSTRAP)])

@@ -1,0 +1,93 @@
+"""Do 95 % intervals hold the truth in 95 % of cases? ``python -m research.promises.coverage [ENVIRONMENT ...]``.
+
+The episodes of `make leaderboard` are taken for the whole truth: as many worlds are drawn from them again and again,
+with replacement, and the interval from each draw holds the value of all worlds, or not. Heavy tails show at once: where
+one world costs as much as fifty others, most draws miss it. The table goes to docs/promises.md.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from agents import blocks
+from agents.leaderboard import HEADROOM, LEADERBOARD
+from wavegym.core.arrays import Array
+from wavegym.core.command_line import Parser, guarded
+from wavegym.core.errors import check_choice
+from wavegym.core.worlds import word
+from wavegym.evaluation import statistics
+from wavegym.evaluation.report import read_accounts
+from wavegym.evaluation.table import tabulated
+from wavegym.schedulers.tuned_constants import SIMPLE
+
+PAGE = Path(__file__).parents[2] / "docs" / "promises.md"
+START, END = "<!-- made by `python -m research.promises.coverage`: -->", "<!-- coverage to here -->"
+DRAWS = 400
+LEAST, MOST = 0.90, 0.97  # between which a share of DRAWS counts as 95 %
+
+
+def covered(own: Array, others: Array) -> Array:
+    """For each number of a ``statistics.Difference`` the share of draws whose interval holds that of all worlds.
+
+    Args:
+        own, others: costs of a policy and of the one that it is compared with, (1, world).
+    """
+    rng = np.random.default_rng(word("coverage"))
+    truth, held = statistics.difference(own, others, rng), np.zeros(len(statistics.Difference._fields))
+    for _ in range(DRAWS):
+        worlds = rng.integers(own.shape[1], size=own.shape[1])
+        drawn = statistics.difference(own[:, worlds], others[:, worlds], rng)
+        held += [_holds(each.ci, true.value) for each, true in zip(drawn, truth, strict=True)]
+    return held / DRAWS
+
+
+def _holds(interval: statistics.Interval | None, value: float | None) -> bool:
+    return interval is not None and value is not None and interval[0] <= value <= interval[1]
+
+
+def names() -> list[str]:
+    """The environments with an agent whose episodes are kept."""
+    return sorted(file.name.removesuffix("-ppo.csv") for file in LEADERBOARD.glob("*-ppo.csv"))
+
+
+def row(name: str) -> list[str]:
+    """An environment's line: the coverage of PPO's first training seed against the best simple rule."""
+    own = read_accounts(LEADERBOARD / f"{name}-ppo.csv")["ppo"].cost[:1]
+    others = read_accounts(HEADROOM / f"{name}-v0.csv")[SIMPLE].cost[:1]
+    if (own == others).all():
+        return [name, "equal costs", ""]
+    return [name, *map(said, covered(own, others))]
+
+
+def said(share: float) -> str:
+    """A share in per cent, marked where it is too low or too high."""
+    mark = " low" if share < LEAST else " high" if share > MOST else ""
+    return f"{100 * share:.1f} %{mark}"
+
+
+def table(chosen: Sequence[str]) -> str:
+    """One line for each environment."""
+    return tabulated(
+        ["environment", "ratio of the means", "geometric mean of the ratios"], [row(name) for name in chosen]
+    )
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m research.promises.coverage", description="How often 95 % intervals hold the truth.")
+    parser.add_argument("names", nargs="*", metavar="ENVIRONMENT", help="which to print (default: all, to the page)")
+    chosen = parser.read(None).names
+    for name in chosen:
+        check_choice("environment", name, names())
+    if chosen:
+        print(table(chosen))
+    else:
+        blocks.renew(PAGE, START, END, table(names()))
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))

@@ -1,0 +1,59 @@
+"""The committed pages of the environments are up to date, and begin with what a reader looks for."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from research import pages as module
+from research.benchmarks.steps import read
+from research.pages import FOLDER, main, page
+from wavegym.envs.describe import describe
+from wavegym.evaluation.task import make_task
+from wavegym.registration import SYSTEMS
+from wavegym.schedulers.tuned_constants import recorded
+
+
+@pytest.mark.slow
+def test_the_committed_pages_are_what_the_command_writes(tmp_path, monkeypatch):
+    """One for every environment and one for all; make them again with make docs."""
+    made = tmp_path / "new" / "folder"
+    monkeypatch.setattr(module, "FOLDER", made)
+    monkeypatch.setattr(sys, "argv", ["pages"])
+    main()
+    written, committed = (
+        {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.md")} for folder in (made, FOLDER)
+    )
+    assert set(written) == {"index.md", *(f"{env_id.partition('/')[2]}.md" for env_id in SYSTEMS)}
+    assert [name for name in sorted(written | committed) if written.get(name) != committed.get(name)] == []
+
+
+def test_a_page_begins_with_picture_and_best_scores(monkeypatch):
+    monkeypatch.setattr(module, "read_speeds", list)
+    text = page("wavegym/SectorSetup-v0")
+    picture, best, table = text.split("\n\n", 5)[2:5]
+    assert picture == "![an episode, step after step](../images/SectorSetup.webp)"
+    known = recorded(make_task("wavegym/SectorSetup-v0", {}).system)
+    against = f"Policies against the best simple heuristic, `{known['best-simple']}`"
+    assert best.startswith(f"Best known: `{known['best-planner']}`. {against}")
+    costs = [float(row.split("|")[2]) for row in table.splitlines()[2:]]
+    assert len(costs) == 6
+    assert costs == sorted(costs)
+    assert text.replace("\n\n".join([picture, best, table, ""]), "") == describe("wavegym/SectorSetup-v0")
+
+
+def test_a_page_ends_with_its_own_speed():
+    """Of random actions, the best simple rule and the agent, in the order of results/speed.csv."""
+    last = page("wavegym/SectorSetup-v0").rpartition("## Speed")[2].splitlines()
+    rows = [[cell.strip() for cell in line.split("|")[1:4]] for line in last if line.startswith("| Sector")]
+    own = [speed for speed in read() if speed.environment == "SectorSetup" and speed.batch == 1]
+    assert rows == [["SectorSetup", speed.actions, f"{speed.per_second:,.0f}"] for speed in own]
+    assert [speed.actions for speed in own] == ["random", "best-simple", "trained"]
+
+
+def test_a_page_without_picture_and_scores_is_what_describe_says(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "IMAGES", tmp_path)
+    monkeypatch.setattr(module, "HEADROOM", tmp_path)
+    monkeypatch.setattr(module, "read_speeds", list)
+    assert page("wavegym/KershawEvans-v0") == describe("wavegym/KershawEvans-v0")

@@ -1,1 +1,0 @@
-"""Networks in torch, and their export to plain NumPy."""

@@ -1,1 +1,0 @@
-"""Training runs: imitation of a scheduler, reinforcement learning, checkpoints, a search for hyperparameters."""
