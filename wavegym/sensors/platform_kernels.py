@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import batched, inlined, kernel
-from wavegym.core.lane_kernels import lane, somewhere, where, width, with_lane
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -26,11 +25,11 @@ def wrapped(angle):
 @inlined
 def bearing(dx, dy):
     """atan2(dx, dy), the angle clockwise from +y, in a third of the time of atan2; 0 for dx = dy = 0."""
-    across = abs(dx) > abs(dy)
-    angle = np.arctan(where(across, dy, dx) / where(across, dx, dy))
-    behind = where(dy < 0.0, angle + np.copysign(np.pi, dx), angle)
-    angle = where(across, np.copysign(0.5 * np.pi, dx) - angle, behind)
-    return where(max(abs(dx), abs(dy)) > 0.0, angle, 0.0)
+    if abs(dx) > abs(dy):
+        return np.copysign(0.5 * np.pi, dx) - np.arctan(dy / dx)
+    if dy > 0.0:
+        return np.arctan(dx / dy)
+    return np.arctan(dx / dy) + np.copysign(np.pi, dx) if dy < 0.0 else 0.0
 
 
 @inlined
@@ -52,7 +51,7 @@ def polar_rows(x, vx, y, vy, sx, sy, r, rdot, printed, a, H):
     H[a, 0], H[a, 1], H[a, 2], H[a, 3] = ux, 0.0, uy, 0.0
     H[a + 1, 0], H[a + 1, 1] = (vx - rdot * ux) * inverse, ux
     H[a + 1, 2], H[a + 1, 3] = (sign * vy - rdot * uy) * inverse, sign * uy
-    front = where(uy < 0.0, -1.0, 1.0) if printed else 1.0  # the arcsine decreases behind the platform
+    front = -1.0 if printed and uy < 0.0 else 1.0  # the arcsine decreases behind the platform
     H[a + 2, 0], H[a + 2, 1], H[a + 2, 2], H[a + 2, 3] = front * uy * inverse, 0.0, -front * ux * inverse, 0.0
 
 
@@ -84,27 +83,15 @@ def penalty_one(kind, x, low, high, sharpness, height):
 
 
 @inlined
-def penalty_of(kind, x, low, high, sharpness, height):
-    """``penalty_one``, also for Lanes: lane after lane, where x is not so far inside that no penalty counts."""
-    near = (2.0 * sharpness * min(x - low, high - x) < NEGLIGIBLE * high) | (kind == LOG_BARRIER)
-    total = where(near, height, 0.0)
-    if somewhere(near):
-        for number in range(width(near)):
-            if lane(near, number):
-                phi = penalty_one(kind, lane(x, number), lane(low, number), lane(high, number), sharpness, height)
-                total = with_lane(total, number, phi)
-    return total
-
-
-@inlined
 def view_one(prf, bandwidth, pixel_angle, wavelength, fft_length, pixels, printed, j, variance, low, high):
     """Fill row j of variance, low and high (p, 3) from a platform's settings."""
     r, rdot = HALF_C / bandwidth, 0.5 * wavelength * prf / fft_length
     variance[j, 0], variance[j, 1], variance[j, 2] = r * r * CELL, rdot * rdot * CELL, pixel_angle * pixel_angle * CELL
     farthest, fastest, edge = HALF_C / prf, 0.25 * wavelength * prf, 0.5 * pixels * pixel_angle
-    full = edge >= FULL_CIRCLE
-    low[j, 0], low[j, 1], low[j, 2] = -np.inf, -fastest, where(full, -np.inf, -edge)
-    high[j, 0], high[j, 1], high[j, 2] = farthest, fastest, where(full, np.inf, edge)
+    low[j, 0], low[j, 1], low[j, 2] = -np.inf, -fastest, -edge
+    high[j, 0], high[j, 1], high[j, 2] = farthest, fastest, edge
+    if edge >= FULL_CIRCLE:
+        low[j, 2], high[j, 2] = -np.inf, np.inf
     if printed:
         low[j, 1] = 0.0
         high[j, 0], high[j, 1] = 0.5 * wavelength * prf, HALF_C / prf

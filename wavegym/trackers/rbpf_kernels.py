@@ -1,8 +1,7 @@
 """Rao-Blackwellised particle filter over joint associations in compiled form (Särkkä, Vehtari & Lampinen 2007).
 
 ``rbpf.py`` describes the method and holds the public functions. Arrays are those of one environment: X (particle,
-target, n), V (particle, target, n, n). Eight particles lie side by side in Lanes, except where each draws its
-associations: scratch arrays x, P, S and so on are Lanes of them.
+target, n), V (particle, target, n, n).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -12,8 +11,6 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.lane_array_kernels import empty_lanes, gather_part, gathered, scatter, scatter_part
-from wavegym.core.lane_kernels import LANES, each_lane, lane_numbers, rows_from, somewhere, where
 from wavegym.sensors.gate_kernels import in_gate
 from wavegym.trackers.joint_association_kernels import associate_one, row_sum
 from wavegym.trackers.jpda_kernels import factor_one
@@ -21,7 +18,6 @@ from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.subset_kernels import SAFE
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
-ONE, TWO = (0,), (0, 0)
 FARTHEST = 60.0
 """Squared distance beyond which a return is not associated: its weight would be below 1e-13 of the peak weight."""
 
@@ -29,17 +25,15 @@ FARTHEST = 60.0
 @kernel
 def predict_particles(X, V, present, F, Q, X_out, V_out, nn):
     """F X and F V F' + Q of the present targets; the others are copied."""
-    x, x_new, P, T = empty_lanes((ONE, nn)), empty_lanes((ONE, nn)), empty_lanes((ONE, nn, nn)), empty_lanes((nn, nn))
-    for first in range(0, len(X), LANES):
-        rows = rows_from(first, len(X))
-        for t in range(len(present)):
-            gather_part(X, (rows, t), x[0])
-            gather_part(V, (rows, t), P[0])
-            if present[t]:
-                predict_mean_one(0, x, F, 0, x_new, nn)
-                predict_covariance_one(0, P, F, Q, 0, T, P, nn)
-            scatter_part(X_out, (rows, t), x_new[0] if present[t] else x[0])
-            scatter_part(V_out, (rows, t), P[0])
+    n, slots = len(nn), len(present)
+    x, P, x_out, P_out = X.reshape(-1, n), V.reshape(-1, n, n), X_out.reshape(-1, n), V_out.reshape(-1, n, n)
+    T = np.empty((n, n))
+    for e in range(len(x)):
+        if present[e % slots]:
+            predict_mean_one(e, x, F, 0, x_out, nn)
+            predict_covariance_one(e, P, F, Q, 0, T, P_out, nn)
+        else:
+            copy_one(e, x, P, x_out, P_out, nn)
 
 
 @kernel
@@ -66,69 +60,51 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
     the gates were received; gate = inf: all returns. A missing return says nothing about a particle that predicts it
     outside all gates. A factor 1 - Pd there would remove the small modes of a posterior although nobody looked there.
     """
-    here = np.flatnonzero(present)
-    T = len(here)
-    W, beta, owner = np.empty((LANES, T, count + 1)), np.empty((T, count + 1)), np.zeros((LANES, T), np.int64)
-    x, P, A, G = empty_lanes((T, nn)), empty_lanes((T, nn, nn)), empty_lanes((T, nn, nn)), empty_lanes((T, nn, TWO))
-    centre, S, L = empty_lanes((T, TWO)), empty_lanes((T, TWO, TWO)), empty_lanes((T, TWO, TWO))
-    U = empty_lanes((nn, TWO))
-    for first in range(0, len(X), LANES):
-        rows = rows_from(first, len(X))
+    n, slots, here = len(nn), len(present), np.flatnonzero(present)
+    x, P, T = X.reshape(-1, n), V.reshape(-1, n, n), len(here)
+    W, beta, owner = np.empty((T, count + 1)), np.empty((T, count + 1)), np.empty(T, np.int64)
+    centre, S, L, G = np.empty((T, 2)), np.empty((T, 2, 2)), np.empty((T, 2, 2)), np.empty((T, n, 2))
+    A, U = np.empty((T, n, n)), np.empty((n, 2))
+    for j in range(len(X)):
         for row in range(T):
             t = here[row]
-            gather_part(X, (rows, t), x[row])
-            gather_part(V, (rows, t), P[row])
-            predict_measurement_one(row, row, x, P, sx, sy, A, centre, S, G, nn)
+            predict_measurement_one(row, j * slots + t, x, P, sx, sy, A, centre, S, G, nn)
             for a in range(2):
                 for b in range(2):
                     S[row, a, b] += noise[t, a, b]
             factor_one(row, S, L)
             seen = pd[t] * received(centre[row, 0], centre[row, 1], present, gates)
             weigh_row(row, z, count, centre, L, pd[t], seen, density, FARTHEST, W)
-        for number in range(min(LANES, len(X) - first)):
-            j = first + number
-            log_weight[j] += draw_association(stream(key, j), W[number], T, count, beta, owner[number])
+        log_weight[j] += draw_association(stream(key, j), W, T, count, beta, owner)
         for row in range(T):
-            m = gathered(owner, (lane_numbers(), row))
-            if somewhere(m > 0.0):
-                correct_lanes(row, x, P, z, m, centre, L, G, U, nn)
-                scatter_part(X, (rows, here[row]), x[row])
-                scatter_part(V, (rows, here[row]), P[row])
+            if owner[row] > 0:
+                m = owner[row] - 1
+                correct_one(j * slots + here[row], x, P, z[m, 0], z[m, 1], row, centre, L, G, U, nn)
 
 
 @inlined
 def received(z0, z1, present, gates):
     """The gate probability if a return predicted at (z0, z1) lies in a present target's gate, else 0."""
     centre, L, gate, gate_probability = gates
-    inside = False
     for t in range(len(present)):
-        if present[t]:
-            inside |= in_gate(t, z0, z1, centre, L, gate)
-    return where(inside, gate_probability, 0.0)
+        if present[t] and in_gate(t, z0, z1, centre, L, gate):
+            return gate_probability
+    return 0.0
 
 
 @inlined
 def weigh_row(row, z, count, centre, L, pd, seen, density, farthest, W):
-    """Association weights of one target for the particle in each lane l, the first axis of W.
+    """Association weights of one target: W[row, 0] = 1 - seen, W[row, m] = Pd N(z_m; centre, L L') / density.
 
-    W[l, row, 0] = 1 - seen, W[l, row, m] = Pd N(z_m; centre, L L') / density, but 0 for a return at a squared distance
-    of ``farthest`` or more.
+    0 for a return at a squared distance of ``farthest`` or more.
     """
     first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
     peak, z0, z1 = peak_of(pd, first, second, density), centre[row, 0], centre[row, 1]
-    scatter(W, (lane_numbers(), row, 0), 1.0 - seen)
+    W[row, 0] = 1.0 - seen
     for m in range(count):
         w0, w1 = whiten(z[m, 0] - z0, z[m, 1] - z1, first, below, second)
-        scatter(W, (lane_numbers(), row, m + 1), weight_of(peak, w0 * w0 + w1 * w1, farthest))
-
-
-@inlined
-def weight_at(peak, squared, farthest):
-    """The weight of a return at a squared distance from its predicted place."""
-    return peak * np.exp(-0.5 * squared) if squared < farthest else 0.0
-
-
-weight_of = each_lane(weight_at)
+        squared = w0 * w0 + w1 * w1
+        W[row, m + 1] = peak * np.exp(-0.5 * squared) if squared < farthest else 0.0
 
 
 @inlined
@@ -199,21 +175,20 @@ def draw_column(t, p, M, left):
 
 
 @inlined
-def correct_lanes(row, x, P, z, owner, centre, L, G, U, nn):
-    """x[row] + U w, P[row] - U U' with U = G[row] L[row]^-T and w = L[row]^-1 (z_owner - centre[row]).
+def correct_one(e, x, P, z0, z1, row, centre, L, G, U, nn):
+    """x[e] + U w, P[e] - U U' with U = G[row] L[row]^-T and w = L[row]^-1 (z - centre[row]); the gain is U L^-1.
 
-    The gain is U L^-1. Lanes whose owner is 0 stay as they are. U (n, 2) is scratch space.
+    U (n, 2) is scratch space.
     """
     first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
-    seen, m = owner > 0.0, max(owner - 1.0, 0.0)
-    w0, w1 = whiten(gathered(z, (m, 0)) - centre[row, 0], gathered(z, (m, 1)) - centre[row, 1], first, below, second)
+    w0, w1 = whiten(z0 - centre[row, 0], z1 - centre[row, 1], first, below, second)
     for a in range(len(nn)):
         U[a, 0] = G[row, a, 0] * first
         U[a, 1] = (G[row, a, 1] - below * U[a, 0]) * second
-        x[row, a] = where(seen, x[row, a] + (U[a, 0] * w0 + U[a, 1] * w1), x[row, a])
+        x[e, a] += U[a, 0] * w0 + U[a, 1] * w1
         for b in range(a + 1):
-            P[row, a, b] = where(seen, P[row, a, b] - (U[a, 0] * U[b, 0] + U[a, 1] * U[b, 1]), P[row, a, b])
-            P[row, b, a] = where(seen, P[row, a, b], P[row, b, a])
+            P[e, a, b] -= U[a, 0] * U[b, 0] + U[a, 1] * U[b, 1]
+            P[e, b, a] = P[e, a, b]
 
 
 @kernel

@@ -97,9 +97,7 @@ def sense_one(e, k, t, i, x, truth, error, found, searched, places, rules, world
     seen = searched and found[e, k, t] < true_mount.detection
     true_view[1][0, AZIMUTH] = -true_mount.half if seen else np.inf
     fence = true_view[0]  # not read: there are no penalties
-    for a in range(len(z)):
-        z[a] = error[e, k, a // 3, t, a % 3]
-    return receive_one(i, truth, h, z, places, view, true_view, fence, rules, true_rules, z, R)
+    return receive_one(t, i, truth, h, error[e, k], places, view, true_view, fence, rules, true_rules, z, R)
 
 
 @inlined
@@ -169,7 +167,7 @@ def transition(
         for t in range(targets):
             i = e * targets + t
             scaled(true_L, np.sqrt(true_density[e, t]), factor, nn)
-            move_one(i, truth, true_F, factor, process[e, k, t : t + 1], truth_out, nn)
+            move_one(i, truth, true_F, factor, process[e, k, t], truth_out, nn)
             searched = sees and visible[e, k, t]
             got = sense_one(
                 e, k, t, i, x, truth_out, error, found, searched, places, rules, world, view, h, H, z, R
@@ -190,7 +188,7 @@ def move(step, truth, density, process, F, L, truth_out, nn):
     for i in range(truth.shape[0]):
         e, t = i // targets, i % targets
         scaled(L, np.sqrt(density[e, t]), factor, nn)
-        move_one(i, truth, F, factor, process[e, step[e], t : t + 1], truth_out, nn)
+        move_one(i, truth, F, factor, process[e, step[e], t], truth_out, nn)
 
 
 @kernel

@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.lane_kernels import each_lane, where
 from wavegym.sensors.folding_kernels import certain_fold_one, outside_notch_one
-from wavegym.sensors.platform_kernels import penalty_of, polar, polar_rows, view_one, wrapped
+from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
 from wavegym.trackers.polar_kernels import state_gradient, state_point
 from wavegym.trackers.rank_one_kernels import gain_one, spread_one
 
@@ -59,7 +58,14 @@ def view_all(e, settings, rules, variance, low, high):
 @inlined
 def is_here(t, step, stay):
     """Whether target t is in the scene at a step."""
-    return (stay[t, 0] < step) & (step <= stay[t, 1])
+    return stay[t, 0] < step <= stay[t, 1]
+
+
+@inlined
+def aim_all(looks, places, aimed):
+    """Fill aimed (p, 3): the platforms' places, where azimuths count from looks (p,)."""
+    for j in range(places.shape[0]):
+        aimed[j, 0], aimed[j, 1], aimed[j, 2] = places[j, 0], places[j, 1], looks[j]
 
 
 @inlined
@@ -124,10 +130,10 @@ def predicted_variance(value, spread, variance, low, high, q, fence, rules):
     if rules.folding and q < 2:
         return variance
     if rules.margin == 0.0:
-        return variance + penalty_of(rules.penalty, value, low, high, fence[0, q], fence[1, q])
+        return variance + penalty_one(rules.penalty, value, low, high, fence[0, q], fence[1, q])
     reach = rules.margin * np.sqrt(spread)
-    upper = penalty_of(rules.penalty, value + reach, low, high, fence[0, q], fence[1, q])
-    lower = penalty_of(rules.penalty, value - reach, low, high, fence[0, q], fence[1, q])
+    upper = penalty_one(rules.penalty, value + reach, low, high, fence[0, q], fence[1, q])
+    lower = penalty_one(rules.penalty, value - reach, low, high, fence[0, q], fence[1, q])
     return variance + max(upper, lower)
 
 
@@ -154,9 +160,6 @@ def visible_one(value, variance, width, half):
     return outside_notch_one(value, variance, width, half)
 
 
-visible_of = each_lane(visible_one)
-
-
 @kernel
 def seen_one(r, rdot, r_variance, rdot_variance, high, j, rules):
     """The probability that platform j's radar sees a target of this predicted range and range-rate.
@@ -166,7 +169,7 @@ def seen_one(r, rdot, r_variance, rdot_variance, high, j, rules):
     if not rules.folding:
         return 1.0
     W0, W1 = width_of(0, high[j, 0], rules), width_of(1, high[j, 1], rules)
-    return visible_of(r, r_variance, W0, hidden_half(0, W0, rules)) * visible_of(
+    return visible_one(r, r_variance, W0, hidden_half(0, W0, rules)) * visible_one(
         rdot, rdot_variance, W1, hidden_half(1, W1, rules)
     )
 
@@ -189,24 +192,20 @@ def weighted_information(spread, variance, seen, width):
     return spread / variance
 
 
-weighted_information_of = each_lane(weighted_information)
-
-
 @inlined
 def information_one(i, P, h, H, variance, low, high, fence, rules):
     """tr(P C' R~^-1 C) of target i as predicted: the information of the settings, weighted with P[i]."""
     total = 0.0
     for j in range(variance.shape[0]):
-        a, seen = 3 * j, 1.0
-        near = h[a] < rules.nearest
-        if rules.folding:
-            seen = seen_one(h[a], h[a + 1], spread_of(0, i, P, H, a), spread_of(1, i, P, H, a + 1), high, j, rules)
-        for q in range(3):
-            a = 3 * j + q
-            g = spread_of(q, i, P, H, a)
-            R = predicted_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
-            share = g / R
-            if rules.folding and q < 2:
-                share = weighted_information_of(g, R, seen, width_of(q, high[j, q], rules))
-            total += where(near, 0.0, share)
+        if h[3 * j] >= rules.nearest:
+            a, seen = 3 * j, 1.0
+            if rules.folding:
+                seen = seen_one(
+                    h[a], h[a + 1], spread_of(0, i, P, H, a), spread_of(1, i, P, H, a + 1), high, j, rules
+                )  # fmt: skip
+            for q in range(3):
+                a = 3 * j + q
+                g = spread_of(q, i, P, H, a)
+                R = predicted_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                total += weighted_information(g, R, seen, width_of(q, high[j, q], rules))
     return total

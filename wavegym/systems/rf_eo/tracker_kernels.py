@@ -18,8 +18,6 @@ import numpy as np
 
 from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.lane_array_kernels import copy_lane_matrix, copy_lane_vector, empty_lanes
-from wavegym.core.lane_kernels import lane, somewhere, where, with_lane
 from wavegym.sensors.folding_kernels import certain_reach, fold_pair_one, nearest_fold, nearest_pair, shifted
 from wavegym.sensors.platform_kernels import polar as polar_quantities
 from wavegym.sensors.platform_kernels import wrapped
@@ -27,7 +25,6 @@ from wavegym.systems.rf_eo.look_kernels import ALL, SURE, gain_of, look_one, loo
 from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
-ONE = (0,)
 SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate
 CONVERGED = 1e-3  # standard deviations: the iteration ends when the estimate moves by less
 
@@ -42,14 +39,16 @@ def curved_one(i, x, P, h, R):
     spread = P[i, 0, 0] + P[i, 2, 2]
     restless = P[i, 1, 1] + P[i, 3, 3]
     squared_speed = x[i, 1] * x[i, 1] + x[i, 3] * x[i, 3]
-    most, curved = SECOND_ORDER * SECOND_ORDER, False
+    most = SECOND_ORDER * SECOND_ORDER
     for j in range(h.shape[0] // 3):
         r = h[3 * j]
         bend = 0.5 * spread / r
         turn = bend / r
-        curved |= (bend * bend > most * R[3 * j]) | (turn * turn > most * R[3 * j + 2])
-        curved |= spread * restless / (r * r) + squared_speed * turn * turn > most * R[3 * j + 1]
-    return curved
+        if bend * bend > most * R[3 * j] or turn * turn > most * R[3 * j + 2]:
+            return True
+        if spread * restless / (r * r) + squared_speed * turn * turn > most * R[3 * j + 1]:
+            return True
+    return False
 
 
 @inlined
@@ -60,7 +59,7 @@ def absorb_one(i, P, H, y, R, d, v, nn):
     for j in range(R.shape[0] // 3):
         for q in range(3):
             a = 3 * j + q
-            if somewhere(R[a] < np.inf):  # where R is infinite, nothing changes
+            if R[a] < np.inf:
                 s = gain_of(q, i, P, H, a, v, nn) + R[a]
                 correct_one(d, H, a, v, s, y[a], nn)
                 shrink_one(i, P, v, s, nn)
@@ -185,70 +184,18 @@ def regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
 
 
 @inlined
-def own_for(rows, nn):
-    """z, R, h, H, y, d and v of a lane that is computed alone."""
-    n = len(nn)
-    return (
-        np.empty(rows), np.empty(rows), np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(n), np.empty(n)
-    )  # fmt: skip
-
-
-@inlined
-def load_own(number, z, R, h, H, own_z, own_R, own_h, own_H):
-    """Copy measurements, variances, predictions and Jacobian of a lane that is computed alone."""
-    copy_lane_vector(z, number, own_z)
-    copy_lane_vector(R, number, own_R)
-    copy_lane_vector(h, number, own_h)
-    copy_lane_matrix(H, number, own_H)
-
-
-@kernel
-def refine_lanes(live, curved, x, P, z, R, h, H, places, rules, x_out, P_out, nn):
-    """Update the predictions x (1, n), P (1, n, n) in the ``curved`` lanes before ``live``: a tangent misleads."""
-    n, rows = len(nn), len(z)
-    own_x, prior_x, own_P, prior = np.empty((1, n)), np.empty((1, n)), np.empty((1, n, n)), np.empty((n, n))
-    own_places = np.empty((rows // 3, 3))
-    own_z, own_R, own_h, own_H, y, d, v = own_for(rows, nn)
-    for number in range(live):
-        if not lane(curved, number):
-            continue
-        copy_lane_vector(x[0], number, own_x[0])
-        copy_lane_vector(x[0], number, prior_x[0])
-        copy_lane_matrix(P[0], number, own_P[0])
-        copy_lane_matrix(P[0], number, prior)
-        load_own(number, z, R, h, H, own_z, own_R, own_h, own_H)
-        copy_lane_matrix(places, number, own_places)
-        residual_one(own_z, own_h, y)
-        iterate_one(0, own_x, own_P, own_z, own_R, own_h, own_H, own_places, rules, y, d, v, False, nn)
-        if curved_one(0, own_x, own_P, own_h, own_R):
-            regress_one(
-                0, own_x, own_P, prior_x, prior, own_z, own_R, own_h, own_H, own_places, rules, y, d, v, nn
-            )  # fmt: skip
-        for a in range(n):
-            x_out[0, a] = with_lane(x_out[0, a], number, own_x[0, a])
-            for b in range(n):
-                P_out[0, a, b] = with_lane(P_out[0, a, b], number, own_P[0, a, b])
-
-
-@inlined
-def track_lanes(live, here, x, P, z, R, h, H, places, rules, y, d, v, nn):
-    """Update the predictions x (1, n), P (1, n, n) with z and R (a,), in all lanes before ``live`` that are ``here``.
-
-    h, H: predicted measurements and Jacobian; y (a,), d and v (n,) are scratch space.
-    """
-    curved, x_curved, P_curved = curved_one(0, x, P, h, R) & here, empty_lanes((ONE, nn)), empty_lanes((ONE, nn, nn))
-    iterates = rules.iterations > 1 and somewhere(curved)
-    if iterates:
-        refine_lanes(live, curved, x, P, z, R, h, H, places, rules, x_curved, P_curved, nn)
+def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
+    """Update the prediction x[i], P[i] with measurements z and variances R (a,); h, H: predicted ones and Jacobian."""
     residual_one(z, h, y)
-    absorb_one(0, P, H, y, R, d, v, nn)
-    for a in range(len(nn)):
-        x[0, a] += d[a]
-    if iterates:
+    if rules.iterations > 1 and curved_one(i, x, P, h, R):
+        prior_x, prior = x[i : i + 1].copy(), P[i].copy()
+        iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, False, nn)
+        if curved_one(i, x, P, h, R):
+            regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
+    else:
+        absorb_one(i, P, H, y, R, d, v, nn)
         for a in range(len(nn)):
-            x[0, a] = where(curved, x_curved[0, a], x[0, a])
-            for b in range(len(nn)):
-                P[0, a, b] = where(curved, P_curved[0, a, b], P[0, a, b])
+            x[i, a] += d[a]
 
 
 @kernel
@@ -309,18 +256,3 @@ def unfold_one(i, P, z, R, h, H, high, rules, u, part, y, d, v, nn):
                     s = gain_of(q, 0, trial, H, a, v, nn) + R[a]
                     correct_one(d, H, a, v, s, u[a] - h[a], nn)
                     shrink_one(0, trial, v, s, nn)
-
-
-@kernel
-def unfold_lanes(live, P, z, R, h, H, high, rules, nn):
-    """``unfold_one`` of the predictions P (1, n, n) in the lanes before ``live``: replaces z and R (a,)."""
-    n, rows = len(nn), len(z)
-    own_P, own_high, u, part = np.empty((1, n, n)), np.empty((rows // 3, 3)), np.empty(rows), np.empty(rows)
-    own_z, own_R, own_h, own_H, y, d, v = own_for(rows, nn)
-    for number in range(live):
-        copy_lane_matrix(P[0], number, own_P[0])
-        load_own(number, z, R, h, H, own_z, own_R, own_h, own_H)
-        copy_lane_matrix(high, number, own_high)
-        unfold_one(0, own_P, own_z, own_R, own_h, own_H, own_high, rules, u, part, y, d, v, nn)
-        for a in range(rows):
-            z[a], R[a] = with_lane(z[a], number, u[a]), with_lane(R[a], number, part[a])
