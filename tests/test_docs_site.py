@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import re
+import runpy
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -14,7 +16,8 @@ from wavegym.core.version import VERSION
 from wavegym.registration import SYSTEMS
 
 ROOT = Path(__file__).parents[1]
-API = ROOT / "docs" / "api"
+API, ENVIRONMENTS = ROOT / "docs" / "api", ROOT / "docs" / "environments"
+HOOKS = runpy.run_path(str(ROOT / "docs" / "hooks.py"))
 LINK = re.compile(r"\]\((?!https?://)([^)#]+)")
 
 
@@ -41,8 +44,20 @@ def test_the_reference_shows_every_public_name(page):
 
 
 def test_the_reference_shows_every_system_of_the_suite():
-    shown = set(re.findall(r"^::: (\S+)", (API / "systems.md").read_text(), re.MULTILINE))
-    assert {path.replace(":", ".") for path in SYSTEMS.values()} <= shown
+    page = SimpleNamespace(file=SimpleNamespace(src_uri="api/systems.md"))
+    text = HOOKS["on_page_markdown"]((API / "systems.md").read_text(), page=page)
+    shown = re.findall(r"^::: (\S+)", text, re.MULTILINE)
+    assert {record.system.replace(":", ".") for record in SYSTEMS.values()} <= set(shown)
+    assert len(shown) == len(set(shown)), "each once"
+    page.file.src_uri = "api/core.md"
+    assert HOOKS["on_page_markdown"](text, page=page) == text
+
+
+def test_the_navigation_leads_to_every_page_of_an_environment():
+    nav = [{"Get started": ["index.md"]}, {"Environments": ["environments/index.md"]}]
+    section = HOOKS["on_config"]({"nav": nav})["nav"][1]["Environments"]
+    pages = ["environments/index.md", *(page for entry in section[1:] for page in entry.values())]
+    assert sorted(pages) == sorted(str(page.relative_to(ROOT / "docs")) for page in ENVIRONMENTS.glob("*.md"))
 
 
 def test_the_places_that_the_contributors_guide_names_exist():
