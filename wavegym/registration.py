@@ -1,7 +1,7 @@
 """One record an id: the suite's environments, and those that other packages register.
 
-Records hold strings, so that ``import wavegym`` stays light. The environments' pages, the navigation of the docs, the API
-list, README's table and the commands' lists follow the order of ``SYSTEMS``.
+Records hold strings, so that ``import wavegym`` stays light. The environments' pages, the navigation of the docs, the
+API list, README's table and the commands' lists follow the order of ``SYSTEMS``.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def test_a_scene_from_outside_serves_a_class_and_its_subclasses():
         for system in (Mine(), Heir()):
             assert type(make_scene(system, Figure().subfigures(1, 1))).__name__ == "Blank"
         assert isinstance(make_scene(KershawEvans(), Figure().subfigures(1, 1)), LineOfSightScene)
-        with pytest.raises(InputError, match="scene of tests/Other-v0 is .*: tests/Mine-v0 gives its system"):
+        with pytest.raises(InputError, match=r"scene of tests/Other-v0 is .*: tests/Mine-v0 gives its system"):
             wavegym.register("tests/Other-v0", Mine, scene=LineOfSightScene)
     finally:
         del gym.registry["tests/Mine-v0"], RECORDS["tests/Mine-v0"]

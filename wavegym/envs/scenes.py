@@ -1,7 +1,7 @@
 """The scene of a system in a frame: its geometry, and the waveform that was chosen.
 
-A scene is a class that takes the system and a figure. ``wavegym.register(id, system, scene=...)`` gives it to the system
-and its subclasses. A system without a scene gets a picture of its observation.
+A scene is a class that takes the system and a figure. ``wavegym.register(id, system, scene=...)`` gives it to the
+system's class and its subclasses. A system without a scene gets a picture of its observation.
 """
 
 from __future__ import annotations
