@@ -2,8 +2,8 @@
 
 A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best
 scores known (``python -m agents.leaderboard``), if there are any, and above its steps per second
-(``python -m benchmarks.steps``). README's table of environments and the table of training settings in
-docs/how_to/train_with_other_libraries.md are renewed, too.
+(``python -m benchmarks.steps``). README's table of environments, the policies in docs/how_to/compare_policies.md and
+the training settings in docs/how_to/train_with_other_libraries.md are renewed, too.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.table import signed
 from wavegym.learning.settings import FILE, PPOSettings, load_settings
 from wavegym.registration import NAMESPACE, SYSTEMS, stem
+from wavegym.schedulers.registry import MEANINGS
 from wavegym.schedulers.tuned_constants import SIMPLE
 
 FOLDER, IMAGES = ROOT / "docs" / "environments", ROOT / "docs" / "images"
-README, SETTINGS_PAGE = ROOT / "README.md", ROOT / "docs" / "how_to" / "train_with_other_libraries.md"
+README, HOW_TO = ROOT / "README.md", ROOT / "docs" / "how_to"
 START, END = "<!-- made by `make docs`: -->", "<!-- to here -->"
 
 
@@ -77,6 +78,11 @@ def front() -> str:
     return table(("environment", "what happens", "best heuristic against myopic", "does foresight pay?"), rows)
 
 
+def policies_table() -> str:
+    """The policies that every environment knows by name."""
+    return table(("name", "policy"), [(f"`{name}`", meaning) for name, meaning in MEANINGS.items()])
+
+
 def settings_table() -> str:
     """The training settings of PPO in every environment that has settings of its own."""
     own = tomllib.loads(FILE.read_text(encoding="utf-8"))
@@ -95,8 +101,9 @@ def main() -> None:
     """The command."""
     Parser(prog="python -m agents.pages", description="Write the pages of the environments.").read(None)
     write_whole(FOLDER, {name: text.encode() for name, text in pages().items()})
-    for file, text in ((README, front()), (SETTINGS_PAGE, settings_table())):
-        blocks.renew(file, START, END, text)
+    blocks.renew(README, START, END, front())
+    blocks.renew(HOW_TO / "compare_policies.md", START, END, policies_table())
+    blocks.renew(HOW_TO / "train_with_other_libraries.md", START, END, settings_table())
 
 
 if __name__ == "__main__":

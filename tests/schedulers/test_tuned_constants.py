@@ -252,4 +252,4 @@ def test_every_heuristic_and_planner_is_a_name():
         "best-simple",
         "best-planner",
     }
-    assert set(names.FORMS) >= heuristics | planners
+    assert set(names.MEANINGS) >= heuristics | planners
