@@ -117,8 +117,8 @@ ifdef PAGE
 endif
 
 # Everything about some environments: trains missing agents, plays ladders, agents, quick planners, stages of learning and
-# changed environments, and renews the tables; NAMES="KershawEvansPosition SectorSetup", all of results/distribution_shifts.toml without it.
-NAMES ?= $(shell sed -n 's/^\[\(.*\)\]$$/\1/p' results/distribution_shifts.toml)
+# changed environments, and renews the tables; NAMES="KershawEvansPosition SectorSetup", all with shifts in results/experiments.toml without it.
+NAMES ?= $(shell sed -n 's/^\[\(.*\)\.shifts\]$$/\1/p' results/experiments.toml)
 league: $(READY)
 	$(BIN)/python -m agents.experiment --train $(NAMES)
 	$(BIN)/python -m agents.package

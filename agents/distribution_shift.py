@@ -1,6 +1,6 @@
 """Policies under distribution shift: ``python -m agents.distribution_shift [ENVIRONMENT ...]``.
 
-``results/distribution_shifts.toml`` lists the changed parameters. Agents and tuned constants stay those of the
+``results/experiments.toml`` lists the changed parameters. Agents and tuned constants stay those of the
 original parameters. Each shift is played twice: the tracker, and therefore prediction, knows the new parameters; and,
 where the truth may differ in all of them, the tracker does not. There the best planner plays too, on the first
 ``PLANNED`` of the worlds. Results go to results/distribution_shift, their tables to docs/learned.md. ``--agents`` does
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import sys
-import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from agents import blocks
+from agents.experiment import load_experiments
 from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
 from wavegym.core.command_line import Parser, guarded, settings
 from wavegym.core.errors import InputError, check_choice
@@ -36,10 +36,11 @@ from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import decimal, flagged, interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy
+from wavegym.registration import stem
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
 
-FILE, FOLDER = ROOT / "results" / "distribution_shifts.toml", ROOT / "results" / "distribution_shift"
+FOLDER = ROOT / "results" / "distribution_shift"
 START, END = "<!-- made by `python -m agents.distribution_shift`: -->", "<!-- shifts to here -->"
 WORLDS = 200
 COUNTED = 50  # worlds of ``--outside``
@@ -47,13 +48,13 @@ PLANNED = 32  # worlds of the planner, which takes most of the time
 KNOWN, UNKNOWN = "known", "unknown"  # to the tracker
 
 
-def load_shifts(file: Path = FILE) -> dict[str, dict[str, dict[str, Any]]]:
-    """Changed parameters by environment and shift; InputError if the file is not valid."""
-    try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
-        return {env: {name: settings(given) for name, given in shifts.items()} for env, shifts in table.items()}
-    except (OSError, tomllib.TOMLDecodeError, AttributeError, TypeError) as error:
-        raise InputError(f"{file} cannot be read: {error}") from None
+def load_shifts() -> dict[str, dict[str, dict[str, Any]]]:
+    """Changed parameters by environment and shift."""
+    return {
+        stem(each.env): {name: settings(given) for name, given in each.shifts.items()}
+        for each in load_experiments().values()
+        if each.shifts
+    }
 
 
 def play(
@@ -215,7 +216,7 @@ def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.distribution_shift", description="Policies under distribution shift.")
     parser.add_argument(
-        "names", nargs="*", metavar="ENVIRONMENT", help="names in results/distribution_shifts.toml (default: all)"
+        "names", nargs="*", metavar="ENVIRONMENT", help="names (default: all with shifts in results/experiments.toml)"
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     parser.add_argument("--agents", action="store_true", help="do not play the planner; its figures stay")

@@ -61,6 +61,7 @@ class Experiment:
         trained_in: another experiment, whose learners are compared here too.
         tracks: a recording, relative to the repository.
         radar: position of the radar.
+        shifts: changed parameters by name, ``{"process noise x4": ["q=4"]}``; ``agents.distribution_shift`` plays them.
     """
 
     env: str
@@ -72,6 +73,7 @@ class Experiment:
     trained_in: str | None = None
     tracks: Path | None = None
     radar: tuple[float, ...] | None = None
+    shifts: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def parameters(self) -> dict[str, Any]:
         """The environment's parameters."""

@@ -1,8 +1,8 @@
 """Trained agents and analytic schedulers in one table: ``python -m agents.leaderboard [ID ...]``.
 
 Plays the saved agents of each environment (results/runs/ENVIRONMENT/ppo and dqn) on the worlds on which
-``make headroom`` played the schedulers. The tables of both go to docs/learned.md and README. results/leaderboard keeps
-the episodes. ``--times`` only repeats the timing of decisions, on an otherwise idle machine; ``--tables`` renews the
+``make headroom`` played the schedulers. The tables of both go to docs/learned.md. results/leaderboard keeps the
+episodes. ``--times`` only repeats the timing of decisions, on an otherwise idle machine; ``--tables`` renews the
 tables without playing.
 """
 
@@ -49,9 +49,10 @@ from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE, recorded
 
 ROOT = Path(__file__).parents[1]
 HEADROOM, LEADERBOARD = ROOT / "results" / "headroom", ROOT / "results" / "leaderboard"
-PAGE, README = ROOT / "docs" / "learned.md", ROOT / "README.md"
+PAGE = ROOT / "docs" / "learned.md"
 START, END = "<!-- made by `make leaderboard`: -->", "<!-- to here -->"
 SEED = 0  # of the worlds of `make headroom`
+LEAST = -1.0  # per cent; a planner that gains less does not count as better
 
 
 def play(env_id: str, jobs: int) -> None:
@@ -112,7 +113,7 @@ class Entry(NamedTuple):
         small ones.
         """
         gain = self.against(PLANNER, SIMPLE)
-        if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > -1.0:
+        if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > LEAST:
             return statistics.Estimate(None, None)
         own, others = (np.log(self.accounts[each].cost / self.accounts[SIMPLE].cost) for each in (name, PLANNER))
         return statistics.ratio(own, np.broadcast_to(others, own.shape), _bootstrap())
@@ -153,6 +154,7 @@ Comparer = Callable[[Entry, str, str], statistics.Estimate]  # of two policies b
 COMPARERS: tuple[Comparer, ...] = (Entry.against, Entry.error_against)
 PAIRS = ("PPO", "95 %", "DQN", "95 %")
 COMPARED = ("best planner", "95 %", *PAIRS)
+SAME = 0.005  # per cent; costs that differ by less are printed alike
 ALONE_STEPS = 1000  # a training with a teacher and no more steps is imitation alone
 
 
@@ -205,9 +207,17 @@ def errors(entries: Sequence[Entry]) -> str:
     return tabulated(head, rows)
 
 
-def front(entries: Sequence[Entry]) -> str:
-    """What README shows: both tables, the policies whose orders by belief and by truth differ, and the teachers."""
-    return f"{blocks.both(table(entries), errors(entries))}\n\n{orders(entries)}\n\n{teachers(entries)}"
+def foresight(e: Entry) -> str:
+    """Whether the best planner costs less than the best simple heuristic, by ``LEAST`` or more, in a few words."""
+    gain, error = e.against(PLANNER, SIMPLE), e.error_against(PLANNER, SIMPLE)
+    if gain.value is None or gain.ci is None:
+        return ""
+    if gain.ci[1] < 0.0 and gain.value <= LEAST:
+        is_true = error.ci is not None and error.ci[1] < 0.0
+        return f"yes, {signed(-gain.value).removeprefix('+')} %{'' if is_true else ' by belief'}"
+    if max(map(abs, gain.ci)) < SAME:
+        return "no: saturated"
+    return "no" if gain.ci[0] > LEAST else f"not shown ({interval(gain.ci, signed)} %)"
 
 
 def orders(entries: Sequence[Entry]) -> str:
@@ -316,12 +326,11 @@ def _nees(account: Account | None, dimension: int | None) -> list[str]:
 
 
 def renew(env_ids: Sequence[str]) -> None:
-    """Renew the tables in docs/learned.md and README."""
+    """Renew the tables in docs/learned.md."""
     entries = [entry(env_id) for env_id in env_ids]
-    first = front(entries)
-    page = "\n\n".join([first, medians(entries), consistency_table(entries), details(entries), libraries(entries)])
-    for file, text in ((PAGE, page), (README, first)):
-        blocks.renew(file, START, END, text)
+    parts = blocks.both(table(entries), errors(entries)), orders(entries), teachers(entries), medians(entries)
+    more = consistency_table(entries), details(entries), libraries(entries)
+    blocks.renew(PAGE, START, END, "\n\n".join([*parts, *more]))
 
 
 def play_and_renew(

@@ -2,24 +2,35 @@
 
 A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best
 scores known (``python -m agents.leaderboard``), if there are any, and above its steps per second
-(``python -m research.benchmarks.steps``).
+(``python -m research.benchmarks.steps``). README's table of environments, the policies in
+docs/how_to/compare_policies.md and the training settings in docs/how_to/train_with_other_libraries.md are renewed, too.
 """
 
 from __future__ import annotations
 
 import sys
+import tomllib
 
 import gymnasium as gym
 
-from agents.leaderboard import HEADROOM, ROOT, entry, scores
+from agents import blocks
+from agents.leaderboard import HEADROOM, ROOT, entry, foresight, scores
 from research.benchmarks.steps import read as read_speeds
 from research.benchmarks.steps import table as speed_table
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.loading import load_object
 from wavegym.envs.describe import describe, summary, table
+from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
-from wavegym.registration import SYSTEMS, stem
+from wavegym.evaluation.table import signed
+from wavegym.learning.settings import FILE, PPOSettings, load_settings
+from wavegym.registration import NAMESPACE, SYSTEMS, stem
+from wavegym.schedulers.registry import MEANINGS
+from wavegym.schedulers.tuned_constants import SIMPLE
 
 FOLDER, IMAGES = ROOT / "docs" / "environments", ROOT / "docs" / "images"
+README, HOW_TO = ROOT / "README.md", ROOT / "docs" / "how_to"
+START, END = "<!-- made by `make docs`: -->", "<!-- to here -->"
 
 
 def pages() -> dict[str, str]:
@@ -54,10 +65,45 @@ def page(env_id: str) -> str:
     return "\n\n".join(parts)
 
 
+def front() -> str:
+    """README's table: every environment, its best simple heuristic against myopic, and whether planning pays."""
+    rows = []
+    for env_id, record in SYSTEMS.items():
+        name, cells = env_id.removeprefix(NAMESPACE), ("", "")
+        if (HEADROOM / f"{name}.csv").exists():
+            e = entry(env_id)
+            cells = f"{signed(e.against(SIMPLE, BASELINE).value)} %", foresight(e)
+        about = summary(load_object("system", record.system))
+        rows.append((f"[{name}](docs/environments/{name}.md)", about, *cells))
+    return table(("environment", "what happens", "best heuristic against myopic", "does foresight pay?"), rows)
+
+
+def policies_table() -> str:
+    """The policies that every environment knows by name."""
+    return table(("name", "policy"), [(f"`{name}`", meaning) for name, meaning in MEANINGS.items()])
+
+
+def settings_table() -> str:
+    """The training settings of PPO in every environment that has settings of its own."""
+    own = tomllib.loads(FILE.read_text(encoding="utf-8"))
+    rows = []
+    for env_id in filter(own.__contains__, SYSTEMS):
+        found = load_settings(env_id, "ppo")
+        assert isinstance(found, PPOSettings)
+        forecasts, masks = ("yes" if is_on else "no" for is_on in (found.forecasts, found.masks))
+        teacher = f"`{found.teacher}`" if found.teacher else "no"
+        name, reward = env_id.removeprefix(NAMESPACE), f"`{found.reward}`"
+        rows.append((f"`{name}`", reward, forecasts, f"{found.gamma:g}", teacher, masks, "none"))
+    return table(("environment", "reward", "forecasts", "gamma", "imitates first", "masks", "normalisation"), rows)
+
+
 def main() -> None:
     """The command."""
     Parser(prog="python -m research.pages", description="Write the pages of the environments.").read(None)
     write_whole(FOLDER, {name: text.encode() for name, text in pages().items()})
+    blocks.renew(README, START, END, front())
+    blocks.renew(HOW_TO / "compare_policies.md", START, END, policies_table())
+    blocks.renew(HOW_TO / "train_with_other_libraries.md", START, END, settings_table())
 
 
 if __name__ == "__main__":

@@ -38,6 +38,16 @@ def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch, capsys):
     assert list(tmp_path.glob("out/*/report.html"))
 
 
+@pytest.mark.slow
+def test_the_agent_of_the_readme_beats_the_one_step_scheduler(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    namespace = {}
+    run("../README.md", namespace)
+    played = namespace["comparison"]
+    assert played.cost("mine").mean() < 0.9 * played.cost("myopic").mean()
+    assert "geometric" in capsys.readouterr().out
+
+
 def test_the_scenario_files_of_the_page_are_read(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     page, namespace = "how_to/scenario_files.md", {}

@@ -102,7 +102,8 @@ def test_the_command_of_the_page_runs_rl_zoo(tmp_path):
 def test_the_settings_on_the_page_are_those_of_the_recipes():
     table = PAGE.partition("\n## Reward and normalisation for each environment\n")[2]
     rows = [re.findall(r"[^|` ]+", line) for line in table.splitlines() if re.match(r"\| `\w+-v0`", line)]
-    assert [row[0] for row in rows] == [id.removeprefix(NAMESPACE) for id in SYSTEMS if "UrbanSignal" not in id]
+    common = load_settings("mine/NotInTheFile-v0", "ppo")
+    assert [NAMESPACE + row[0] for row in rows] == [id for id in SYSTEMS if load_settings(id, "ppo") != common]
     for name, reward, forecasts, gamma, teacher, masks, normalisation in rows:
         settings = load_settings(NAMESPACE + name, "ppo")
         assert (reward, float(gamma), normalisation) == (settings.reward, settings.gamma, "none")

@@ -1,9 +1,16 @@
-"""The suite's environments by id, registered as strings so that ``import wavegym`` stays light."""
+"""One record an id: the suite's environments, and those that other packages register.
+
+Records hold strings, so that ``import wavegym`` stays light. The environments' pages, the navigation of the docs, the
+API list, README's table and the commands' lists follow the order of ``SYSTEMS``.
+"""
 
 from __future__ import annotations
 
 import re
-from typing import Any
+import sys
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 
@@ -11,22 +18,61 @@ from wavegym.core.errors import InputError, check_choice, nearest
 from wavegym.core.registry import import_package
 
 NAMESPACE = "wavegym/"
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+class Registration(NamedTuple):
+    """What is known of an id before its environment is made.
+
+    Attributes:
+        system: a System class or object, or ``"package.module:Class"``.
+        scene: class of the picture of this system and of its subclasses, or ``"package.module:Class"``; "" leaves the
+            picture of the base class, or of the observation.
+        parameters: of the system, or settings of the environment, other than the defaults.
+        settings: training settings by algorithm, ``{"ppo": {"gamma": 0.98}}``, other than those of every environment.
+            Those of the suite stand in ``wavegym/learning/settings.toml``.
+    """
+
+    system: Any
+    scene: Any = ""
+    parameters: Mapping[str, Any] = NOTHING
+    settings: Mapping[str, Mapping[str, Any]] = NOTHING
+
+
+LOOPS = "wavegym.systems"
 SYSTEMS = {
-    "wavegym/KershawEvans-v0": "wavegym.systems.kershaw_evans.system:KershawEvans",
-    "wavegym/KershawEvansPosition-v0": "wavegym.systems.kershaw_evans.system:KershawEvansPosition",
-    "wavegym/AgileClutter-v0": "wavegym.systems.agile_clutter.system:AgileClutter",
-    "wavegym/RfEo-v0": "wavegym.systems.rf_eo.system:RfEo",
-    "wavegym/RfEoFar-v0": "wavegym.systems.rf_eo.far:RfEoFar",
-    "wavegym/Urban-v0": "wavegym.systems.urban.system:Urban",
-    "wavegym/UrbanSignal-v0": "wavegym.systems.urban.signal:UrbanSignal",
-    "wavegym/CameraSlew-v0": "wavegym.systems.camera_slew.system:CameraSlew",
-    "wavegym/SectorSetup-v0": "wavegym.systems.sector_setup.system:SectorSetup",
-    "wavegym/SectorSetupCity-v0": "wavegym.systems.sector_setup.city:SectorSetupCity",
-    "wavegym/BeamAllocation-v0": "wavegym.systems.beam_allocation.system:BeamAllocation",
-    "wavegym/EnergyBudget-v0": "wavegym.systems.energy_budget.system:EnergyBudget",
-    "wavegym/EnergyBudgetKnown-v0": "wavegym.systems.energy_budget.known:EnergyBudgetKnown",
-    "wavegym/MultifunctionRadar-v0": "wavegym.systems.multifunction_radar.system:MultifunctionRadar",
+    "wavegym/KershawEvans-v0": Registration(
+        f"{LOOPS}.kershaw_evans.system:KershawEvans", f"{LOOPS}.kershaw_evans.scene:LineOfSightScene"
+    ),
+    "wavegym/KershawEvansPosition-v0": Registration(f"{LOOPS}.kershaw_evans.system:KershawEvansPosition"),
+    "wavegym/AgileClutter-v0": Registration(
+        f"{LOOPS}.agile_clutter.system:AgileClutter", f"{LOOPS}.agile_clutter.scene:TargetScene"
+    ),
+    "wavegym/RfEo-v0": Registration(f"{LOOPS}.rf_eo.system:RfEo", f"{LOOPS}.rf_eo.scene:PlatformScene"),
+    "wavegym/RfEoFar-v0": Registration(f"{LOOPS}.rf_eo.far:RfEoFar"),
+    "wavegym/Urban-v0": Registration(f"{LOOPS}.urban.system:Urban", f"{LOOPS}.urban.scene:UrbanScene"),
+    "wavegym/UrbanSignal-v0": Registration(f"{LOOPS}.urban.signal:UrbanSignal"),
+    "wavegym/CameraSlew-v0": Registration(
+        f"{LOOPS}.camera_slew.system:CameraSlew", f"{LOOPS}.camera_slew.scene:CameraScene"
+    ),
+    "wavegym/SectorSetup-v0": Registration(
+        f"{LOOPS}.sector_setup.system:SectorSetup", f"{LOOPS}.sector_setup.scene:SectorScene"
+    ),
+    "wavegym/SectorSetupCity-v0": Registration(
+        f"{LOOPS}.sector_setup.city:SectorSetupCity", f"{LOOPS}.sector_setup.scene:CityScene"
+    ),
+    "wavegym/BeamAllocation-v0": Registration(
+        f"{LOOPS}.beam_allocation.system:BeamAllocation", f"{LOOPS}.beam_allocation.scene:BeamScene"
+    ),
+    "wavegym/EnergyBudget-v0": Registration(
+        f"{LOOPS}.energy_budget.system:EnergyBudget", f"{LOOPS}.energy_budget.scene:AccountScene"
+    ),
+    "wavegym/EnergyBudgetKnown-v0": Registration(f"{LOOPS}.energy_budget.known:EnergyBudgetKnown"),
+    "wavegym/MultifunctionRadar-v0": Registration(
+        f"{LOOPS}.multifunction_radar.system:MultifunctionRadar", f"{LOOPS}.multifunction_radar.scene:RegionScene"
+    ),
 }
+RECORDS: dict[str, Registration] = {}  # of every id that ``register`` was given
 
 # Of an environment, not its system.
 SHELL = (
@@ -42,7 +88,15 @@ SHELL = (
 PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
-def register(id: str, system: Any, *, max_episode_steps: int | None = None, **parameters: Any) -> None:
+def register(
+    id: str,
+    system: Any,
+    *,
+    max_episode_steps: int | None = None,
+    scene: Any = "",
+    settings: Mapping[str, Mapping[str, Any]] = NOTHING,
+    **parameters: Any,
+) -> None:
     """Register an environment: ``gym.make(id)`` and ``gym.make_vec(id, num_envs=...)`` then find it.
 
     Args:
@@ -50,13 +104,19 @@ def register(id: str, system: Any, *, max_episode_steps: int | None = None, **pa
         system: a System class or object, or ``"package.module:Class"``, which is imported by ``gym.make`` only and
             keeps the specification serialisable.
         max_episode_steps: truncate here unless ``make`` or ``make_vec`` is told otherwise.
+        scene, settings: see ``Registration``.
         **parameters: parameters of the system, or settings of the environment, other than the defaults.
 
     Raises:
-        InputError: ``system`` is none of these, or an unknown parameter (nearest named) or one out of range. The
-            parameters of a ``"package.module:Class"`` are checked by ``gym.make``.
+        InputError: ``system`` is none of these; an unknown parameter (nearest named) or one out of range; or another
+            id gave the class of ``system`` a scene. The parameters of a ``"package.module:Class"`` are checked by
+            ``gym.make``, the scene and the settings where they are used.
     """
     _check_system(system, {name: value for name, value in parameters.items() if name not in SHELL})
+    record = Registration(system, scene, parameters, settings)
+    for other, known in RECORDS.items():
+        if scene and known.scene not in ("", scene) and known.system == system and other != id:
+            raise InputError(f"scene of {id} is {scene!r}, expected none: {other} gives its system {known.scene!r}")
     gym.register(
         id,
         entry_point="wavegym.envs.single:make_env",
@@ -64,6 +124,21 @@ def register(id: str, system: Any, *, max_episode_steps: int | None = None, **pa
         max_episode_steps=max_episode_steps,
         kwargs={"system": system, **({"registered": parameters} if parameters else {})},
     )
+    RECORDS[id] = record
+
+
+def scene_of(kind: type) -> Any:
+    """The scene that the records give a class of systems, or the nearest of its base classes; "" for none."""
+    scenes = {_class_of(record.system): record.scene for record in reversed(RECORDS.values()) if record.scene}
+    return next((scenes[each] for each in kind.__mro__ if each in scenes), "")
+
+
+def _class_of(system: Any) -> Any:
+    """The class of a record's system, or None for a string that nobody has imported yet."""
+    if isinstance(system, str):
+        module, _, name = system.partition(":")
+        return getattr(sys.modules.get(module), name, None)
+    return system if isinstance(system, type) else type(system)
 
 
 def registered_system(env_id: str) -> tuple[Any, dict[str, Any]]:
@@ -89,9 +164,9 @@ def _check_system(system: Any, parameters: dict[str, Any]) -> None:
 
 def register_suite() -> None:
     """Register the suite; a second call changes nothing."""
-    for id, system in SYSTEMS.items():
+    for id, record in SYSTEMS.items():
         if id not in gym.registry:
-            register(id, system)
+            register(id, record.system, scene=record.scene, settings=record.settings, **record.parameters)
 
 
 def list_envs() -> list[str]:

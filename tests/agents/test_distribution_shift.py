@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from agents import distribution_shift as shift
+from agents.experiment import load_experiments
 from wavegym.core.errors import InputError
 from wavegym.evaluation import make_task
 from wavegym.registration import SYSTEMS
@@ -133,7 +134,8 @@ def test_results_of_an_earlier_version_are_to_be_played_again(monkeypatch: pytes
 
 
 def test_a_broken_file_is_named(tmp_path: Path) -> None:
-    file = tmp_path / "distribution_shifts.toml"
-    file.write_text("[A]\nx = ")
-    with pytest.raises(InputError, match=r"shifts\.toml cannot be read"):
-        shift.load_shifts(file)
+    file = tmp_path / "experiments.toml"
+    for text in ("[A]\nx = ", '[A]\nenv = "wavegym/Urban-v0"\nshift = {}\n'):
+        file.write_text(text)
+        with pytest.raises(InputError, match=r"experiments\.toml: "):
+            load_experiments(file)

@@ -45,9 +45,8 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     monkeypatch.setattr(leaderboard, "WORLDS", 4)
     monkeypatch.setattr(timing, "SINGLES", 3)
     monkeypatch.setattr(leaderboard, "environment_of", lambda folder: {"horizon": 7})
-    for name in ("PAGE", "README"):
-        (tmp_path / name).write_text(f"before\n{leaderboard.START}\n{leaderboard.END}\nafter\n")
-        monkeypatch.setattr(leaderboard, name, tmp_path / name)
+    (tmp_path / "PAGE").write_text(f"before\n{leaderboard.START}\n{leaderboard.END}\nafter\n")
+    monkeypatch.setattr(leaderboard, "PAGE", tmp_path / "PAGE")
     policies = {"best-simple": Myopic(), "best-planner": Lookahead(2)}
     ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
     (tmp_path / "headroom" / "KershawEvansPosition-v0.csv").write_text(episodes(ladder))
@@ -74,17 +73,16 @@ def test_accounts_are_what_was_played(folders: Path) -> None:
 def test_the_tables_go_between_the_marks(folders: Path) -> None:
     leaderboard.play(ID, jobs=1)
     leaderboard.renew([ID])
-    page, front = ((folders / name).read_text() for name in ("PAGE", "README"))
+    page = (folders / "PAGE").read_text()
     assert page.startswith("before")
     assert page.endswith("after\n")
     assert page.count("| KershawEvansPosition-v0") == 6
     confined = [line.split("|")[2:5] for line in page.splitlines() if line.startswith("| KershawEvansPosition ")]
     assert [[cell.strip() for cell in row] for row in confined] == [[a, "horizon=7", "0"] for a in ("PPO", "DQN")]
-    assert front.count("| KershawEvansPosition-v0") == 3
-    assert [cell.strip() for cell in front.splitlines()[-4].split("|")[2:4]] == ["rewards", "rewards"]
-    assert page.count("By truth:") == front.count("By truth:") == 1
-    assert "order by truth" in front or "No two policies" in front
-    lines = [line for line in front.splitlines() if line.startswith("| KershawEvansPosition-v0")]
+    assert page.count("By truth:") == 1
+    assert "order by truth" in page or "No two policies" in page
+    lines = [line for line in page.splitlines() if line.startswith("| KershawEvansPosition-v0")]
+    assert [cell.strip() for cell in lines[2].split("|")[2:4]] == ["rewards", "rewards"]
     assert lines[0].split("|")[2].strip() == recorded(make_task(ID, {}).system)["best-simple"]
 
 
@@ -98,7 +96,7 @@ def test_tables_and_times_can_be_had_without_playing(
     monkeypatch.setattr("sys.argv", ["leaderboard", flag, ID])
     leaderboard.main()
     assert (folders / "leaderboard" / "KershawEvansPosition.json").exists() == timed
-    assert "KershawEvansPosition-v0" in (folders / "README").read_text()
+    assert "KershawEvansPosition-v0" in (folders / "PAGE").read_text()
 
 
 def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> None:
@@ -120,6 +118,32 @@ def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> 
     width = 1.96 * 0.05 / 20.0 / 0.2 * np.sqrt(1.0 + 0.5**2)
     assert share.ci[1] - share.ci[0] == pytest.approx(2.0 * width, rel=0.15)
     assert share.ci[0] < 0.5 < share.ci[1]
+
+
+@pytest.mark.parametrize(
+    ("planner", "by_truth", "words"),
+    [
+        (0.8, 0.8, "yes, 20.0 %"),
+        (0.8, 1.1, "yes, 20.0 % by belief"),
+        (0.995, 0.995, "no"),  # established, and less than a per cent
+        (1.1, 1.1, "no"),
+        (1.0, 1.0, "no: saturated"),
+    ],
+)
+def test_foresight_pays_where_a_gain_is_established(planner: float, by_truth: float, words: str) -> None:
+    worlds = np.arange(1.0, 31.0)
+    played = entry(best_simple=[*worlds], best_planner=[*(planner * worlds)])
+    account = played.accounts["best-planner"]
+    played.accounts["best-planner"] = account._replace(rmse=np.sqrt(by_truth * worlds)[None])
+    assert leaderboard.foresight(played) == words
+
+
+def test_foresight_is_not_shown_where_the_interval_is_too_wide() -> None:
+    worlds = np.arange(1.0, 31.0)
+    played = entry(best_simple=[*worlds], best_planner=[*np.where(worlds % 2, 0.5, 2.0) * worlds])
+    low, high = played.against("best-planner", "best-simple").ci
+    assert low < -1.0 < 0.0 < high
+    assert leaderboard.foresight(played).startswith(f"not shown ({low:+.1f} to {high:+.1f}")
 
 
 def test_medians_are_of_all_worlds_and_seeds() -> None:

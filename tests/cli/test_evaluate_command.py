@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 import types
@@ -13,7 +12,6 @@ import pytest
 
 import evaluate
 from wavegym.schedulers import Fixed
-from wavegym.schedulers.registry import FORMS
 
 ROOT = Path(evaluate.__file__).parent
 QUICK = ["--worlds", "3", "--jobs", "1", "--set", "horizon=4"]
@@ -27,11 +25,10 @@ def policies(out):
     return json.loads((out / "summary.json").read_text())["policies"]
 
 
-def test_help_names_every_policy(capsys):
+def test_help_says_where_the_policies_are_listed(capsys):
     with pytest.raises(SystemExit):
         evaluate.main(["--help"])
-    listed = set(re.split(r"[\s,;()]+", " ".join(capsys.readouterr().out.split()).replace("- ", "-")))
-    assert set(FORMS) <= listed
+    assert "wavegym policies ENV" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("env_id", ["KershawEvansPosition-v0", "wavegym/KershawEvansPosition-v0"])

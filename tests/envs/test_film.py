@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import wavegym
 from wavegym.core.system import ObservationField, State, System
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.film import Film, headline
 from wavegym.envs.scenes import ObservationScene, make_scene
+from wavegym.registration import RECORDS
 from wavegym.rendering.drawings import ellipse
 from wavegym.rendering.timelines import Timelines, draw_choices, draw_predicted
 from wavegym.schedulers import Myopic
@@ -207,7 +209,7 @@ def test_a_scene_can_be_registered_for_a_class_of_ones_own():
         def draw(self, moment):
             self.drawn.append(len(moment.actions))
 
-    make_scene.register(Knob, Blank)
+    wavegym.register("tests/Knob-v0", Knob, scene=Blank)
     film = Film(Knob(), 1)
     state = film.system.initial(Dial.Belief(np.zeros(1), np.ones((1, 1))))
     film.begin(state, np.array([True]))
@@ -215,6 +217,7 @@ def test_a_scene_can_be_registered_for_a_class_of_ones_own():
     film.add(film.system.transition(state, np.array([1]), None), np.array([1]), np.array([0.5]), None)
     film.frames()
     assert film._canvas._parts[0].drawn == [0, 1]
+    del gym.registry["tests/Knob-v0"], RECORDS["tests/Knob-v0"]
 
 
 @pytest.mark.parametrize(

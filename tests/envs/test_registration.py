@@ -3,9 +3,13 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import wavegym
 from wavegym.core.errors import InputError
+from wavegym.envs.scenes import make_scene
+from wavegym.registration import RECORDS
+from wavegym.systems.kershaw_evans.scene import LineOfSightScene
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
 ID = "tests/CutOff-v0"
@@ -93,3 +97,40 @@ def test_a_string_is_not_imported_when_it_is_registered():
             gym.make("tests/Later-v0")
     finally:
         del gym.registry["tests/Later-v0"]
+
+
+class Blank:
+    def __init__(self, system, figure):
+        self.system = system
+
+
+def test_a_scene_from_outside_serves_a_class_and_its_subclasses():
+    class Mine(KershawEvans):
+        pass
+
+    class Heir(Mine):
+        pass
+
+    before = make_scene(Mine(), Figure().subfigures(1, 1))
+    assert isinstance(before, LineOfSightScene), "of the base class"
+    wavegym.register("tests/Mine-v0", Mine, scene=f"{__name__}:Blank")
+    try:
+        for system in (Mine(), Heir()):
+            assert type(make_scene(system, Figure().subfigures(1, 1))).__name__ == "Blank"
+        assert isinstance(make_scene(KershawEvans(), Figure().subfigures(1, 1)), LineOfSightScene)
+        with pytest.raises(InputError, match=r"scene of tests/Other-v0 is .*: tests/Mine-v0 gives its system"):
+            wavegym.register("tests/Other-v0", Mine, scene=LineOfSightScene)
+    finally:
+        del gym.registry["tests/Mine-v0"], RECORDS["tests/Mine-v0"]
+
+
+def test_a_scene_that_is_not_there_is_named_when_it_is_drawn():
+    class Mine(KershawEvans):
+        pass
+
+    wavegym.register("tests/Mine-v0", Mine, scene="no_such_package:Scene")
+    try:
+        with pytest.raises(InputError, match="scene is 'no_such_package:Scene', which cannot be loaded"):
+            make_scene(Mine(), Figure().subfigures(1, 1))
+    finally:
+        del gym.registry["tests/Mine-v0"], RECORDS["tests/Mine-v0"]

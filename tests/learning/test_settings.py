@@ -4,11 +4,14 @@ import re
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import pytest
 
+import wavegym
 from wavegym.core.errors import InputError
 from wavegym.learning.settings import ALGORITHMS, FILE, DQNSettings, PPOSettings, load_settings
-from wavegym.registration import list_envs
+from wavegym.registration import RECORDS, list_envs
+from wavegym.systems.kershaw_evans.system import KershawEvans
 
 POSITION = "wavegym/KershawEvansPosition-v0"
 
@@ -35,6 +38,20 @@ def test_layers_override_each_other(tmp_path: Path) -> None:
     assert changed.gamma == 0.0
     assert changed.environment == {"q": 2.0, "horizon": 5}
     assert load_settings("wavegym/KershawEvans-v0", "dqn", file=file).environment == {}
+
+
+def test_a_registration_from_outside_brings_its_settings() -> None:
+    settings = {"ppo": {"like": "rollouts", "steps": 640}, "dnq": {}}
+    wavegym.register("tests/Set-v0", KershawEvans, settings=settings)
+    try:
+        with pytest.raises(InputError, match=r"algorithm in the settings of tests/Set-v0 is 'dnq'.*did you mean 'dqn'"):
+            load_settings("tests/Set-v0", "ppo")
+        del settings["dnq"]
+        own, like = load_settings("tests/Set-v0", "ppo"), load_settings("wavegym/SectorSetup-v0", "ppo")
+        assert (own.steps, own.network, own.teacher) == (640, like.network, like.teacher)
+        assert load_settings("tests/Set-v0", "dqn") == load_settings("mine/NotInTheFile-v0", "dqn")
+    finally:
+        del gym.registry["tests/Set-v0"], RECORDS["tests/Set-v0"]
 
 
 def test_parameters_that_are_given_hold_in_all_variants(tmp_path: Path) -> None:

@@ -19,7 +19,13 @@ from wavegym.schedulers.tuned_constants import recorded
 def test_the_committed_pages_are_what_the_command_writes(tmp_path, monkeypatch):
     """One for every environment and one for all; make them again with make docs."""
     made = tmp_path / "new" / "folder"
-    monkeypatch.setattr(module, "FOLDER", made)
+    how_to = ("compare_policies.md", "train_with_other_libraries.md")
+    partly = [module.README, *(module.HOW_TO / name for name in how_to)]
+    for file in partly:
+        begun, _, rest = file.read_text(encoding="utf-8").partition(module.START)
+        (tmp_path / file.name).write_text(f"{begun}{module.START}{module.END}{rest.partition(module.END)[2]}", "utf-8")
+    for name, place in {"FOLDER": made, "README": tmp_path / "README.md", "HOW_TO": tmp_path}.items():
+        monkeypatch.setattr(module, name, place)
     monkeypatch.setattr(sys, "argv", ["pages"])
     main()
     written, committed = (
@@ -27,6 +33,8 @@ def test_the_committed_pages_are_what_the_command_writes(tmp_path, monkeypatch):
     )
     assert set(written) == {"index.md", *(f"{env_id.partition('/')[2]}.md" for env_id in SYSTEMS)}
     assert [name for name in sorted(written | committed) if written.get(name) != committed.get(name)] == []
+    for file in partly:
+        assert (tmp_path / file.name).read_text(encoding="utf-8") == file.read_text(encoding="utf-8"), file.name
 
 
 def test_a_page_begins_with_picture_and_best_scores(monkeypatch):

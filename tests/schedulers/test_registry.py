@@ -15,9 +15,10 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.rewards import make_reward
 from wavegym.schedulers import Continuous, Cycle, Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
+from wavegym.schedulers import registry as schedulers
 from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
 from wavegym.schedulers.myopic import OBJECTIVES
-from wavegym.schedulers.registry import FORMS, RENAMED, SCHEDULERS, is_scheduler, make_policy
+from wavegym.schedulers.registry import MEANINGS, RENAMED, SCHEDULERS, is_scheduler, make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition, World
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
@@ -153,8 +154,8 @@ DELAYED = [
     "clear-slot-price",
 ]  # need a gain
 LONG = ["best-simple", "best-planner", "receding-horizon", "plan-once", "cycle"]  # tuned on the spot
-NUMBERED = [name for name in FORMS if re.fullmatch("[a-z-]+:[A-Z]+", name)]
-PLAIN = [name for name in FORMS if name not in (*NUMBERED, *OTHERS, *DELAYED, *LONG)]
+NUMBERED = [name for name in MEANINGS if re.fullmatch("[a-z-]+:[A-Z]+", name)]
+PLAIN = [name for name in MEANINGS if name not in (*NUMBERED, *OTHERS, *DELAYED, *LONG)]
 BOX = ("myopic:closed-form", "myopic:slsqp", "myopic:polish")
 
 
@@ -195,7 +196,14 @@ def test_every_scheduler_gets_through_gymnasiums_loop(name):
 def test_folders_are_no_schedulers():
     assert not any(is_scheduler(name) for name in ("ppo", "runs/ppo", "myopic2", ""))
     assert {"lookahead:H", "fixed:NAME", "rollout:H"} <= set(NUMBERED)
-    assert set(FORMS) > {"optimum", "fixed:K", "fixed:NAME", "tuned-constant", "tuned-cycle", "lookahead:H"}
+
+
+def test_every_name_has_a_meaning_and_nothing_else_has():
+    families = {"fixed", "myopic-margin", *schedulers.NUMBERED, *schedulers.PLANNERS}
+    numbered = {name.partition(":")[0] for name in NUMBERED}
+    assert numbered == families
+    assert {*MEANINGS} - {*NUMBERED} == {*schedulers.PLAIN, *schedulers.PLANS}
+    assert len(set(MEANINGS.values())) == len(MEANINGS)
 
 
 def test_a_name_that_only_the_box_has_is_told_so():

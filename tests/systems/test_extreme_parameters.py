@@ -99,7 +99,7 @@ def played(id: str, parameters: dict[str, Any]) -> str:
     ids=lambda value: value if isinstance(value, str) else "+".join(value),
 )
 def test_an_extreme_value_is_refused_at_the_door_or_plays(id: str, fixed: dict[str, Any]) -> None:
-    module, name = SYSTEMS[id].split(":")
+    module, name = SYSTEMS[id].system.split(":")
     system = make_checked(getattr(importlib.import_module(module), name), fixed)
     names = [f.name for f in dataclasses.fields(system) if f.name not in fixed and is_numeric(getattr(system, f.name))]
     assert len(names) > 10

@@ -125,7 +125,7 @@ def test_every_capability_agrees_with_the_contract(name, recording):
 
 def test_every_system_with_a_motion_model_plays_recordings():
     offering = {id for id in SYSTEMS if offers(make_task(id, {}).system, RecordedTargets)}
-    assert offering == {f"wavegym/{name}-v0" for name in (*PLANAR, *LINE)}
+    assert offering >= {f"wavegym/{name}-v0" for name in (*PLANAR, *LINE)}
     streets, traffic = ("SectorSetupCity", "Urban", "UrbanSignal"), ("MultifunctionRadar",)  # with targets of their own
     others = {f"wavegym/{name}-v0" for name in (*streets, *traffic)}
     assert {*SYSTEMS} - offering == others

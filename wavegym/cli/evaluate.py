@@ -12,18 +12,8 @@ from wavegym.core.errors import InputError
 from wavegym.core.registry import import_package
 from wavegym.core.workers import add_worker_options, workers
 
-POLICIES = """comma-separated: random, round-robin, fixed:K, fixed:NAME, best-fixed, tuned-constant, tuned-cycle,
-myopic, myopic:exhaustive (tries every action), myopic:determinant, myopic:gate, myopic:mean-trace (of all tracks,
-however doubtful), myopic:closed-form, myopic:progressive, myopic:slsqp and myopic:polish (these four with --set
-action=box), myopic-information, myopic-information:slsqp, myopic-information:polish, myopic-margin:M, lookahead:H,
-optimum; heuristics whose constants are tuned on other worlds: cycle, weighted-myopic, gain:L, greedy, aware-greedy,
-cost-of-delay, hold-until-detected, lagrangian-price, adaptive-lagrangian-price, constant-pace, clear-slot-price,
-searched-rule, best-simple (the best of them); and, for one beam on a time line, round-robin-search, earliest-deadline,
-van-keuk-blackman, gain-per-second, price-of-time, delay-index, frame-greedy, searched-dwell; planners that simulate
-futures: rollout:H, tree:H, beam:W, mcts:N, dwell-rollout:N, receding-horizon, plan-once, best-planner; a planner that
-improves on another policy: rollout:H@POLICY; a baseline that the system names, such as open-loop of Urban; a scheduler
-registered by a package; ppo and dqn, the trained agents that come with the environment; the folder of a trained run
-(or of several runs, one for each seed); an ONNX file (FILE.onnx), as of wavegym export; with --trust, a model saved by
+POLICIES = """comma-separated names, which wavegym policies ENV lists and explains; the folder of a trained run (or of
+several runs, one for each seed); an ONNX file (FILE.onnx), as of wavegym export; with --trust, a model saved by
 Stable-Baselines3 (FILE.zip) or package.module:factory"""
 
 RECORDED = "KershawEvansPosition-v0"

@@ -29,6 +29,7 @@ class Command(NamedTuple):
 COMMANDS = {
     "list": Command("list the ids of all environments", "environments", "list_ids"),
     "describe": Command("show actions, observations and parameters of an environment", "environments", "describe"),
+    "policies": Command("list the policies that evaluate and play take", "policies", "policies"),
     "warm-up": Command("compile the kernels of environments before they are needed", "warm_up", "warm_up"),
     "check": Command("check that an environment conforms to Gymnasium", "environments", "check"),
     "play": Command("play one episode with a policy; optionally write a GIF", "play", "play"),

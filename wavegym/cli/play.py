@@ -20,7 +20,9 @@ def parser() -> Parser:
     """The options."""
     options = Parser(prog="wavegym play", description="Play one episode with a policy and print its cost.")
     options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
-    options.add_argument("--policy", default="myopic", metavar="NAME", help="as for evaluate (default: %(default)s)")
+    options.add_argument(
+        "--policy", default="myopic", metavar="NAME", help="one that wavegym policies ENV lists (default: %(default)s)"
+    )
     options.add_argument("--seed", type=int, default=0, metavar="S", help="of the world (default: %(default)s)")
     options.add_argument("--gif", type=Path, metavar="FILE", help="write a picture of every step")
     help = "parameters of the environment other than its defaults"

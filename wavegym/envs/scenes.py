@@ -1,44 +1,30 @@
-"""The scene of each system in a frame: its geometry, and the waveform that was chosen.
+"""The scene of a system in a frame: its geometry, and the waveform that was chosen.
 
-A system without a scene gets a picture of its observation. Register a scene for a system of your own::
-
-    @make_scene.register
-    def _(system: MySystem, figure: SubFigure) -> Scene:
-        return MyScene(system, figure)
+A scene is a class that takes the system and a figure. ``wavegym.register(id, system, scene=...)`` gives it to the
+system's class and its subclasses. A system without a scene gets a picture of its observation.
 """
 
 from __future__ import annotations
 
-from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavegym.core.loading import load_object
 from wavegym.core.system import System
+from wavegym.registration import scene_of
 from wavegym.rendering.moment import Moment, Scene
 from wavegym.rendering.panels import caption, few_ticks, wipe
-from wavegym.systems.agile_clutter.scene import TargetScene
-from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.systems.beam_allocation.scene import BeamScene
-from wavegym.systems.beam_allocation.system import BeamAllocation
-from wavegym.systems.camera_slew.scene import CameraScene
-from wavegym.systems.camera_slew.system import CameraSlew
-from wavegym.systems.energy_budget.scene import AccountScene
-from wavegym.systems.energy_budget.system import EnergyBudget
-from wavegym.systems.kershaw_evans.scene import LineOfSightScene
-from wavegym.systems.kershaw_evans.system import KershawEvans
-from wavegym.systems.multifunction_radar.scene import RegionScene
-from wavegym.systems.multifunction_radar.system import MultifunctionRadar
-from wavegym.systems.rf_eo.scene import PlatformScene
-from wavegym.systems.rf_eo.system import RfEo
-from wavegym.systems.sector_setup.city import SectorSetupCity
-from wavegym.systems.sector_setup.scene import CityScene, SectorScene
-from wavegym.systems.sector_setup.system import SectorSetup
-from wavegym.systems.urban.scene import UrbanScene
-from wavegym.systems.urban.system import Urban
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
+
+
+def make_scene(system: System, figure: SubFigure) -> Scene:
+    """The scene of a system, by its class. Raises an InputError for a place where there is no scene."""
+    kind = scene_of(type(system)) or ObservationScene
+    scene: Scene = (load_object("scene", kind) if isinstance(kind, str) else kind)(system, figure)
+    return scene
 
 
 class ObservationScene:
@@ -67,21 +53,3 @@ class ObservationScene:
         self._axes.set_yticks(np.arange(len(fields)), labels, fontsize=7)
         reach = 1.1 * max(3.0, *np.abs(scaled))
         self._axes.set(xlim=(-reach, reach), ylim=(len(fields) - 0.4, -0.6))
-
-
-@singledispatch
-def make_scene(system: Any, figure: SubFigure) -> Scene:
-    """The scene of a system, by its class."""
-    return ObservationScene(system, figure)
-
-
-make_scene.register(BeamAllocation, BeamScene)
-make_scene.register(EnergyBudget, AccountScene)
-make_scene.register(CameraSlew, CameraScene)
-make_scene.register(KershawEvans, LineOfSightScene)
-make_scene.register(AgileClutter, TargetScene)
-make_scene.register(MultifunctionRadar, RegionScene)
-make_scene.register(RfEo, PlatformScene)
-make_scene.register(SectorSetup, SectorScene)
-make_scene.register(SectorSetupCity, CityScene)
-make_scene.register(Urban, UrbanScene)

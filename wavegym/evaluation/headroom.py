@@ -184,7 +184,7 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Play and write."""
     parser = Parser(prog="python -m wavegym.evaluation.headroom", description="How much is there to gain by planning.")
-    tuned = [env_id for env_id, path in SYSTEMS.items() if path in records()]
+    tuned = [env_id for env_id, (system, _, given, _) in SYSTEMS.items() if system in records() and not given]
     wanted = "environments (default: those of the suite with rules on record)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")

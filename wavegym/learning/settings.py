@@ -13,7 +13,7 @@ from pydantic.dataclasses import dataclass
 
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameters import Count, NonNegative, Positive, make_checked
-from wavegym.registration import list_envs
+from wavegym.registration import RECORDS, list_envs
 
 # Arguments of gymnasium.make_vec that are no parameters of a system, and the alternative here.
 SHELL = {
@@ -151,7 +151,7 @@ def load_settings(
     """Settings of ``algo`` in ``env_id``: the algorithm's, the ``like`` table's, the environment's, then ``changes``.
 
     Args:
-        env_id: a registered id; without a table of its own it takes the algorithm's settings.
+        env_id: a registered id; without a table of its own it takes the settings of its registration.
         algo: "ppo" or "dqn".
         changes: further settings by name.
         environment: further parameters of the environment by name. They hold in all variants of the file.
@@ -162,7 +162,10 @@ def load_settings(
     """
     check_choice("algorithm", algo, ALGORITHMS)
     tables = _tables(file)
-    own = dict(tables.get(env_id, {}).get(algo, {}))
+    registered = RECORDS[env_id].settings if env_id in RECORDS else {}
+    for name in registered:
+        check_choice(f"algorithm in the settings of {env_id}", name, ALGORITHMS)
+    own = dict(tables.get(env_id, registered).get(algo, {}))
     layers = [tables.get(algo, {}), own, changes or {}]
     if "like" in own:
         shared = check_choice(

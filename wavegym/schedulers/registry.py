@@ -38,29 +38,11 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
     """The scheduler called ``name``.
 
     Args:
-        name: ``random``, ``round-robin``, ``fixed:K`` (the constant K), ``fixed:NAME`` (one of the system's named
-            constants), ``best-fixed`` (the best of the constants on ``tuning_worlds``), ``tuned-constant`` (the same,
-            improved by a local search where actions are a box), ``tuned-cycle`` (the best schedule of one, two or three
-            slots that a search on ``tuning_worlds`` finds), ``myopic``, ``myopic:exhaustive`` (without the system's own
-            search), ``myopic:determinant``, ``myopic:gate``, ``myopic:mean-trace`` (of all tracks, however
-            doubtful: the paper's in Urban), ``myopic:closed-form`` or ``myopic:progressive`` (for
-            action="box", with Gaussian or generalised chirps), ``myopic:slsqp`` or ``myopic:polish`` (for
-            action="box": a search by gradients from 8 drawn points, or from the grid's choice), ``myopic-information``
-            (the most information at which every target has the system's threshold; also with ``:slsqp`` or
-            ``:polish``), ``myopic-margin:M`` (the predicted position stays M standard deviations inside the field of
-            view), ``lookahead:H`` (steps; a system's own plan, or up to a million sequences), or ``optimum``
-            (clairvoyant). Heuristics, with the constants recorded for the suite's systems
-            (``schedulers.tuned_constants``) and otherwise tuned on ``tuning_worlds``: ``weighted-myopic`` (one step
-            ahead, with weights of its own on the elements of the state), ``gain:L``, ``greedy``, ``aware-greedy``,
-            ``cost-of-delay``, ``hold-until-detected``, ``lagrangian-price``, ``adaptive-lagrangian-price``,
-            ``constant-pace``, ``clear-slot-price``, ``searched-rule`` (linear in named forecasts), ``cycle`` and
-            ``best-simple``, the best of them and of ``myopic``. For one beam on a time line:
-            ``round-robin-search``, ``earliest-deadline``, ``van-keuk-blackman``, ``gain-per-second``,
-            ``price-of-time``, ``delay-index``, ``frame-greedy`` and ``searched-dwell``. Planners, with the settings
-            recorded: ``plan-once``, ``rollout:H``, ``receding-horizon``, ``beam:W``, ``mcts:N``, ``tree:H``,
-            ``dwell-rollout:N`` (for one beam on a time line) and ``best-planner``, the best one recorded. A planner
+        name: one of ``MEANINGS``, with a number or a name in place of its capital letter (``lookahead:3``); or of a
+            scheduler registered with ``wavegym.register_scheduler``. Heuristics have the constants recorded for the
+            suite's systems (``schedulers.tuned_constants``), or else are tuned on ``tuning_worlds``. A planner
             improves on the base policy recorded (``best-simple`` unless another is), or on the scheduler after an
-            ``@``: ``rollout:20@myopic``. Any scheduler registered with ``wavegym.register_scheduler``.
+            ``@``: ``rollout:20@myopic``.
         system: what it is to schedule.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
         base: base policy of a planner, in place of the recorded one or the one after an ``@``.
@@ -83,7 +65,7 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
         return _planner(name, system, tuning_worlds, base)
     if name not in SCHEDULERS:
         loops = system.baselines()
-        if check_choice("policy", name, dict.fromkeys((*FORMS, *SCHEDULERS.names(), *loops))) in loops:
+        if check_choice("policy", name, dict.fromkeys((*MEANINGS, *SCHEDULERS.names(), *loops))) in loops:
             scheduler, changed = loops[name]
             raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
     policy = SCHEDULERS.get(name)(system, tuning_worlds)
@@ -225,20 +207,59 @@ PLAIN: dict[str, Callable[[System, Any], Policy]] = {  # of a system, and of wor
     PLANNER: lambda system, worlds: make_policy(planner_name(system), system, worlds),
 }
 SCHEDULERS: Registry[Callable[[System, Any], Policy]] = Registry("scheduler", PLAIN)
-FORMS = (
-    *PLAIN,
-    *PLANS,
-    "fixed:K",
-    "fixed:NAME",
-    "myopic-margin:M",
-    "lookahead:H",
-    "gain:L",
-    "rollout:H",
-    "tree:H",
-    "beam:W",
-    "mcts:N",
-    "dwell-rollout:N",
-)
+MEANINGS = {  # of every name; a capital letter stands for a number or a name
+    "random": "an action drawn uniformly from those allowed",
+    "round-robin": "every constant action in turn",
+    "fixed:K": "the constant action K at every step",
+    "fixed:NAME": "the constant action that the system calls NAME",
+    "best-fixed": "the best constant action on tuning worlds",
+    "tuned-constant": "the best constant action; in a box, improved by a local search",
+    "tuned-cycle": "the best cycle of one to three actions that a search on tuning worlds finds",
+    "myopic": "the least predicted cost one step ahead: the scheduler of the papers",
+    "myopic:exhaustive": "myopic, found by trying every action",
+    "myopic:determinant": "the least determinant of the predicted covariance",
+    "myopic:gate": "the least volume of the validation gate",
+    "myopic:mean-trace": "the least trace of all tracks, however doubtful",
+    "myopic:closed-form": "myopic in closed form, for Gaussian chirps in a box",
+    "myopic:progressive": "myopic, one sensor after the other, for chirps in a box",
+    "myopic:slsqp": "myopic in a box, by gradients from 8 drawn points",
+    "myopic:polish": "myopic in a box, by gradients from the best point of a grid",
+    "myopic-information": "the most information at which every target has the system's threshold",
+    "myopic-information:slsqp": "myopic-information in a box, by gradients from 8 drawn points",
+    "myopic-information:polish": "myopic-information in a box, by gradients from the best point of a grid",
+    "myopic-margin:M": "myopic, with predictions M standard deviations inside the field of view",
+    "lookahead:H": "the least predicted cost over H steps",
+    "optimum": "no scheduler but a lower bound: it knows the future of the world",
+    "weighted-myopic": "one step ahead, with searched weights on the elements of the state",
+    "gain:L": "the least cost of the next L steps, without further measurements",
+    "greedy": "the greatest gain, delays ignored",
+    "aware-greedy": "the greatest gain, divided by a function of the delay",
+    "cost-of-delay": "the greatest loss if the pulse is postponed",
+    "hold-until-detected": "the greatest gain until the target can be measured again",
+    "lagrangian-price": "the greatest gain less a constant price of energy",
+    "adaptive-lagrangian-price": "the greatest gain less the price of energy at which it just lasts",
+    "constant-pace": "the greatest gain at a constant rate of spending",
+    "clear-slot-price": "the greatest gain less a price of energy by the clear slots left",
+    "cycle": "the best cycle of dwells that a search on tuning worlds finds",
+    "searched-rule": "a rule linear in forecasts, with searched weights",
+    "round-robin-search": "for a time line: the oldest track and the next sector in turn",
+    "earliest-deadline": "for a time line: the most overdue track, else a search",
+    "van-keuk-blackman": "for a time line: a track with an uncertain azimuth, else a search",
+    "gain-per-second": "for a time line: the greatest gain per second",
+    "price-of-time": "for a time line: the greatest gain less the price of its time",
+    "delay-index": "for a time line: the greatest loss by a delay",
+    "frame-greedy": "for a time line: a frame of dwells, by marginal gain per second",
+    "searched-dwell": "for a time line: the greatest score of a searched formula",
+    SIMPLE: "the best of the tuned heuristics and of myopic",
+    "rollout:H": "planner: each action, then the base policy, in sampled futures of H steps",
+    "tree:H": "planner: sequences of H actions, then the base policy",
+    "beam:W": "planner: beam search that keeps W sequences",
+    "mcts:N": "planner: Monte-Carlo tree search with N simulated futures",
+    "receding-horizon": "planner: a plan of many steps, improved at every step",
+    "plan-once": "planner: a plan of the whole episode, made at its beginning",
+    "dwell-rollout:N": "planner for a time line: N futures of the dwells of the greatest score",
+    PLANNER: "the planner recorded as the best",
+}
 RENAMED = {  # yesterday's name: today's
     "until-seen": "hold-until-detected",
     "priced": "lagrangian-price",

@@ -20,6 +20,7 @@ from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Greedy
 from wavegym.schedulers.heuristics.l_step import Gain
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
+from wavegym.schedulers.heuristics.rule_features import RuleFeatures
 from wavegym.schedulers.heuristics.searched_rule import SearchedRule, search_rule
 from wavegym.schedulers.heuristics.timeline_grids import (
     SEARCHED_DWELL,
@@ -28,7 +29,7 @@ from wavegym.schedulers.heuristics.timeline_grids import (
 )
 from wavegym.schedulers.heuristics.timeline_rules import SearchedDwell
 from wavegym.schedulers.heuristics.tuning import BUDGET, Constants, Grid, log_cost, tuned
-from wavegym.schedulers.heuristics.weighted_myopic import WeightedMyopic, search_weights
+from wavegym.schedulers.heuristics.weighted_myopic import WeightedMyopic, own_weights, search_weights
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.rollout import allowed, check_equal_steps
 from wavegym.schedulers.simple import Cycle
@@ -102,6 +103,11 @@ def _myopic() -> Heuristic:
 
 
 QUICK = Search()
+SEARCHES: dict[str, Callable[[System], Any]] = {  # heuristics that have no constants to start from: what they need
+    "cycle": lambda system: system.constants(),
+    WeightedMyopic.name: own_weights,
+    SearchedRule.name: RuleFeatures,
+}
 TIMELINE = (*(rule.name for rule, *_ in TIMELINE_RULES), SearchedDwell.name)  # for one beam on a time line
 HEURISTICS: dict[str, TunableHeuristic] = {
     "myopic": TunableHeuristic(_myopic, {}, {}),
@@ -204,8 +210,7 @@ def _tuned(
 ) -> tuple[Constants, dict[str, Any]]:
     """The constants, and what CMA-ES spent on them, if it did."""
     heuristic = HEURISTICS[name]
-    if name in ("cycle", WeightedMyopic.name, SearchedRule.name):
-        check_equal_steps(f"heuristic {name!r}", system)
+    check(name, system, worlds)
     if name == "cycle":
         return {"actions": best_dwell(system, worlds).tolist()}, {}
     most = min(check_int("worlds", search.worlds, 1), heuristic.worlds or search.worlds)
@@ -216,7 +221,6 @@ def _tuned(
         budget = search.budget()
         weights = search_weights(system, trees.first(worlds, most), budget, search.seed)
         return weights, _spent(budget.evaluations, budget.used, most)
-    check(name, system, worlds)
     starts = (heuristic.start, *heuristic.also)
     if heuristic.intervals:
         few, budget = trees.first(worlds, most), search.budget()
@@ -237,7 +241,9 @@ def _spent(evaluations: int, seconds: float, worlds: int) -> dict[str, Any]:
 
 def check(name: str, system: System, worlds: Any) -> None:
     """Raise an InputError where the heuristic ``name`` cannot be computed, or not be tuned in reasonable time."""
-    if name == "cycle":
+    if name in SEARCHES:
+        check_equal_steps(f"heuristic {name!r}", system)
+        SEARCHES[name](system)
         return
     if name == "gain" and len(system.candidates()) * system.horizon > MOST:
         wanted = f"at most {MOST} beliefs predicted in an episode (nearest: 'gain:L')"

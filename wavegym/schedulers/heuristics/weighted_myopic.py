@@ -45,7 +45,7 @@ class WeightedMyopic(Heuristic):
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         super().begin(system, num_envs, rng)
-        given = _weights(system)
+        given = own_weights(system)
         if len(given) != len(self.weights):
             raise impossible(self.name, system, f"it has {len(given)} weights, not {len(self.weights)}")
         self._myopic.begin(replace(self.system, weights=self.weights), num_envs, rng)
@@ -67,7 +67,7 @@ def search_weights(system: System, worlds: Any, budget: Budget, seed: int = 0) -
     Raises:
         InputError: see ``WeightedMyopic``.
     """
-    given = _weights(system)
+    given = own_weights(system)
     start = np.log(np.maximum(given / given.max(), LEAST))
     is_free = np.arange(len(given)) != given.argmax()
 
@@ -82,7 +82,7 @@ def search_weights(system: System, worlds: Any, budget: Budget, seed: int = 0) -
     return constants(minimised(cost, start[is_free], SIGMA, budget, 1.0, seed).point)
 
 
-def _weights(system: Any) -> Array:
+def own_weights(system: Any) -> Array:
     """The weights of the system's cost, (n,). Raises an InputError where the rule cannot replace them."""
     require(WeightedMyopic.name, system, LinearCost)
     given = np.asarray(system.weights, np.float64)

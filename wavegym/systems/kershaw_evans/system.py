@@ -522,7 +522,7 @@ def _believed(step: Array, estimate: Estimate) -> Belief:
 
 @system_parameters
 class KershawEvansPosition(KershawEvans):
-    """Kershaw & Evans's loop where looking ahead pays: only position counts, and the target manoeuvres.
+    """Kershaw & Evans's loop with a target that manoeuvres; only the error in position counts.
 
     Description
         As wavegym/KershawEvans-v0 with a position-only cost, q = 100 m^2/s^3 and sweeps up to 1 MHz. A long pulse
