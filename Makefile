@@ -102,7 +102,8 @@ paper-%: $(READY)
 	$(BIN)/python -m papers $* $(if $(PAGE),$(PAPER_OPTIONS_$*)) --out $(OUT)/$*
 ifdef PAGE
 	mkdir -p results/$*
-	cp $(OUT)/$*/summary.json $(OUT)/$*/figure*.csv results/$*/
+	cp $(OUT)/$*/summary.json results/$*/
+	for f in $(OUT)/$*/figure*.csv; do xz -9c $$f > results/$*/$$(basename $$f).xz || exit; done
 	for f in $(OUT)/$*/figure*.png; do cp $$f docs/images/$*_$$(basename $$f) || exit; done
 	$(BIN)/python -m papers.page results/$*/summary.json docs/papers/$*.md
 endif

@@ -16,6 +16,7 @@ from benchmarks.steps import read as read_speeds
 from benchmarks.steps import table as speed_table
 from wavegym.core.command_line import Parser, guarded
 from wavegym.envs.describe import describe, summary, table
+from wavegym.evaluation.account import TABLE
 from wavegym.evaluation.files import write_whole
 from wavegym.registration import SYSTEMS, stem
 
@@ -44,7 +45,7 @@ def page(env_id: str) -> str:
     picture = IMAGES / f"{stem(env_id)}.webp"
     if picture.exists():
         parts.append(f"![an episode, step after step](../images/{picture.name})")
-    if (HEADROOM / f"{env_id.partition('/')[2]}.csv").exists():
+    if (HEADROOM / f"{env_id.partition('/')[2]}{TABLE}").exists():
         parts.append(scores(entry(env_id)))
     parts.append(rest)
     if speeds := [speed for speed in read_speeds() if speed.environment == stem(env_id)]:
