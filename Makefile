@@ -97,6 +97,7 @@ results: $(READY)
 
 # Play the saved agents on the worlds of `make headroom`, and renew the tables in which both meet.
 leaderboard: $(READY)
+	$(BIN)/python -m agents.experiment --train RfEoFar  # two seeds are not kept in the repository
 	$(BIN)/python -m agents.leaderboard
 
 # Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: with the runs of the docs, and renew their pages.
@@ -111,7 +112,8 @@ paper-%: $(READY)
 	$(BIN)/python -m research.papers $* $(if $(PAGE),$(PAPER_OPTIONS_$*)) --out $(OUT)/$*
 ifdef PAGE
 	mkdir -p results/$*
-	cp $(OUT)/$*/summary.json $(OUT)/$*/figure*.csv results/$*/
+	cp $(OUT)/$*/summary.json results/$*/
+	for f in $(OUT)/$*/figure*.csv; do xz -9c $$f > results/$*/$$(basename $$f).xz || exit; done
 	for f in $(OUT)/$*/figure*.png; do cp $$f docs/images/$*_$$(basename $$f) || exit; done
 	$(BIN)/python -m research.papers.page results/$*/summary.json docs/papers/$*.md
 endif

@@ -29,7 +29,7 @@ from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.play import Account
-from wavegym.evaluation.report import episodes, read_accounts
+from wavegym.evaluation.report import TABLE, compressed, read_accounts
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import (
     decimal,
@@ -61,7 +61,7 @@ def play(env_id: str, jobs: int) -> None:
     for algo, folder in saved(env_id).items():
         settings = environment_of(folder)
         comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD, **settings)
-        files[f"{stem(env_id)}-{algo}.csv"] = episodes(comparison).encode()
+        files[f"{stem(env_id)}-{algo}{TABLE}"] = compressed(comparison.accounts())
     write_whole(LEADERBOARD, files)
 
 
@@ -139,9 +139,9 @@ def _bootstrap() -> np.random.Generator:
 def entry(env_id: str) -> Entry:
     """The results in one environment."""
     name = env_id.rpartition("/")[2]
-    accounts = read_accounts(HEADROOM / f"{name}.csv")
+    accounts = read_accounts(HEADROOM / f"{name}{TABLE}")
     for algo in LEARNERS:
-        file = LEADERBOARD / f"{stem(env_id)}-{algo}.csv"
+        file = LEADERBOARD / f"{stem(env_id)}-{algo}{TABLE}"
         if file.exists():
             read = read_accounts(file)
             accounts |= {algo: read[algo], _rival(algo): read[BASELINE]}
@@ -340,11 +340,11 @@ def play_and_renew(
 
     Args:
         parser: of the command line, without options yet.
-        played: folder with a file ID.csv for each environment that may be named.
+        played: folder with a table ID.csv or ID.csv.xz for each environment that may be named.
         play: of the environment's name and the number of processes.
         renew: of all names.
     """
-    known = sorted(file.stem.removesuffix("-v0") for file in played.glob("*.csv"))
+    known = sorted({file.name.partition(".")[0].removesuffix("-v0") for file in played.glob("*.csv*")})
     parser.add_argument("names", nargs="*", metavar="ENVIRONMENT", help="which (default: all)")
     add_worker_options(parser, jobs=2)
     parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")
@@ -360,7 +360,7 @@ def main() -> None:
     parser = Parser(
         prog="python -m agents.leaderboard", description="Trained agents and analytic schedulers in one table."
     )
-    ladders = [env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}.csv").exists()]
+    ladders = [env_id for env_id in SYSTEMS if (HEADROOM / f"{env_id.rpartition('/')[2]}{TABLE}").exists()]
     wanted = "environments (default: those of the suite that `make headroom` played)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=ladders, help=wanted)
     add_worker_options(parser, jobs=2)

@@ -1,11 +1,13 @@
-"""Copy the agents that the package brings along: ``python -m agents.package``.
+"""Move new agents into the package: ``python -m agents.package``.
 
-The first training seed of every (environment, algorithm) under results/runs goes to wavegym/policies/pretrained. The
-seed is always 0, never the best one: the package's agents are a fair sample of the ones in the tables.
+The first training seed of every (environment, algorithm) under results/runs goes to wavegym/policies/pretrained. A link
+takes its place, so each file exists once. The seed is always 0, never the best one: the package's agents are a fair
+sample of the ones in the tables.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -19,23 +21,28 @@ SEED = "seed0"
 
 
 def sources() -> dict[Path, Path]:
-    """The run folder in results/runs for each folder of the package."""
+    """The run folder in results/runs, or the link, for each folder of the package."""
     names = [stem(env_id) for env_id in SYSTEMS]
     pairs = {FOLDER / name / algo: run_folder(name, algo) / SEED for name in names for algo in ALGORITHMS}
     return {packaged: run for packaged, run in pairs.items() if run.is_dir()}
 
 
+def move(run: Path, packaged: Path) -> None:
+    """Move the agent of a finished run, and make the run's folder a link to it. Its checkpoints are deleted."""
+    packaged.mkdir(parents=True, exist_ok=True)
+    for name in FILES:
+        (run / name).replace(packaged / name)
+    shutil.rmtree(run)
+    run.symlink_to(os.path.relpath(packaged, run.parent), target_is_directory=True)
+
+
 def package() -> None:
-    """Replace the package's agents."""
-    Parser(prog="python -m agents.package", description="Copy seed 0 of each agent into the package.").read(None)
-    for old in FOLDER.iterdir():
-        if old.is_dir():
-            shutil.rmtree(old)
+    """Move every run that is no link yet."""
+    Parser(prog="python -m agents.package", description="Move seed 0 of each new agent into the package.").read(None)
     for packaged, run in sources().items():
-        packaged.mkdir(parents=True)
-        for name in FILES:
-            shutil.copyfile(run / name, packaged / name)
-        print(packaged.relative_to(FOLDER))
+        if not run.is_symlink():
+            move(run, packaged)
+            print(packaged.relative_to(FOLDER))
 
 
 if __name__ == "__main__":

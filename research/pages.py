@@ -22,6 +22,7 @@ from wavegym.core.loading import load_object
 from wavegym.envs.describe import describe, summary, table
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.report import TABLE
 from wavegym.evaluation.table import signed
 from wavegym.learning.settings import FILE, PPOSettings, load_settings
 from wavegym.registration import NAMESPACE, SYSTEMS, stem
@@ -55,7 +56,7 @@ def page(env_id: str) -> str:
     picture = IMAGES / f"{stem(env_id)}.webp"
     if picture.exists():
         parts.append(f"![an episode, step after step](../images/{picture.name})")
-    if (HEADROOM / f"{env_id.partition('/')[2]}.csv").exists():
+    if (HEADROOM / f"{env_id.partition('/')[2]}{TABLE}").exists():
         parts.append(scores(entry(env_id)))
     parts.append(rest)
     if speeds := [speed for speed in read_speeds() if speed.environment == stem(env_id)]:
@@ -70,7 +71,7 @@ def front() -> str:
     rows = []
     for env_id, record in SYSTEMS.items():
         name, cells = env_id.removeprefix(NAMESPACE), ("", "")
-        if (HEADROOM / f"{name}.csv").exists():
+        if (HEADROOM / f"{name}{TABLE}").exists():
             e = entry(env_id)
             cells = f"{signed(e.against(SIMPLE, BASELINE).value)} %", foresight(e)
         about = summary(load_object("system", record.system))

@@ -20,7 +20,7 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.report import read_accounts
+from wavegym.evaluation.report import TABLE, read_accounts
 from wavegym.evaluation.table import tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
 
@@ -51,13 +51,13 @@ def _holds(interval: statistics.Interval | None, value: float | None) -> bool:
 
 def names() -> list[str]:
     """The environments with an agent whose episodes are kept."""
-    return sorted(file.name.removesuffix("-ppo.csv") for file in LEADERBOARD.glob("*-ppo.csv"))
+    return sorted(file.name.removesuffix(f"-ppo{TABLE}") for file in LEADERBOARD.glob(f"*-ppo{TABLE}"))
 
 
 def row(name: str) -> list[str]:
     """An environment's line: the coverage of PPO's first training seed against the best simple rule."""
-    own = read_accounts(LEADERBOARD / f"{name}-ppo.csv")["ppo"].cost[:1]
-    others = read_accounts(HEADROOM / f"{name}-v0.csv")[SIMPLE].cost[:1]
+    own = read_accounts(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost[:1]
+    others = read_accounts(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost[:1]
     if (own == others).all():
         return [name, "equal costs", ""]
     return [name, *map(said, covered(own, others))]

@@ -16,7 +16,7 @@ from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, saved
 from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import Account
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.report import compressed
 from wavegym.schedulers import Lookahead, Myopic
 from wavegym.schedulers.tuned_constants import recorded
 from wavegym.systems.kershaw_evans.system import KershawEvans
@@ -49,7 +49,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     monkeypatch.setattr(leaderboard, "PAGE", tmp_path / "PAGE")
     policies = {"best-simple": Myopic(), "best-planner": Lookahead(2)}
     ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
-    (tmp_path / "headroom" / "KershawEvansPosition-v0.csv").write_text(episodes(ladder))
+    (tmp_path / "headroom" / "KershawEvansPosition-v0.csv.xz").write_bytes(compressed(ladder.accounts()))
     return tmp_path
 
 
@@ -177,8 +177,8 @@ def test_errors_orders_and_consistency_follow_from_the_accounts(monkeypatch: pyt
 
 
 def test_a_missing_ladder_is_named(folders: Path) -> None:
-    (folders / "headroom" / "KershawEvansPosition-v0.csv").unlink()
-    with pytest.raises(InputError, match=r"KershawEvansPosition-v0\.csv is missing, expected it from `make headroom`"):
+    (folders / "headroom" / "KershawEvansPosition-v0.csv.xz").unlink()
+    with pytest.raises(InputError, match=r"Position-v0\.csv\.xz is missing, expected it from `make headroom`"):
         leaderboard.entry(ID)
 
 

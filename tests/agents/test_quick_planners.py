@@ -10,7 +10,7 @@ import pytest
 from agents import quick_planners
 from wavegym.evaluation import compare
 from wavegym.evaluation.planner_sweep import Setting, Swept, as_csv
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.report import compressed
 from wavegym.schedulers import Fixed, Lookahead, Myopic
 
 NAME, ID = "KershawEvansPosition", "wavegym/KershawEvansPosition-v0"
@@ -47,8 +47,8 @@ def test_the_costs_are_those_of_the_planner(folder: Path) -> None:
     quick_planners.play(NAME, jobs=1)
     policies = {"best-simple": Myopic(), "ppo": Fixed(0), "planner": Lookahead(2)}
     again = compare(ID, policies, worlds=4, jobs=1, progress=False)
-    for file in (f"LEADERBOARD/{NAME}-ppo.csv", f"HEADROOM/{NAME}-v0.csv"):
-        (folder / file).write_text(episodes(again))
+    for file in (f"LEADERBOARD/{NAME}-ppo.csv.xz", f"HEADROOM/{NAME}-v0.csv.xz"):
+        (folder / file).write_bytes(compressed(again.accounts()))
     quick_planners.renew([NAME])
     (row,) = [line for line in (folder / "page.md").read_text().splitlines() if line.startswith(f"| {NAME}")]
     cells = [cell.strip() for cell in row.strip("|").split("|")]

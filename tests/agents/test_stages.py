@@ -12,7 +12,7 @@ from runs_for_tests import ID
 
 from agents import stages
 from wavegym.evaluation import compare
-from wavegym.evaluation.report import episodes
+from wavegym.evaluation.report import compressed
 from wavegym.schedulers import Myopic
 
 NAME = "KershawEvansPosition"
@@ -40,7 +40,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     (tmp_path / "PAGE").write_text(f"before\n{stages.START}\n{stages.END}\nafter\n")
     monkeypatch.setattr(stages, "PAGE", tmp_path / "PAGE")
     ladder = compare(ID, {"best-simple": Myopic()}, worlds=4, jobs=1, progress=False, horizon=7)
-    (tmp_path / "headroom" / f"{NAME}-v0.csv").write_text(episodes(ladder))
+    (tmp_path / "headroom" / f"{NAME}-v0.csv.xz").write_bytes(compressed(ladder.accounts()))
     return tmp_path
 
 
@@ -62,8 +62,11 @@ def test_the_settings_say_which_stage_an_agent_is(folders: Path, settings: dict[
 def test_each_stage_is_compared_with_the_best_simple_rule(folders: Path) -> None:
     assert stages.learner(NAME, "ppo", "scratch") == "ppo"
     stages.play(NAME, jobs=1)
-    files = {file.stem for file in (folders / "leaderboard").iterdir()}
-    assert files == {f"{NAME}-ppo-both", f"{NAME}-ppo-imitation"}  # the saved agent's are `make leaderboard`'s
+    files = {file.name for file in (folders / "leaderboard").iterdir()}
+    assert files == {
+        f"{NAME}-ppo-both.csv.xz",
+        f"{NAME}-ppo-imitation.csv.xz",
+    }  # not the saved agent's
     again = compare(ID, {"ppo": folders / "runs" / NAME / "ppo-both"}, worlds=4, jobs=1, progress=False, horizon=7)
     simple = compare(ID, {"best-simple": Myopic()}, worlds=4, jobs=1, progress=False, horizon=7).cost("best-simple")
     percent = 100.0 * np.expm1(np.log(again.cost("ppo") / simple).mean())

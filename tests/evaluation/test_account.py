@@ -1,4 +1,4 @@
-"""Accounts are what was played, from memory or from episodes.csv."""
+"""Accounts are what was played, from memory, from episodes.csv or from a compressed table."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare
-from wavegym.evaluation.report import episodes, read_accounts
+from wavegym.evaluation.report import TABLE, compressed, episodes, read_accounts
 from wavegym.schedulers import Fixed
 
 
 def test_a_file_holds_every_figure(tmp_path: Path) -> None:
     comparison = compare("tests/Measured-v0", {"learner": [Fixed(0), Fixed(1)]}, worlds=6, jobs=1, progress=False)
-    file = tmp_path / "episodes.csv"
+    file, table = tmp_path / "episodes.csv", tmp_path / f"learner{TABLE}"
     file.write_text(episodes(comparison))
-    read = read_accounts(file)
+    table.write_bytes(compressed(comparison.accounts()))
+    assert compressed(read_accounts(file)) == compressed(read_accounts(table)) == table.read_bytes()
+    read = read_accounts(table)
     assert list(read) == ["myopic", "learner"]
     for name, account in read.items():
         own = comparison.account(name)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import gymnasium as gym
 import pytest
 
 import wavegym
-from agents.package import sources
+from agents.package import move, sources
 from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.policy import Policy
 from wavegym.policies.pretrained import FILES, FOLDER, pretrained_folder
@@ -22,8 +24,17 @@ def test_they_are_seed_0_of_every_run_in_the_results() -> None:
     assert len(copied) == 2 * len(PACKAGED) == 50
     for packaged, run in sources().items():
         assert read_run(packaged / RUN)["seed"] == 0
-        for name in FILES:
-            assert (packaged / name).read_bytes() == (run / name).read_bytes()
+        assert (run.is_symlink(), run.resolve()) == (True, packaged.resolve())
+
+
+def test_a_new_agent_is_moved_and_linked(tmp_path: Path) -> None:
+    run, packaged = tmp_path / "runs" / "ppo" / "seed0", tmp_path / "pretrained" / "ppo"
+    run.mkdir(parents=True)
+    for name in (*FILES, "curve.csv"):
+        (run / name).write_text(name)
+    move(run, packaged)
+    assert run.resolve() == packaged.resolve()
+    assert {file.name: file.read_text() for file in run.iterdir()} == {name: name for name in FILES}
 
 
 @pytest.mark.parametrize(("env_id", "algo"), PACKAGED)

@@ -55,6 +55,10 @@ class Comparison:
         """Every figure of every episode, (member, world) each."""
         return account_of(self.played[name])
 
+    def accounts(self) -> dict[str, Account]:
+        """The accounts of all policies, by name."""
+        return {name: self.account(name) for name in self.played}
+
 
 def compare(
     env_id: str,

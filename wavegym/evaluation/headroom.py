@@ -7,8 +7,6 @@ are compared in pairs, against the best heuristic.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import sys
 from collections.abc import Sequence
@@ -26,9 +24,9 @@ from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison, compare
 from wavegym.evaluation.consistency import reversals
-from wavegym.evaluation.files import csv_text, write_whole
+from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import Account
-from wavegym.evaluation.report import episodes, read_accounts
+from wavegym.evaluation.report import TABLE, compressed, read_accounts
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
@@ -64,35 +62,24 @@ class Kept(NamedTuple):
 
     accounts: dict[str, Account]
     rows: dict[str, Any]  # of ID.json, by policy
-    episodes: list[dict[str, str]]  # rows of ID.csv
 
     @classmethod
     def of(cls, folder: Path, name: str, again: Sequence[str], root: int, worlds: int) -> Kept:
-        """The policies in a folder's ``name.json`` and ``name.csv`` but for ``again``.
+        """The policies in a folder's ``name.json`` and ``name.csv.xz`` but for ``again``.
 
         Raises:
             InputError: a missing file, or one of other worlds.
         """
-        accounts = read_accounts(folder / f"{name}.csv")
+        accounts = read_accounts(folder / f"{name}{TABLE}")
         found = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
         if (on_file := (found["seed"], found["worlds"])) != (root, worlds):
             raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(root, worlds)}")
         others = [policy for policy in accounts if policy not in again]
-        lines = io.StringIO((folder / f"{name}.csv").read_text(encoding="utf-8"))
-        return cls(
-            {policy: accounts[policy] for policy in others},
-            {policy: found["policies"][policy] for policy in others},
-            [row for row in csv.DictReader(lines) if row["policy"] in others],
-        )
-
-    def joined(self, text: str) -> str:
-        """The episodes ``text`` and those on file, in the columns of ``text``; an older file may lack some."""
-        rows = csv.reader(io.StringIO(text))
-        columns = next(rows)
-        return csv_text(columns, [*rows, *([row.get(name, "") for name in columns] for row in self.episodes)])
+        rows = found["policies"]
+        return cls({policy: accounts[policy] for policy in others}, {policy: rows[policy] for policy in others})
 
 
-NOTHING = Kept({}, {}, [])
+NOTHING = Kept({}, {})
 
 
 def ladder(
@@ -149,7 +136,7 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
         kept: of other policies on the same worlds.
     """
     system = comparison.task.system
-    accounts = {**kept.accounts, **{name: comparison.account(name) for name in comparison.played}}
+    accounts = {**kept.accounts, **comparison.accounts()}
     rows = {}
     for name, account in accounts.items():
         rng = np.random.default_rng([comparison.root, word("bootstrap")])
@@ -191,7 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
     parser.add_argument("--policies", default="", help="play these alone; the others keep what is on file in --out")
     add_worker_options(parser)
-    parser.add_argument("--out", type=Path, required=True, help="folder for ID.json and ID.csv")
+    parser.add_argument("--out", type=Path, required=True, help="folder for ID.json and ID.csv.xz")
     read = parser.read(arguments)
     again = tuple(check_choice("policy", name, LADDER) for name in read.policies.split(",") if name)
     tasks = [make_task(env_id, {}) for env_id in read.ids]
@@ -203,8 +190,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs, names=names, keep=read.out)
         found = figures(comparison, kept)
         text = json.dumps(found, indent=2, allow_nan=False) + "\n"
-        files = {f"{name}.json": text.encode(), f"{name}.csv": kept.joined(episodes(comparison)).encode()}
-        write_whole(read.out, files)
+        accounts = {**comparison.accounts(), **kept.accounts}
+        write_whole(read.out, {f"{name}.json": text.encode(), f"{name}{TABLE}": compressed(accounts)})
         best = found["policies"]["best-planner"]["vs_simple_percent"]
         print(f"{name}: the best planner costs {best:+.1f} % of the best simple rule's cost")
 

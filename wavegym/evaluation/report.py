@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import lzma
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from wavegym.evaluation.summary import summarise
 from wavegym.evaluation.table import markdown
 
 COLUMNS = ("policy", "member", "world", "seed", "steps", *BY_EPISODE)
+TABLE = ".csv.xz"  # suffix of the suite's own results
 FAVOURITE = ("favourite", "favourite_share")
 
 
@@ -88,8 +91,19 @@ def _rows(played: Played, labels: tuple[str, ...]) -> list[list[Any]]:
     return rows
 
 
+def compressed(accounts: Mapping[str, Account]) -> bytes:
+    """A file ``TABLE`` with every digit of the accounts, by policy; the same accounts give the same bytes."""
+    rows = (
+        [name, member, *("" if np.isnan(value) else value for value in values)]
+        for name, account in accounts.items()
+        for member, table in enumerate(np.stack(account, axis=2).tolist())
+        for values in table
+    )
+    return lzma.compress(csv_text(("policy", "member", *BY_EPISODE), rows).encode(), preset=9)
+
+
 def read_accounts(file: Path) -> dict[str, Account]:
-    """The accounts in an episodes.csv by policy. A column that an older file lacks is NaN.
+    """The accounts by policy in an episodes.csv or a file ``TABLE``. A column that the file lacks is NaN.
 
     Raises:
         InputError: the file is missing.
@@ -97,7 +111,8 @@ def read_accounts(file: Path) -> dict[str, Account]:
     if not file.exists():
         raise InputError(f"{file} is missing, expected it from `make headroom` or `python -m agents.leaderboard`")
     rows: dict[str, dict[int, list[list[float]]]] = {}
-    with file.open(newline="", encoding="utf-8") as lines:
+    opened = lzma.open if file.suffix == ".xz" else open
+    with opened(file, "rt", newline="", encoding="utf-8") as lines:
         for row in csv.DictReader(lines):
             members = rows.setdefault(row["policy"], {})
             members.setdefault(int(row["member"]), []).append([float(row.get(key) or "nan") for key in BY_EPISODE])

@@ -37,7 +37,7 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
         commonest first; ``us_per_decision``, microseconds for one decision in batches of worlds, the only figure taken
         from a clock, so another run does not repeat it. Intervals are [low, high] at 95 %.
     """
-    accounts = {name: comparison.account(name) for name in comparison.played}
+    accounts = comparison.accounts()
     return {
         "env": comparison.task.env_id,
         "settings": {key: _plain(value) for key, value in comparison.task.settings.items()},

@@ -45,11 +45,11 @@ def test_every_package_offers_the_same(paper):
 
 def test_pictures_and_data_of_the_page_are_in_the_repository(paper):
     for name in load(paper).FILES:
-        place = (
-            ROOT / "docs" / "images" / f"{paper}_{name}" if name.endswith("png") else ROOT / "results" / paper / name
-        )
+        is_picture = name.endswith("png")
+        kept = f"{name}.xz" if name.endswith("csv") else name
+        place = ROOT / "docs" / "images" / f"{paper}_{name}" if is_picture else ROOT / "results" / paper / kept
         assert place.is_file()
-        if name.endswith("png"):
+        if is_picture:
             assert f"(../images/{place.name})" in (ROOT / "docs" / "papers" / f"{paper}.md").read_text()
 
 

@@ -1,6 +1,7 @@
 """Trained agents that come with the package: training seed 0 of PPO and DQN in each environment that has them.
 
-``ENVIRONMENT/ALGORITHM/`` holds policy.npz and run.json. ``python -m agents.package`` copies them from results/runs.
+``ENVIRONMENT/ALGORITHM/`` holds policy.npz and run.json of the first training seed. ``python -m agents.package`` moves
+them here from results/runs, where a link stays.
 """
 
 from __future__ import annotations
