@@ -83,14 +83,6 @@ def penalty_one(kind, x, low, high, sharpness, height):
 
 
 @inlined
-def penalty_of(kind, x, low, high, sharpness, height):
-    """``penalty_one``, at once where x is so far inside that no penalty counts."""
-    if kind != LOG_BARRIER and 2.0 * sharpness * min(x - low, high - x) >= NEGLIGIBLE * high:
-        return 0.0
-    return penalty_one(kind, x, low, high, sharpness, height)
-
-
-@inlined
 def view_one(prf, bandwidth, pixel_angle, wavelength, fft_length, pixels, printed, j, variance, low, high):
     """Fill row j of variance, low and high (p, 3) from a platform's settings."""
     r, rdot = HALF_C / bandwidth, 0.5 * wavelength * prf / fft_length

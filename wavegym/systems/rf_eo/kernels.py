@@ -12,7 +12,7 @@ import numpy as np
 from wavegym.core.copy_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import apparent
-from wavegym.sensors.platform_kernels import penalty_of, polar
+from wavegym.sensors.platform_kernels import penalty_one, polar
 from wavegym.systems.rf_eo.look_kernels import (
     aim_all,
     hidden_half,
@@ -68,8 +68,8 @@ def receive_one(t, i, truth, h, error, places, view, true_view, fence, rules, tr
                 continue
             R[a] = variance[j, q]
             if rules.inflated:
-                R[a] += penalty_of(rules.penalty, h[a], low[j, q], high[j, q], fence[0, q], fence[1, q])
-                drawn += penalty_of(rules.penalty, true[q], lo, hi, fence[0, q], fence[1, q])
+                R[a] += penalty_one(rules.penalty, h[a], low[j, q], high[j, q], fence[0, q], fence[1, q])
+                drawn += penalty_one(rules.penalty, true[q], lo, hi, fence[0, q], fence[1, q])
             z[a] = true[q] + np.sqrt(drawn) * error[j, t, q]
             received += 1
     return received
@@ -246,10 +246,12 @@ def observe(mean, P, looks, scene, out, nn):
             out[e, column] = V[t, 0, 0] + V[t, 2, 2]
             out[e, column + 1] = V[t, 1, 1] + V[t, 3, 3]
             column += 2
-            for a in range(rows):
-                out[e, column] = max(abs(h[a]), FAINT)
-                out[e, column + 1] = max(spread_of(a % 3, t, V, H, a), FAINT * FAINT)
-                column += 2
+            for j in range(places.shape[0]):
+                for q in range(3):
+                    a = 3 * j + q
+                    out[e, column] = max(abs(h[a]), FAINT)
+                    out[e, column + 1] = max(spread_of(q, t, V, H, a), FAINT * FAINT)
+                    column += 2
 
 
 @inlined

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.kernels import inlined, kernel
+from wavegym.core.kernels import inlined
 from wavegym.sensors.folding_kernels import certain_fold_one, outside_notch_one
-from wavegym.sensors.platform_kernels import penalty_of, polar, polar_rows, view_one, wrapped
+from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
 from wavegym.trackers.polar_kernels import state_gradient, state_point
 from wavegym.trackers.rank_one_kernels import gain_one, spread_one
 
@@ -141,10 +141,10 @@ def predicted_variance(value, spread, variance, low, high, q, fence, rules):
     if rules.folding and q < 2:
         return variance
     if rules.margin == 0.0:
-        return variance + penalty_of(rules.penalty, value, low, high, fence[0, q], fence[1, q])
+        return variance + penalty_one(rules.penalty, value, low, high, fence[0, q], fence[1, q])
     reach = rules.margin * np.sqrt(spread)
-    upper = penalty_of(rules.penalty, value + reach, low, high, fence[0, q], fence[1, q])
-    lower = penalty_of(rules.penalty, value - reach, low, high, fence[0, q], fence[1, q])
+    upper = penalty_one(rules.penalty, value + reach, low, high, fence[0, q], fence[1, q])
+    lower = penalty_one(rules.penalty, value - reach, low, high, fence[0, q], fence[1, q])
     return variance + max(upper, lower)
 
 
@@ -172,14 +172,14 @@ def visible_one(value, variance, width, half):
 
 
 @inlined
-def seen_one(r, rdot, r_variance, rdot_variance, farthest, fastest, rules):
+def seen_one(r, rdot, r_variance, rdot_variance, high, j, rules):
     """The probability that platform j's radar sees a target of this predicted range and range-rate.
 
     Outside its blind zones and outside its notch; their correlation is left out of account. 1 without folding.
     """
     if not rules.folding:
         return 1.0
-    W0, W1 = width_of(0, farthest, rules), width_of(1, fastest, rules)
+    W0, W1 = width_of(0, high[j, 0], rules), width_of(1, high[j, 1], rules)
     return visible_one(r, r_variance, W0, hidden_half(0, W0, rules)) * visible_one(
         rdot, rdot_variance, W1, hidden_half(1, W1, rules)
     )
@@ -211,7 +211,7 @@ def information_one(i, P, h, H, variance, low, high, fence, rules):
         a = 3 * j
         if h[a] >= rules.nearest:
             r_variance, rdot_variance = spread_of(0, i, P, H, a), spread_of(1, i, P, H, a + 1)
-            seen = seen_one(h[a], h[a + 1], r_variance, rdot_variance, high[j, 0], high[j, 1], rules)
+            seen = seen_one(h[a], h[a + 1], r_variance, rdot_variance, high, j, rules)
             for q in range(3):
                 g = spread_of(q, i, P, H, a + q)
                 R = predicted_variance(h[a + q], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)

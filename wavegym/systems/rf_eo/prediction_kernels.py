@@ -71,7 +71,7 @@ def predict(step, mean, P, settings, F, Q, places, fence, rules, stay, x, P_out,
                         spread = spread_of(q, t, V, H[t], a)
                     if rules.folding and q == 0:
                         r_variance, rdot_variance = spread_of(0, t, V, H[t], a), spread_of(1, t, V, H[t], a + 1)
-                        seen = seen_one(h[t, a], h[t, a + 1], r_variance, rdot_variance, high[j, 0], high[j, 1], rules)
+                        seen = seen_one(h[t, a], h[t, a + 1], r_variance, rdot_variance, high, j, rules)
                     value = off_look(h[t, a], own[c, j, 3], q)
                     R = predicted_variance(value, spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
                     g = gain_of(q, t, out, H[t], a, v, nn)

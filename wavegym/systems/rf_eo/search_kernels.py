@@ -68,7 +68,7 @@ def tabulate(V, h, H, looks, axes, fence, rules, tables, spread):
         for j in range(seen.shape[1]):
             a = 3 * j
             for g in range(axes.shape[1]):
-                seen[t, j, g] = seen_one(h[t, a], h[t, a + 1], spread[t, a], spread[t, a + 1], high[g, 0], high[g, 1], rules)
+                seen[t, j, g] = seen_one(h[t, a], h[t, a + 1], spread[t, a], spread[t, a + 1], high, g, rules)
 
 
 @kernel
