@@ -180,11 +180,13 @@ def test_what_is_no_tracker_is_refused() -> None:
 
 
 def test_pulses_of_ones_own() -> None:
-    """A library of generalised chirps in place of Gaussian ones; schedulers try these."""
+    """A library of generalised chirps in place of Gaussian ones; schedulers try these. No warning is raised."""
     pulses = tuple(TrapezoidChirp(kind=kind, duration=100e-6, sweep=1e6) for kind in ("lfm", "hfm", "efm"))
     env = gym.make_vec("wavegym/KershawEvans-v0", num_envs=2, library=Library(pulses))
     assert env.single_action_space.n == 3
     assert env.unwrapped.system.actions.labels[1] == pulses[1].label
+    env.reset(seed=1)
+    env.step(np.array([0, 2]))
     comparison = compare(
         "wavegym/KershawEvans-v0", ["lookahead:2"], worlds=3, jobs=1, library=Library(pulses), horizon=5
     )

@@ -186,4 +186,4 @@ def run() -> dict[str, tuple[Ratio, float | None]]:
     p = problem()
     check(p)
     name = f"particle filter step, 2 targets x {PARTICLES} particles, 2 sensors x 4 returns"
-    return {name: (compare(lambda: ours(p, 200), lambda: peers(p, 50)), 3.5)}
+    return {name: (compare(lambda: ours(p, 200), lambda: peers(p, 50)), 2.5)}

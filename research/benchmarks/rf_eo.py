@@ -256,7 +256,7 @@ def against_filterpy() -> dict[str, tuple[Ratio, float | None]]:
         ),
         f"RfEo step with info and resets, batch of {BATCH}": (
             compare(lambda: vector_step(envs, actions), lambda: simulate(Filterpy())),
-            200.0,
+            100.0,
         ),
         f"RfEo world and trackers alone, batch of {BATCH}": (
             compare(lambda: transition(envs, actions), lambda: simulate(Filterpy(), returned=False)),
@@ -271,7 +271,7 @@ def against_stone_soup() -> dict[str, tuple[Ratio, float | None]]:
     envs.reset(seed=0)
     actions = np.tile(WIDE, (BATCH, 1))
     ratio = compare(lambda: vector_step(envs, actions), lambda: simulate(StoneSoup()))
-    return {f"RfEo step with info and resets, batch of {BATCH}": (ratio, 350.0)}
+    return {f"RfEo step with info and resets, batch of {BATCH}": (ratio, 250.0)}
 
 
 def decision_us(repeats: int = 50) -> float:

@@ -164,22 +164,6 @@ def caller(x):
 """
 
 
-def test_an_edited_type_of_numbers_is_noticed_by_kernels_that_do_not_import_it(tmp_path, monkeypatch):
-    """Numba keeps a function's version for lanes in the cache folder of the function's own file."""
-    lanes = tmp_path / "lane_kernels.py"
-    monkeypatch.setattr(kernels, "NUMBER_TYPES", frozenset([lanes]))
-    folders = set()
-    for text in ("LANES = 8", "LANES = 4"):
-        lanes.write_text(text)
-        folders.add(kernels._cache_folder.__wrapped__("wavegym.trackers.kernels"))
-    assert len(folders) == 2
-
-
-def test_types_of_numbers_are_in_the_files_that_all_hashes_cover():
-    defining = {file for file in PACKAGE.rglob("*.py") if "(types.Type)" in file.read_text("utf-8")}
-    assert defining == kernels.NUMBER_TYPES != frozenset()
-
-
 def test_importing_wavegym_stays_light():
     heavy = ("numba", "scipy.stats", "filterpy", "matplotlib", "torch")
     code = f"import sys, wavegym; wavegym.list_envs(); print([m for m in {heavy} if m in sys.modules])"

@@ -66,11 +66,14 @@ def checked_copy(name: str, values: ArrayLike, *shape: int) -> FloatArray:
 
 def check_broadcast(**arrays: ArrayLike) -> tuple[FloatArray, ...]:
     """Return the arrays broadcast to one shape; otherwise raise an InputError with all shapes."""
+    given = [np.asarray(array) for array in arrays.values()]
     try:
-        return tuple(np.broadcast_arrays(*arrays.values()))
+        shape = np.broadcast_shapes(*(array.shape for array in given))
     except ValueError:
         shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items())
         raise InputError(f"shapes are {shapes}, expected shapes that broadcast") from None
+    # Not np.broadcast_arrays: NumPy 2.4 warns where somebody asks whether its results are writeable.
+    return tuple(array if array.shape == shape else np.broadcast_to(array, shape) for array in given)
 
 
 def check_key(key: SupportsIndex) -> np.uint64:

@@ -2,9 +2,9 @@
 
 A kernel is a plain Python function in a file called ``kernels.py`` or ``*_kernels.py``, compiled by Numba at its
 first use and cached on disk. The cache is the user's, one for all processes, environments and checkouts of a machine.
-The cache folder of a file is named by a hash of its source, of all kernel files that it imports and of those that
-define types of numbers: equal sources share compiled code wherever they are, and a change of a function or a type in
-*another* file, which Numba alone does not notice, leads to another folder.
+The cache folder of a file is named by a hash of its source and of all kernel files that it imports: equal sources share
+compiled code wherever they are, and a change of a function in *another* file, which Numba alone does not notice, leads
+to another folder.
 """
 
 from __future__ import annotations
@@ -29,9 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wavegym.core.errors import InputError, InputWarning
 
-PACKAGE = Path(__file__).parents[1]
 _SETTINGS: Any = numba.config
-NUMBER_TYPES = frozenset((PACKAGE / "core").glob("lane*_kernels.py"))  # a kernel of any file may be compiled for these
 _IMPORT = re.compile(r"^(?:from\s+(\S+)\s+import\s+(\([^)]*\)|.*)|import\s+(.*))$", re.MULTILINE)
 
 
@@ -65,7 +63,7 @@ def _sources(module: str, named: str = "kernels.py") -> frozenset[Path]:
 def _cache_folder(module: str) -> str:
     """The folder for the compiled code of a module of kernels."""
     digest = hashlib.sha256(numba.__version__.encode())  # versions of Numba overwrite each other's caches
-    for source in sorted(_sources(module, named="") | NUMBER_TYPES):
+    for source in sorted(_sources(module, named="")):
         digest.update(source.read_bytes())
     return str(_caches() / digest.hexdigest()[:16])
 

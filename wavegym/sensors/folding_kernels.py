@@ -24,7 +24,7 @@ def fold_of(value, width, low):
     return 0.0 if np.isinf(width) else np.floor((value - low) / width)
 
 
-@kernel
+@inlined
 def apparent(value, width, low):
     """The folded value, in [low, low + W)."""
     if np.isinf(width):
@@ -86,7 +86,7 @@ def certain_reach(variance, width, size):
     return 0.5 * (width - size * size * variance / width)
 
 
-@kernel
+@inlined
 def certain_fold_one(variance, width, size):
     """The probability that a Gaussian prediction's innovation stays within ``certain_reach``."""
     reach = certain_reach(variance, width, size)
@@ -203,7 +203,7 @@ def below(x, mean, deviation):
     return 0.5 * math.erfc((mean - x) / (deviation * 1.4142135623730951))
 
 
-@kernel
+@inlined
 def outside_notch_one(predicted, variance, width, notch):
     """The probability that a Gaussian range-rate folds to a speed beyond the notch."""
     deviation = np.sqrt(variance)

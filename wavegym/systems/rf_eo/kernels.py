@@ -23,7 +23,7 @@ from wavegym.systems.rf_eo.look_kernels import (
     view_all,
     width_of,
 )
-from wavegym.systems.rf_eo.tracker_kernels import track_one, unfold_one
+from wavegym.systems.rf_eo.tracker_kernels import curved_one, refine_one, unfold_one, update_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
 
 FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
@@ -98,13 +98,14 @@ def rows_of(array):
 
 @kernel
 def transition(
-    step, mean, P, truth, unseen, process, error, settings, true_F, true_L, true_rules, F, Q, places, fence, rules,
-    stay, x, P_out, truth_out, received, unseen_out, share, nn, pp
+    step, mean, P, truth, unseen, process, error, settings, true_motion, true_rules, scene, x, P_out, truth_out,
+    received, unseen_out, share, nn
 ):  # fmt: skip
     """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen (e, t), share (e,).
 
     What is not in the scene stays as it is.
     """
+    (F, Q, places, fence, rules, stay), (true_F, true_L) = scene, true_motion
     (count, targets, n), platforms = mean.shape, places.shape[0]
     rows, view, true_view = 3 * platforms, empty_view(platforms), empty_view(platforms)
     T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(rows)
@@ -139,7 +140,10 @@ def transition(
                 unfold_one(i, P_out, z, R, h, H, view[2], rules, u, part, y, d, v, nn)
                 copy_vector(u, z)
                 copy_vector(part, R)
-            track_one(i, x, P_out, z, R, h, H, aimed, rules, y, d, v, nn)
+            if rules.iterations > 1 and curved_one(i, x, P_out, h, R):
+                refine_one(i, x, P_out, z, R, h, H, aimed, rules, y, d, v, nn)
+            else:
+                update_one(i, x, P_out, z, R, h, H, y, d, v, nn)
         share[e] = share[e] if share[e] < np.inf else 0.0  # an empty scene
 
 
@@ -157,10 +161,9 @@ def move(step, truth, process, F, L, stay, truth_out, nn):
 
 
 @kernel
-def receive(
-    step, mean, P, truth, error, settings, true_rules, F, Q, places, fence, rules, stay, z, R, share, nn, pp
-):  # fmt: skip
+def receive(step, mean, P, truth, error, settings, true_rules, scene, z, R, share, nn):
     """Fill z, R (e, t, a), what the platforms measure of truth (e, t, n), and share (e,), the least information."""
+    F, Q, places, fence, rules, stay = scene
     (count, targets, n), platforms = mean.shape, places.shape[0]
     view, true_view = empty_view(platforms), empty_view(platforms)
     x, V, T = np.empty((1, n)), np.empty((1, n, n)), np.empty((n, n))
@@ -187,11 +190,12 @@ def receive(
 
 
 @kernel
-def track(step, mean, P, z, R, settings, F, Q, places, rules, stay, x, P_out, nn, pp):
+def track(step, mean, P, z, R, settings, scene, x, P_out, nn):
     """Fill x (e, t, n), P_out (e, t, n, n): one step of the tracker with measurements z of variances R (e, t, a).
 
     settings (e, p, 4): those that the measurements were made with.
     """
+    F, Q, places, _, rules, stay = scene
     rows, n = z.shape[2], len(nn)
     T, H, h, y, d, v = (
         np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n)
@@ -214,16 +218,20 @@ def track(step, mean, P, z, R, settings, F, Q, places, rules, stay, x, P_out, nn
         copy_vector(R[i], part)
         if rules.folding:
             unfold_one(i, P_out, z[i], R[i], h, H, view[2], rules, u, part, y, d, v, nn)
-        track_one(i, x, P_out, u, part, h, H, aimed, rules, y, d, v, nn)
+        if rules.iterations > 1 and curved_one(i, x, P_out, h, part):
+            refine_one(i, x, P_out, u, part, h, H, aimed, rules, y, d, v, nn)
+        else:
+            update_one(i, x, P_out, u, part, h, H, y, d, v, nn)
 
 
 @kernel
-def observe(mean, P, looks, F, Q, places, rules, out, nn, pp):
+def observe(mean, P, looks, scene, out, nn):
     """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
 
     For every target, as predicted one step ahead: variances of position and velocity, then for each platform
     |(r, rdot, azimuth)|, each followed by its variance.
     """
+    F, Q, places, _, rules, _ = scene
     n, rows = len(nn), 3 * places.shape[0]
     T, H, h = np.empty((n, n)), np.empty((rows, n)), np.empty(rows)
     x, V = np.empty((mean.shape[1], n)), np.empty((mean.shape[1], n, n))

@@ -10,11 +10,11 @@ the penalties; ``rules``: the scalars of ``Rules``; ``stay`` (t, 2): the steps a
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.kernels import inlined, kernel
+from wavegym.core.kernels import inlined
 from wavegym.sensors.folding_kernels import certain_fold_one, outside_notch_one
 from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
 from wavegym.trackers.polar_kernels import state_gradient, state_point
@@ -39,6 +39,17 @@ class Rules(NamedTuple):
     folding: bool = False
     duty: float = 0.0
     notch: float = 0.0
+
+
+class Scene(NamedTuple):
+    """What tracker and schedulers assume."""
+
+    F: Any  # (1, n, n)
+    Q: Any  # (1, n, n)
+    places: Any  # (p, 3)
+    fence: Any  # (2, 3)
+    rules: Rules
+    stay: Any  # (t, 2)
 
 
 SURE = 5.0  # a fold is certain where each other is exp(SURE^2 / 2) times less likely: wrong with Q(SURE) = 3e-7
@@ -151,7 +162,7 @@ def hidden_half(q, width, rules):
     return rules.duty * width if q == 0 else rules.notch
 
 
-@kernel
+@inlined
 def visible_one(value, variance, width, half):
     """The probability that a Gaussian value is farther than ``half`` from all multiples of ``width``."""
     off = abs(value - width * np.rint(value / width)) - half
@@ -160,7 +171,7 @@ def visible_one(value, variance, width, half):
     return outside_notch_one(value, variance, width, half)
 
 
-@kernel
+@inlined
 def seen_one(r, rdot, r_variance, rdot_variance, high, j, rules):
     """The probability that platform j's radar sees a target of this predicted range and range-rate.
 
@@ -197,15 +208,12 @@ def information_one(i, P, h, H, variance, low, high, fence, rules):
     """tr(P C' R~^-1 C) of target i as predicted: the information of the settings, weighted with P[i]."""
     total = 0.0
     for j in range(variance.shape[0]):
-        if h[3 * j] >= rules.nearest:
-            a, seen = 3 * j, 1.0
-            if rules.folding:
-                seen = seen_one(
-                    h[a], h[a + 1], spread_of(0, i, P, H, a), spread_of(1, i, P, H, a + 1), high, j, rules
-                )  # fmt: skip
+        a = 3 * j
+        if h[a] >= rules.nearest:
+            r_variance, rdot_variance = spread_of(0, i, P, H, a), spread_of(1, i, P, H, a + 1)
+            seen = seen_one(h[a], h[a + 1], r_variance, rdot_variance, high, j, rules)
             for q in range(3):
-                a = 3 * j + q
-                g = spread_of(q, i, P, H, a)
-                R = predicted_variance(h[a], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                g = spread_of(q, i, P, H, a + q)
+                R = predicted_variance(h[a + q], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
                 total += weighted_information(g, R, seen, width_of(q, high[j, q], rules))
     return total

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -35,6 +34,7 @@ from wavegym.systems.recorded_targets import (
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
 from wavegym.systems.rf_eo.information_kernels import most_information
+from wavegym.systems.rf_eo.look_kernels import Scene
 from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.scenario import PlatformScenario, ranges_of_moving_targets
 from wavegym.systems.rf_eo.search_kernels import best_settings
@@ -158,15 +158,11 @@ class RfEo(
         return aimed
 
     @cached_property
-    def _scene(self) -> tuple[Any, ...]:
+    def _scene(self) -> Scene:
         """Kernel arguments: model, platforms whose azimuths count from +y, penalties, and the scalars."""
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
-        return self.motion.F[None].copy(), self.motion.Q[None].copy(), self._seats, fence, self._rules, self._stay
-
-    @cached_property
-    def _pp(self) -> tuple[int, ...]:
-        """The number of platforms, as kernels take it."""
-        return (0,) * len(self.platforms)
+        F, Q = self.motion.F[None].copy(), self.motion.Q[None].copy()
+        return Scene(F, Q, self._seats, fence, self._rules, self._stay)
 
     def target_ranges(self, world: World) -> Array:
         """Of every target at every platform, (env, target, step, platform, 2)."""
@@ -223,8 +219,7 @@ class RfEo(
         received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
         kernels.transition(
             step, mean, covariance, true_states, unseen, world.process, world.error, settings,
-            *self._true_motion, self.truth_model._rules, *self._scene, x, P, moved, received, missed, share,
-            NN, self._pp
+            self._true_motion, self.truth_model._rules, self._scene, x, P, moved, received, missed, share, NN
         )  # fmt: skip
         return State(Truth(moved, received, missed, share), Belief(step + 1, x, P, settings[..., 3].copy()))
 
@@ -244,20 +239,16 @@ class RfEo(
         variance = np.empty(z.shape)
         kernels.receive(
             belief.step, belief.mean, belief.covariance, truth.targets, world.error,
-            self.aimed_settings(belief, action), self.truth_model._rules, *self._scene, z, variance, share, NN, self._pp
+            self.aimed_settings(belief, action), self.truth_model._rules, self._scene, z, variance, share, NN
         )  # fmt: skip
         return Measurements(z, variance, share, self.present(belief.step + 1))
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
         """One step of the filter."""
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
-        F, Q, places, _, rules, stay = self._scene
         z, variance, *_ = measurements
         settings = self.aimed_settings(belief, action)
-        kernels.track(
-            belief.step, belief.mean, belief.covariance, z, variance, settings, F, Q, places, rules, stay, x, P,
-            NN, self._pp
-        )  # fmt: skip
+        kernels.track(belief.step, belief.mean, belief.covariance, z, variance, settings, self._scene, x, P, NN)
         return Belief(belief.step + 1, x, P, settings[..., 3].copy())
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:
@@ -367,8 +358,7 @@ class RfEo(
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self._decades)))
-        F, Q, places, _, rules, _ = self._scene
-        kernels.observe(belief.mean, belief.covariance, belief.looks, F, Q, places, rules, out, NN, self._pp)
+        kernels.observe(belief.mean, belief.covariance, belief.looks, self._scene, out, NN)
         logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
         parts = [logs]

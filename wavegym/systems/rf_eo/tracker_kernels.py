@@ -184,18 +184,22 @@ def regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
 
 
 @inlined
-def track_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
+def update_one(i, x, P, z, R, h, H, y, d, v, nn):
     """Update the prediction x[i], P[i] with measurements z and variances R (a,); h, H: predicted ones and Jacobian."""
     residual_one(z, h, y)
-    if rules.iterations > 1 and curved_one(i, x, P, h, R):
-        prior_x, prior = x[i : i + 1].copy(), P[i].copy()
-        iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, False, nn)
-        if curved_one(i, x, P, h, R):
-            regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
-    else:
-        absorb_one(i, P, H, y, R, d, v, nn)
-        for a in range(len(nn)):
-            x[i, a] += d[a]
+    absorb_one(i, P, H, y, R, d, v, nn)
+    for a in range(len(nn)):
+        x[i, a] += d[a]
+
+
+@kernel
+def refine_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
+    """As ``update_one``, where one tangent misleads."""
+    prior_x, prior = x[i : i + 1].copy(), P[i].copy()
+    residual_one(z, h, y)
+    iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, False, nn)
+    if curved_one(i, x, P, h, R):
+        regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
 
 
 @kernel
