@@ -7,8 +7,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.capabilities import BestAction
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.parameters import changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -142,10 +142,10 @@ def variances(pulses, positions):
 
 
 @system_parameters
-class Quick(TwoSensors, BestAction):
+class Quick(TwoSensors):
     """Has a search of its own, which tabulates each sensor's information once and adds pairs."""
 
-    def best_action(self, belief):
+    def search(self, belief):
         if self.action != "library":
             raise NotImplementedError
         k = np.array(self.durations)
@@ -156,6 +156,9 @@ class Quick(TwoSensors, BestAction):
         total = prior[:, None, None] + info[:, :, None, 0] + info[:, None, :, 1]
         best = (1.0 / total).sum(axis=-1).reshape(len(prior), -1).argmin(axis=1)
         return np.stack([best // count, best % count], axis=1)
+
+
+shortcuts.best_action.register(Quick)(Quick.search)
 
 
 @system_parameters

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.capabilities import InnovationCovariance
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
+from wavegym.core.shortcuts import innovation_covariance
 from wavegym.core.system import System
 from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.constrained import Continuous, MyopicInformation
@@ -158,7 +158,7 @@ def _determinant(system: System, worlds: Any) -> Policy:
 
 
 def _gate(system: System, worlds: Any) -> Policy:
-    require("myopic:gate", system, InnovationCovariance)
+    require("myopic:gate", system, innovation_covariance)
     return Myopic("gate")
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.system import System
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 WORLDS = 3
 FEW = 1000  # candidates tried, evenly spaced
 
 
 def prediction_defect(system: System, seed: int = 0) -> str | None:
-    """The first defect of ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or a capability, or None.
+    """The first defect of ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or a shortcut, or None.
 
     A system without ``predict`` (NotImplementedError) admits no planner, which is no defect.
     """
@@ -48,7 +48,7 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
         return "predict() changed the belief that it was given"
     defect = _mask_defect(system, belief, len(everything))  # before anything plays allowed actions
     if predicts:
-        defect = defect or capability_defect(system, seed)
+        defect = defect or shortcut_defect(system, seed)
     return defect or _constants_defect(system, everything)
 
 

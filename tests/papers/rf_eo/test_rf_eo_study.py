@@ -30,6 +30,7 @@ from papers.rf_eo.study import (
     play,
     system,
 )
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation import make_task
@@ -161,7 +162,7 @@ def test_the_rival_chooses_by_information_of_the_same_belief(rf_eo_study, rf_eo_
     for scene in SCENES:
         runs, loop = rf_eo_study.of(scene, ADAPTIVE), system(Case(scene, ADAPTIVE, horizon=STEPS))
         first = loop.initial(draw_worlds(loop, world_seeds(SEED, "test", RUNS))).belief
-        chosen = loop.action_set.settings(loop.most_information(first)[0])
+        chosen = loop.action_set.settings(shortcuts.most_information(loop, first)[0])
         np.testing.assert_allclose(runs.rival[:, 0], chosen, rtol=1e-12)
         np.testing.assert_allclose(rf_eo_study.of(scene, INFORMATION).settings[:, 0], chosen, rtol=1e-12)
         same = np.array(

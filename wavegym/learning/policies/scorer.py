@@ -23,8 +23,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 from torch import Tensor, nn
 
-from wavegym.core.capabilities import TrackSlots, offers
 from wavegym.core.system import System
+from wavegym.core.traits import TrackSlots
 from wavegym.learning.policies.pooling_kernels import share_gradient
 from wavegym.observations.forecasts import PRESENT
 
@@ -52,7 +52,7 @@ class Layout(NamedTuple):
     def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
         """The layout in an environment of a system."""
         own, count = len(system.observation_fields), int(actions.n)
-        return cls(own, count, (observation.shape[0] - own) // count, pairs(system), offers(system, TrackSlots))
+        return cls(own, count, (observation.shape[0] - own) // count, pairs(system), isinstance(system, TrackSlots))
 
 
 def pairs(system: System) -> tuple[tuple[int, ...], ...]:

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import delays
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
+from wavegym.core.shortcuts import delays
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 from wavegym.schedulers.heuristics.cma_search import Budget, minimised
