@@ -70,14 +70,6 @@ class TwoSensors(System):
             return self.actions.encode(np.array(self.durations)[PerSensorLibrary(self.library, SENSORS).combinations()])
         return super().candidates()
 
-    def constants(self):
-        """The same pulse from both sensors."""
-        if self.action == "library":
-            return np.repeat(np.arange(len(self.durations))[:, None], SENSORS, axis=1)
-        if self.action == "joint":
-            return np.flatnonzero(np.ptp(self.actions.indices, axis=1) == 0)
-        return super().constants()
-
     def pulses(self, actions):
         """Pulse lengths (..., sensor)."""
         if self.action == "box":
@@ -131,6 +123,16 @@ class TwoSensors(System):
         nees = error * error / state.belief.variance
         near = (nees < 1.0).sum(axis=1)
         return {"position_error": error, "nees": nees, "present": present, "lost": nees > 4.0, "near": near}
+
+
+@shortcuts.constants.register(TwoSensors)
+def constants(system: TwoSensors):
+    """The same pulse from both sensors."""
+    if system.action == "library":
+        return np.repeat(np.arange(len(system.durations))[:, None], SENSORS, axis=1)
+    if system.action == "joint":
+        return np.flatnonzero(np.ptp(system.actions.indices, axis=1) == 0)
+    return system.candidates()
 
 
 def variances(pulses, positions):

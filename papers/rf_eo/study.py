@@ -163,7 +163,7 @@ def _tuned(case: Case, seeds: Sequence[int]) -> Array:
 def _policy(case: Case, loop: RfEo, tuned: Array | None) -> Policy:
     """The policy of a case; a tuned one transmits ``tuned``, or any constant before it is tuned."""
     if case.policy in TUNED:
-        return Cycle(loop.constants()[:1] if tuned is None else tuned)
+        return Cycle(shortcuts.constants(loop)[:1] if tuned is None else tuned)
     return make_policy(case.policy, loop, None)
 
 

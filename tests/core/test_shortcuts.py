@@ -238,24 +238,25 @@ KALMAN = (
 )
 RF_EO = (
     "DecisionMakers RecordedTargets TimedPulses best_action fused_transition linear_cost measured_fields "
-    "most_information plan"
+    "most_information named_constants plan"
 )
+SETUP = "delay fused_transition gain linear_cost measured_fields target_of_action"
 CLUTTER = "DecisionMakers RecordedTargets TimedPulses"
 OFFERED = {
     "KershawEvans": KALMAN,
     "KershawEvansPosition": KALMAN,
-    "AgileClutter": f"{CLUTTER} best_action fused_transition linear_cost sensor_by_sensor",
+    "AgileClutter": f"{CLUTTER} best_action constants fused_transition linear_cost sensor_by_sensor",
     "RfEo": RF_EO,
     "RfEoFar": RF_EO,
-    "Urban": "DecisionMakers TimedPulses",
-    "UrbanSignal": "DecisionMakers TimedPulses",
-    "CameraSlew": "RecordedTargets TimedPulses delay fused_transition gain linear_cost measured_fields",
-    "SectorSetup": "RecordedTargets delay fused_transition gain linear_cost measured_fields",
-    "SectorSetupCity": "delay fused_transition gain linear_cost measured_fields",
-    "BeamAllocation": f"{CLUTTER} delay fused_transition gain gain_by_target linear_cost",
-    "EnergyBudget": f"{CLUTTER} delay fused_transition gain linear_cost spending",
-    "EnergyBudgetKnown": f"{CLUTTER} delay fused_transition gain linear_cost spending",
-    "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps gain_per_second outlook scores simulate",
+    "Urban": "DecisionMakers TimedPulses baselines",
+    "UrbanSignal": "DecisionMakers TimedPulses baselines",
+    "CameraSlew": f"RecordedTargets TimedPulses {SETUP}",
+    "SectorSetup": f"RecordedTargets {SETUP}",
+    "SectorSetupCity": SETUP,
+    "BeamAllocation": f"{CLUTTER} constants delay fused_transition gain gain_by_target linear_cost target_of_action",
+    "EnergyBudget": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
+    "EnergyBudgetKnown": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
+    "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps constants gain_per_second outlook scores simulate",
 }
 
 

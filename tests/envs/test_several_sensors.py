@@ -179,8 +179,12 @@ class Wrong(Quick):
     def state_info(self, state):
         return {"nees": np.full(len(state.belief.step), np.nan if self.promise == "absent" else 1.0)}
 
-    def constants(self):
-        return {"far": np.array([[0, 3]]), "none": np.empty((0, 2), int)}.get(self.promise, super().constants())
+
+@shortcuts.constants.register(Wrong)
+def constants(system: Wrong):
+    return {"far": np.array([[0, 3]]), "none": np.empty((0, 2), int)}.get(
+        system.promise, shortcuts.constants.registered[TwoSensors](system)
+    )
 
 
 shortcuts.best_action.register(Wrong)(Wrong.search)

@@ -39,11 +39,13 @@ class Shortcut(Generic[P, R]):
     Attributes:
         name: its name, that of the function which declares it.
         replaces: names of functions of the contract, or of other shortcuts, with whose results it must agree.
+        generic: what a call does in systems that do not have it, or None.
     """
 
-    def __init__(self, declared: Callable[P, R], replaces: tuple[str, ...]) -> None:
+    def __init__(self, declared: Callable[P, R], replaces: tuple[str, ...], has_generic: bool) -> None:
         update_wrapper(self, declared)
         self.name, self.replaces = declared.__name__, replaces
+        self.generic = declared if has_generic else None
         self.registered: dict[type, Callable[..., R] | None] = {}
         self._found: dict[type, tuple[Callable[..., R] | None, str]] = {}
         KINDS[self.name] = self
@@ -78,8 +80,9 @@ class Shortcut(Generic[P, R]):
         return self._find(type(system))[1]
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        """The result for the system ``args[0]``. Raises an InputError for a system that does not have it."""
+        """The result for the system ``args[0]``. Raises an InputError where there is none, and no generic way."""
         function, why = self._find(type(args[0]))
+        function = function or self.generic
         if function is None:
             raise InputError(f"{self.name} cannot be computed for {type(args[0]).__name__}: {why}")
         return function(*args, **kwargs)
@@ -116,13 +119,14 @@ def _defines(cls: type, name: str) -> bool:
     return own or (kind is not None and cls in kind.registered)
 
 
-def shortcut(*replaces: str) -> Callable[[Callable[P, R]], Shortcut[P, R]]:
+def shortcut(*replaces: str, generic: bool = False) -> Callable[[Callable[P, R]], Shortcut[P, R]]:
     """A decorator of the function that declares a kind; it only needs a signature and a docstring.
 
     Args:
         replaces: names of the functions of the contract whose results it replaces.
+        generic: whether the function itself is the way for all other systems.
     """
-    return lambda declared: Shortcut(declared, replaces)
+    return lambda declared: Shortcut(declared, replaces, generic)
 
 
 def why_not(system: object, kind: Shortcut[..., Any] | type) -> str:
@@ -193,9 +197,10 @@ def gain_by_target(system: Any, belief: Any, wait: Array | int, ahead: Array) ->
     """``gain`` with a number of steps ``ahead`` for every target, (env, target)."""
 
 
-@shortcut("predict")
-def delay(system: Any, belief: Any) -> Array:  # type: ignore[empty-body]
-    """Steps until each candidate's pulse can be sent, (env, candidate) int."""
+@shortcut("predict", generic=True)
+def delay(system: Any, belief: Any) -> Array:
+    """Steps until each candidate's pulse can be sent, (env, candidate) int; by default 0."""
+    return np.zeros((len(belief.step), len(system.actions.labels)), np.int64)
 
 
 @shortcut()
@@ -309,7 +314,36 @@ def measured_fields(system: Any) -> MeasuredFields:  # type: ignore[empty-body]
     """Measurements of a step as an observation that holds nothing of the belief."""
 
 
-def delays(system: Any, belief: Any) -> Array:
-    """The delay of each candidate, (env, candidate); 0 for a system without delays."""
-    known = delay.of(system)
-    return np.zeros((len(belief.step), len(system.actions.labels)), np.int64) if known is None else known(belief)
+@shortcut("candidates", generic=True)
+def constants(system: Any) -> Array:
+    """The actions that open-loop schedules (fixed:K, best-fixed, round-robin) choose among, (C, ...).
+
+    By default ``candidates()``. A shorter list shortens the search for the best constant. With a ``mask``, at least one
+    constant must always be allowed.
+    """
+    every: Array = system.candidates()
+    return every
+
+
+@shortcut(generic=True)
+def named_constants(system: Any) -> dict[str, Array]:
+    """Named constant actions, such as a paper's own setting; ``fixed:NAME`` transmits one. By default none.
+
+    They need not be among ``constants``. A name has no comma, which separates policies, and is no integer, which
+    ``fixed:K`` takes for an index.
+    """
+    return {}
+
+
+@shortcut(generic=True)
+def baselines(system: Any) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Named baselines: a scheduler, and the parameters in which its loop differs from this system. By default none.
+
+    A comparison plays them on the same worlds: a paper's baseline with a simpler tracker, for example.
+    """
+    return {}
+
+
+@shortcut("candidates")
+def target_of_action(system: Any) -> Array:  # type: ignore[empty-body]
+    """The target of each beam of each candidate, (candidate, beam) int, where candidates select targets."""

@@ -128,11 +128,6 @@ class System:
         return None
 
     @property
-    def target_of_action(self) -> Array | None:
-        """The target of each beam of each candidate, (candidate, beam) int; None where no candidate selects targets."""
-        return None
-
-    @property
     def actions(self) -> ActionSet:
         """The action set."""
         raise NotImplementedError
@@ -265,26 +260,3 @@ class System:
         if isinstance(actions, ParameterBox):
             raise NotImplementedError
         return actions.combinations() if isinstance(actions, PerSensorLibrary) else np.arange(len(actions.labels))
-
-    def constants(self) -> Array:
-        """The actions that open-loop schedules (fixed:K, best-fixed, round-robin) choose among, (C, ...).
-
-        By default ``candidates()``. A shorter list shortens the search for the best constant. With a ``mask``, at
-        least one constant must always be allowed.
-        """
-        return self.candidates()
-
-    def named_constants(self) -> dict[str, Array]:
-        """Named constant actions, such as a paper's own setting; ``fixed:NAME`` transmits one. Default: none.
-
-        They need not be among ``constants()``. A name has no comma, which separates policies, and is no integer,
-        which ``fixed:K`` takes for an index.
-        """
-        return {}
-
-    def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
-        """Named baselines: a scheduler, and the parameters in which its loop differs from this system.
-
-        A comparison plays them on the same worlds: a paper's baseline with a simpler tracker, for example.
-        """
-        return {}

@@ -80,7 +80,7 @@ class Forecasts:
         values = np.empty((envs, count, len(self.candidate_fields)))
         values[..., 0] = np.log(ahead / mean)
         if self._gain:
-            delay = np.broadcast_to(shortcuts.delays(self.system, belief), ahead.shape)
+            delay = np.broadcast_to(shortcuts.delay(self.system, belief), ahead.shape)
             gains = values[..., 1 : 1 + len(LOOKS)]
             for n, (wait, steps) in enumerate(LOOKS):
                 gains[..., n] = self._gain(belief, delay + wait, steps)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
@@ -82,7 +83,7 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
     if _is_planner(name):
         return _planner(name, system, tuning_worlds, base)
     if name not in SCHEDULERS:
-        loops = system.baselines()
+        loops = shortcuts.baselines(system)
         if check_choice("policy", name, dict.fromkeys((*FORMS, *SCHEDULERS.names(), *loops))) in loops:
             scheduler, changed = loops[name]
             raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
@@ -112,7 +113,7 @@ def check_not_renamed(what: str, name: str) -> None:
 
 def _fixed(name: str, argument: str, system: System) -> Policy:
     """Looked up at once: a mistake shows before anything is tuned."""
-    is_name = bool(system.named_constants()) and not INTEGER.fullmatch(argument)
+    is_name = bool(shortcuts.named_constants(system)) and not INTEGER.fullmatch(argument)
     if not is_name and argument in _named_in_box(system):
         raise InputError(f"policy is {name!r}, which is a point of the box, expected an index or action='box'")
     constant = argument if is_name else _integer(name, "fixed", argument)
@@ -126,7 +127,7 @@ def _named_in_box(system: Any) -> dict[str, Any]:
         return {}
     with suppress(ValueError):  # a system without that form; pydantic's errors and ours are ValueErrors
         boxed: Any = dataclasses.replace(system, action="box")  # type: ignore[type-var]
-        return dict(boxed.named_constants())
+        return dict(shortcuts.named_constants(boxed))
     return {}
 
 

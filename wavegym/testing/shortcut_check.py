@@ -12,7 +12,8 @@ from wavegym.core.arrays import Array
 from wavegym.core.costs import trace_cost
 from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.shortcuts import KINDS, delays
+from wavegym.core.parameters import parameter_infos
+from wavegym.core.shortcuts import KINDS
 from wavegym.core.system import System
 from wavegym.core.traits import TRAITS, DecisionMakers, DwellRule, lacks_trait
 from wavegym.schedulers.lookahead import Lookahead
@@ -150,7 +151,8 @@ def _gain(system: Any, at: Sample) -> str | None:
     gain = np.asarray(shortcuts.gain(system, at.belief, 0, 1))
     if gain.shape != (WORLDS, len(everything)):
         return f"gain() returned shape {gain.shape}, expected {(WORLDS, len(everything))}"
-    cost, ready = _costs(system, at.belief, everything), (delays(system, at.belief) == 0) & system.mask(at.belief)
+    cost = _costs(system, at.belief, everything)
+    ready = (shortcuts.delay(system, at.belief) == 0) & system.mask(at.belief)
     for env in range(WORLDS):
         now = np.flatnonzero(ready[env])
         if len(now):
@@ -316,6 +318,37 @@ def _simulate(system: Any, at: Sample) -> str | None:
     return None
 
 
+def _constants(system: Any, at: Sample) -> str | None:
+    constants, candidates = shortcuts.constants(system), system.candidates()
+    if constants.ndim != candidates.ndim or constants.shape[1:] != candidates.shape[1:] or not len(constants):
+        wanted = ("n >= 1", *candidates.shape[1:])
+        return f"constants() returned shape {constants.shape}, expected ({', '.join(map(str, wanted))})"
+    if candidates.dtype.kind in "iu" and not np.isin(constants, candidates).all():
+        return "constants() has an index that candidates() lacks"
+    return None
+
+
+def _named_constants(system: Any, at: Sample) -> str | None:
+    for name, action in shortcuts.named_constants(system).items():
+        if "," in name or name.isdigit() or np.shape(action) != at.candidates.shape[1:]:
+            return f"{name!r} is {action!r}, expected a name without comma, no integer, and one action"
+    return None
+
+
+def _baselines(system: Any, at: Sample) -> str | None:
+    for name, (scheduler, changed) in shortcuts.baselines(system).items():
+        if unknown := sorted(set(changed) - {info.name for info in parameter_infos(type(system))}):
+            return f"{name!r} plays {scheduler!r} with {unknown}, expected parameters of the system"
+    return None
+
+
+def _target_of_action(system: Any, at: Sample) -> str | None:
+    got, count = shortcuts.target_of_action(system), len(system.candidates())
+    if got.ndim != 2 or len(got) != count or got.dtype.kind not in "iu":
+        return f"target_of_action() returned shape {got.shape} of {got.dtype}, expected ({count}, beams) of integers"
+    return None
+
+
 CHECKS: dict[str, Check] = {
     "best_action": _best_action,
     "best_sequence": _best_sequence,
@@ -336,4 +369,8 @@ CHECKS: dict[str, Check] = {
     "simulate": _simulate,
     "fused_transition": _fused,
     "deterministic_recursion": _recursion,
+    "constants": _constants,
+    "named_constants": _named_constants,
+    "baselines": _baselines,
+    "target_of_action": _target_of_action,
 }

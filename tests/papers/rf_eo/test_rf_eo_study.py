@@ -85,7 +85,7 @@ def test_far_targets_are_beyond_what_the_proposed_settings_see():
     loop = system(Case(FAR, ADAPTIVE))
     world = draw_worlds(loop, world_seeds(0, "test", 20))
     state, nearest = loop.initial(world), math.inf
-    action = np.broadcast_to(loop.constants()[0], (20, 6))
+    action = np.broadcast_to(shortcuts.constants(loop)[0], (20, 6))
     for _ in range(loop.horizon):
         state = loop.transition(state, action, world)
         offset = state.truth.targets[:, :, None, ::2] - np.array(loop.platforms)

@@ -57,7 +57,7 @@ def test_own_pulses_are_transmitted_with_their_covariances(form):
     C, want = system.action_set.unit_covariance(system.candidates()), measurement_covariances(OWN, system.carrier_hz)
     np.testing.assert_array_equal(C, want[np.array(pairs)])
     np.testing.assert_array_equal(
-        system.action_set.unit_covariance(system.constants()), want[np.array([(a, a) for a in range(3)])]
+        system.action_set.unit_covariance(shortcuts.constants(system)), want[np.array([(a, a) for a in range(3)])]
     )
     for index, pair in enumerate(pairs):
         assert transmitted(system, system.candidates()[index : index + 1]) == [OWN[a] for a in pair]

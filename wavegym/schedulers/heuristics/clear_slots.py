@@ -51,7 +51,7 @@ def gain_until_clear(system: Any, belief: Any, ahead: Array) -> Array:
     for steps in np.unique(ahead):
         rows = np.flatnonzero(ahead == steps)
         part = trees.take(belief, rows)
-        out[rows] = shortcuts.gain(system, part, shortcuts.delays(system, part), int(steps))
+        out[rows] = shortcuts.gain(system, part, shortcuts.delay(system, part), int(steps))
     return out
 
 

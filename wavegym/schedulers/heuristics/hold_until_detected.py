@@ -6,7 +6,7 @@ from typing import Any
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
-from wavegym.core.shortcuts import delays, gain_by_target
+from wavegym.core.shortcuts import delay, gain_by_target
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 from wavegym.schedulers.heuristics.clear_slots import hidden_steps
 
@@ -33,4 +33,4 @@ class HoldUntilDetected(Heuristic):
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         values = gain_by_target(self.system, belief, 0, self.ahead + hidden_steps(belief))
-        return self.candidates[greatest(values, mask, delays(self.system, belief))]
+        return self.candidates[greatest(values, mask, delay(self.system, belief))]

@@ -32,7 +32,7 @@ class Greedy(Heuristic):
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
         return self.candidates[
-            greatest(shortcuts.gain(self.system, belief, 0, self.ahead), mask, shortcuts.delays(self.system, belief))
+            greatest(shortcuts.gain(self.system, belief, 0, self.ahead), mask, shortcuts.delay(self.system, belief))
         ]
 
 
@@ -97,7 +97,7 @@ class CostOfDelay(Heuristic):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        delay = shortcuts.delays(self.system, belief)
+        delay = shortcuts.delay(self.system, belief)
         gain = shortcuts.gain(self.system, belief, delay, self.ahead)
         if self.alpha:
             gain = gain - self.alpha * shortcuts.gain(self.system, belief, delay + self.later, self.ahead)

@@ -171,7 +171,7 @@ class ConstantPace(Heuristic):
         within = spending <= (self.share * belief.energy / left)[:, None]
         if mask is not None:
             within = within & mask
-        gain = shortcuts.gain(self.system, belief, shortcuts.delays(self.system, belief), self.ahead)
+        gain = shortcuts.gain(self.system, belief, shortcuts.delay(self.system, belief), self.ahead)
         none = ~within.any(axis=1, keepdims=True)  # in this case the least spending that the mask allows
         values = np.where(none, -np.broadcast_to(spending, gain.shape), gain)
         open_to = np.where(none, True if mask is None else mask, within)
@@ -188,6 +188,6 @@ def ample(system: Any, belief: Any) -> Any:
 def priced_choice(heuristic: Any, belief: Any, mask: Array | None, prices: Array | None) -> Array:
     """The greatest gain minus spending times ``prices`` (env,); among equals the one that spends least."""
     spending = shortcuts.spending(heuristic.system)
-    gain = shortcuts.gain(heuristic.system, belief, shortcuts.delays(heuristic.system, belief), heuristic.ahead)
+    gain = shortcuts.gain(heuristic.system, belief, shortcuts.delay(heuristic.system, belief), heuristic.ahead)
     values = gain - np.asarray(prices)[:, None] * spending
     return heuristic.candidates[greatest(values, mask, spending)]

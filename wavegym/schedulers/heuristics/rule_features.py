@@ -147,7 +147,7 @@ class RuleFeatures:
     def _delay(self, belief: Any, made: dict[str, Array]) -> Array:
         if "delay" not in made:
             made["delay"] = np.broadcast_to(
-                shortcuts.delays(self.system, belief), (len(belief.step), len(self.candidates))
+                shortcuts.delay(self.system, belief), (len(belief.step), len(self.candidates))
             )
         return made["delay"]
 

@@ -94,3 +94,9 @@ def after_sensor(
     P = np.empty(predicted.covariance.shape)
     prediction.after_sensor(sensor, *predicted, C, for_kernel(windows), system._radar, reduction_table(), P, NN)
     return predicted._replace(covariance=P)
+
+
+@shortcuts.constants.register(AgileClutter)
+def constants(system: AgileClutter) -> Array:
+    """One law, duration and sweep at all sensors, each sensor up or down."""
+    return system.action_set.constants

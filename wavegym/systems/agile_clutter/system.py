@@ -104,10 +104,6 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         """Every combination of the sensors' waveforms."""
         return self.action_set.candidates
 
-    def constants(self) -> Array:
-        """One law, duration and sweep at all sensors, each sensor up or down."""
-        return self.action_set.constants
-
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
         S, H, sensors = len(self.starts), self.horizon, len(self.sensors)

@@ -42,3 +42,9 @@ def gain(system: BeamAllocation, belief: Belief, wait: Array | int, ahead: Array
         system.action_set.library_windows, M, *system._model, system._radar, reduction_table(), out, NN
     )  # fmt: skip
     return out
+
+
+@shortcuts.target_of_action.register(BeamAllocation)
+def target_of_action(system: BeamAllocation) -> Array:
+    """The target of each radar's beam, (candidate, radar)."""
+    return system.action_set.illuminated.argmax(axis=2)

@@ -161,11 +161,6 @@ class BeamAllocation(AgileClutter):
             visible = np.broadcast_to(visible[:, None], after.step.shape + visible.shape[1:])
         return Belief(*after[:3], None, visible)
 
-    @property
-    def target_of_action(self) -> Array:
-        """The target of each radar's beam, (candidate, radar)."""
-        return self.action_set.illuminated.argmax(axis=2)
-
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: AgileClutter's, then the visibility of every target."""

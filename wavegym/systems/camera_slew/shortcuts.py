@@ -90,3 +90,9 @@ def measured_fields(system: CameraSlew) -> MeasuredFields:
 
 def _camera(belief: Belief) -> Array:
     return np.stack([belief.pointing, belief.settling], axis=1)
+
+
+@shortcuts.target_of_action.register(CameraSlew)
+def target_of_action(system: CameraSlew) -> Array:
+    """The target that each candidate turns the camera to, (candidate, 1)."""
+    return system.candidates()[:, None]

@@ -405,11 +405,6 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         )  # fmt: skip
         return delay, off
 
-    @property
-    def target_of_action(self) -> Array:
-        """The target that each candidate turns the camera to, (candidate, 1)."""
-        return self.candidates()[:, None]
-
     def cost(self, belief: Belief) -> Array:
         """trace(W P) summed over the targets."""
         return trace_cost(belief.covariance, self._weights)

@@ -59,3 +59,9 @@ def gain(system: EnergyBudget, belief: Any, wait: Array | int, ahead: int) -> Ar
         system.action_set.actions.indices, system._targets, *system._model, system._radar, reduction_table(), out, NN
     )  # fmt: skip
     return out
+
+
+@shortcuts.constants.register(EnergyBudget)
+def constants(system: EnergyBudget) -> Array:
+    """Actions in which all transmitting radars send the same pulse; silence included."""
+    return system.action_set.constants

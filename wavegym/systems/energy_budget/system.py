@@ -290,10 +290,6 @@ class EnergyBudget(AgileClutter):
         """Draws (..., sensor * target) as (..., sensor, target)."""
         return draws.reshape(*draws.shape[:-1], len(self.sensors), len(self.starts))
 
-    def constants(self) -> Array:
-        """Actions in which all transmitting radars send the same pulse; silence included."""
-        return self.action_set.constants
-
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: AgileClutter's with the longest pulse's SNR, then the account and the occlusions."""

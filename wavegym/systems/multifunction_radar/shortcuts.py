@@ -62,3 +62,9 @@ def outlook(system: MultifunctionRadar, belief: Belief, seconds: float) -> Array
     out = np.empty(len(belief.step))
     kernels.rest(belief, seconds, system.laws, out)
     return out
+
+
+@shortcuts.constants.register(MultifunctionRadar)
+def constants(system: MultifunctionRadar) -> Array:
+    """Searches of any sector and the wait: what is always allowed."""
+    return np.arange(system.slots * len(system.pulses), len(system.actions))

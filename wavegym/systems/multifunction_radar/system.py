@@ -376,10 +376,6 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """Updates of slots with a track, all searches, and the wait, (env, action) bool."""
         return self.dwells.mask(belief.existence > 0.0)
 
-    def constants(self) -> Array:
-        """Searches of any sector and the wait: what is always allowed."""
-        return np.arange(self.slots * len(self.pulses), len(self.actions))
-
     # --- what agents observe and what evaluation reads ---
 
     @cached_property

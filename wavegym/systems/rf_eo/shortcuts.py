@@ -17,6 +17,8 @@ from wavegym.systems.rf_eo.search_kernels import best_settings
 from wavegym.systems.rf_eo.state import Belief, Truth, World, received_fields, received_values
 from wavegym.systems.rf_eo.system import NN, RfEo
 
+PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
+
 
 @shortcuts.fused_transition.register(RfEo)
 def fused_transition(system: RfEo, state: State, action: Array, world: World) -> State:
@@ -124,3 +126,15 @@ def measured_fields(system: RfEo) -> MeasuredFields:
 
 def _looks(belief: Belief, count: int) -> Array:
     return belief.looks[:, :count]
+
+
+@shortcuts.named_constants.register(RfEo)
+def named_constants(system: RfEo) -> dict[str, Array]:
+    """``proposed``: the non-adaptive settings, where the box contains them and no platform turns."""
+    if system.action != "box" or system.slew_rate > 0.0 or len(system.platforms) != len(PROPOSED):
+        return {}
+    settings = np.array(PROPOSED)
+    inside = all(
+        low <= v <= high for row in PROPOSED for v, (low, high) in zip(row, system.action_set.ranges, strict=True)
+    )
+    return {"proposed": system.action_set.encode(settings)} if inside else {}

@@ -37,7 +37,6 @@ from wavegym.systems.rf_eo.state import (
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
-PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 
 
 @system_parameters
@@ -105,16 +104,6 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def candidates(self) -> Array:
         """See ``PlatformActions.candidates``."""
         return self.action_set.candidates
-
-    def named_constants(self) -> dict[str, Array]:
-        """``proposed``: the non-adaptive settings, where the box contains them and no platform turns."""
-        if self.action != "box" or self.slew_rate > 0.0 or len(self.platforms) != len(PROPOSED):
-            return {}
-        settings = np.array(PROPOSED)
-        inside = all(
-            low <= v <= high for row in PROPOSED for v, (low, high) in zip(row, self.action_set.ranges, strict=True)
-        )
-        return {"proposed": self.action_set.encode(settings)} if inside else {}
 
     def aimed_settings(self, belief: Belief, actions: Array) -> Array:
         """PRF, bandwidth, pixel angle and look direction after the turn, (env[, candidate], platform, 4)."""

@@ -81,3 +81,9 @@ def measured_fields(system: SectorSetup) -> MeasuredFields:
 
 def _illuminator(system: SectorSetup, belief: Belief) -> Array:
     return np.column_stack([belief.pointed[:, None] == np.arange(system.targets), belief.dead])
+
+
+@shortcuts.target_of_action.register(SectorSetup)
+def target_of_action(system: SectorSetup) -> Array:
+    """The illuminated target of each candidate, (candidate, 1)."""
+    return system._target_and_waveform[0][:, None]

@@ -325,11 +325,6 @@ class SectorSetup(System, PlaysRecordings):
         """Target and waveform of each candidate."""
         return self._split(self.candidates())
 
-    @property
-    def target_of_action(self) -> Array:
-        """The illuminated target of each candidate, (candidate, 1)."""
-        return self._target_and_waveform[0][:, None]
-
     def cost(self, belief: Belief) -> Array:
         """trace(Lambda P) summed over the targets."""
         return trace_cost(belief.covariance, self._weights)

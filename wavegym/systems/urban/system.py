@@ -340,10 +340,6 @@ class Urban(System, DecisionMakers, TimedPulses):
         """Room for the measurements of a pair in a scan."""
         return room_for(self.clutter_density * self.reach * 2.0 * self.ambiguity)
 
-    def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
-        """The baseline of the paper: round robin with one nearly-constant-velocity model."""
-        return {"open-loop": ("round-robin", {"tracker": "ncv"})}
-
     def draw_world(self, rng: np.random.Generator) -> World:
         """The key of all random draws of one episode."""
         return World(np.asarray(rng.integers(2**64, dtype=np.uint64)))
