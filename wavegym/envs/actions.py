@@ -13,7 +13,6 @@ from wavegym.core.errors import InputError, WrongTypeError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.envs import action_kernels
-from wavegym.schedulers.rollout import allowed
 
 NOBODY = np.zeros(0, np.bool_)  # whose action is ignored
 
@@ -43,6 +42,7 @@ class IndexReader:
         actions = system.actions
         assert not isinstance(actions, ParameterBox)
         self.system, self.count = system, len(actions.labels)
+        self._refuses = system.strict and type(system).mask is not System.mask
         self.shape: tuple[int, ...] = ()
         self.space: spaces.Space[Any] = spaces.Discrete(self.count)
         if isinstance(actions, PerSensorLibrary):
@@ -62,9 +62,8 @@ class IndexReader:
         array = np.array(array, np.int64, order="C")
         if not action_kernels.are_indices(array.reshape(-1), self.count):
             raise self._out_of_range(array)
-        mask = allowed(self.system, belief) if self.system.strict else None
-        if mask is not None:
-            _check_mask(array, mask, ignored)
+        if self._refuses:
+            _check_mask(array, self.system.mask(belief), ignored)
         return array
 
     def transition_info(self, actions: Any, chosen: Array) -> dict[str, Array]:

@@ -102,4 +102,7 @@ class WaveformEnv(gym.Env):
 
 def _first(info: dict[str, Array]) -> dict[str, Any]:
     """The info of the only environment, as plain scalars and arrays."""
-    return {key: values.item() if values.ndim == 1 else values[0] for key, values in info.items()}
+    first: dict[str, Any] = {}
+    for key, values in info.items():  # a comprehension is another call, in every step
+        first[key] = values.item() if values.ndim == 1 else values[0]
+    return first

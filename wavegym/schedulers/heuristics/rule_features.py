@@ -19,7 +19,7 @@ from wavegym.schedulers.heuristics.l_step import weighted
 
 SPANS = (4, 8, 16, 40)  # steps over which gains in units of the cost are summed
 HOLDS = (2, 6)  # steps over which a gain is summed where its target stays in sight; the hidden steps follow
-LATER = (2, 4, 8, 16)  # steps of prediction without a measurement, where the system offers no gain
+LATER = (2, 4, 8, 16)  # steps of prediction without a measurement, where the system has no gain
 CUSHION = 1.0  # longest pulses: keeps scarcity finite when the account is empty
 RESOURCES = ("time_left", "energy_left", "energy_rate", "occluded", "visible_ahead", "change_1")  # observation fields
 RATIO, PRICE = "ratio", "price"  # forms of rules: logarithms of gains; gains less the price of the spending

@@ -26,19 +26,18 @@ def fused_transition(system: KershawEvans, state: State, action: Array, world: W
     if system._own_tracker:
         return system.composed_transition(state, action, world)
     (_, path), (step, mean, covariance, *_) = state
-    pulses = _sent(system, action, path, step)
+    is_cut = system.library and system.eclipsing
+    pulses = _cut_pulses(system, action, path, step) if is_cut else system.action_set.pulses(action)
     x, P, truth, ahead = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape), np.empty_like(step)
     kernels.transition(
-        mean, covariance, step, path, world.normal, *pulses, system.truth_model._snr_law, *system._radar(state.belief),
+        mean, covariance, step, path, world.normal, *pulses, system.truth_model._snr_law, *system._assumed,
         x, P, truth, ahead
     )  # fmt: skip
     return State(Truth(truth, path), Belief(ahead, x, P))
 
 
-def _sent(system: KershawEvans, action: Array, path: Array, step: Array) -> Pulses:
-    """The pulses of a step; of pulses that are cut by tables, what the receiver sees of them."""
-    if not (system.library and system.eclipsing):
-        return system.action_set.pulses(action)
+def _cut_pulses(system: KershawEvans, action: Array, path: Array, step: Array) -> Pulses:
+    """What the receiver sees of the given pulses of a step, which are cut by tables."""
     each = np.arange(len(step))
     ahead = np.minimum(step + 1, system.horizon)  # past the end of an episode nobody uses the result
     return Pulses(system._received(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)

@@ -269,7 +269,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         n = len(self.weights)
         return self.motion.F[None].copy(), self.motion.Q[None].copy(), np.eye(MEASURED, n)[None]
 
-    @property
+    @cached_property
     def _snr_law(self) -> tuple[float, float]:
         """The range at which eta = 1, and the range below which the SNR grows no further."""
         return self.reference_range, self.nearest_range
@@ -279,13 +279,18 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         """Kernel arguments: range law, and n as a tuple."""
         return *self._snr_law, (0,) * len(self.weights)
 
+    @cached_property
+    def _assumed(self) -> tuple[Any, ...]:
+        """Kernel arguments: the model, range law, and the two sizes as tuples."""
+        return *self._model, *self._law, (0,) * MEASURED
+
     def _radar(self, belief: Belief) -> tuple[Any, ...]:
-        """Kernel arguments: the model that the tracker believes in, range law, and the two sizes as tuples."""
-        F, Q, M = self._model
-        if belief.process_noise is not None:
-            Q = for_kernel(belief.process_noise)
-            F = F.repeat(len(Q), axis=0)
-        return F, Q, M, *self._law, (0,) * MEASURED
+        """``_assumed``, with the process noise that the tracker believes in."""
+        if belief.process_noise is None:
+            return self._assumed
+        F, _, *others = self._assumed
+        Q = for_kernel(belief.process_noise)
+        return F.repeat(len(Q), axis=0), Q, *others
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
