@@ -132,6 +132,7 @@ def test_what_is_registered_later_is_found_and_survives_a_pickle():
     assert shortcuts.best_sequence.of(system).args == (system,)
     search = shortcuts.best_sequence.of(KershawEvansPosition())
     assert pickle.loads(pickle.dumps(search)).func is search.func
+    assert pickle.loads(pickle.dumps(shortcuts.gain)) is shortcuts.gain
 
 
 def test_a_method_that_is_not_registered_is_named():
@@ -159,7 +160,14 @@ def test_only_a_class_can_have_a_shortcut():
         shortcuts.gain.register("Mine")
 
 
-def test_a_kind_and_its_check_may_come_from_outside(monkeypatch):
+def named_gain(system, belief):
+    """Of somebody else."""
+
+
+named_gain.__name__ = "gain"
+
+
+def test_a_kind_may_come_from_outside(monkeypatch):
     monkeypatch.setattr("wavegym.core.shortcuts.KINDS", dict(KINDS))
 
     @shortcuts.shortcut("cost")
@@ -171,6 +179,9 @@ def test_a_kind_and_its_check_may_come_from_outside(monkeypatch):
     @worst_target.register(DelaySystem)
     def largest(system, belief):
         return np.trace(belief.covariance, axis1=-2, axis2=-1).argmax(axis=-1)
+
+    with pytest.raises(InputError, match=r"shortcut gain of .* is declared in wavegym.core.shortcuts already"):
+        shortcuts.shortcut("cost")(named_gain)
 
     system = DelaySystem()
     belief = system.initial(oracles.worlds(system, 2)).belief

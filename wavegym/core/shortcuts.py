@@ -48,7 +48,15 @@ class Shortcut(Generic[P, R]):
         self.generic = declared if has_generic else None
         self.registered: dict[type, Callable[..., R] | None] = {}
         self._found: dict[type, tuple[Callable[..., R] | None, str]] = {}
-        KINDS[self.name] = self
+        known = KINDS.setdefault(self.name, self)
+        if known.__module__ != self.__module__:
+            taken = f"shortcut {self.name} of {self.__module__} is declared in {known.__module__}"
+            raise InputError(f"{taken} already, expected another name")
+        KINDS[self.name] = self  # a module may be loaded again
+
+    def __reduce__(self) -> str:
+        """A pickle names it, as it does a function."""
+        return self.name
 
     def register(self, cls: type) -> Callable[[Function], Function]:
         """A decorator of the function that does it for systems of this class and of its subclasses."""
@@ -293,6 +301,10 @@ def sensor_by_sensor(system: Any) -> SensorBySensor:  # type: ignore[empty-body]
     """
 
 
+def _no_settings(belief: Any) -> Array:
+    return np.zeros((len(belief.step), 0))
+
+
 class MeasuredFields(NamedTuple):
     """Measurements of a step as an observation that holds nothing of the belief.
 
@@ -306,7 +318,7 @@ class MeasuredFields(NamedTuple):
     fields: tuple[Any, ...]
     values: Callable[[Any], Array]
     setting_fields: tuple[Any, ...] = ()
-    settings: Callable[[Any], Array] = lambda belief: np.zeros((len(belief.step), 0))
+    settings: Callable[[Any], Array] = _no_settings
 
 
 @shortcut("measure")

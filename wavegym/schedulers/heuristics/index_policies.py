@@ -31,9 +31,8 @@ class Greedy(Heuristic):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        return self.candidates[
-            greatest(shortcuts.gain(self.system, belief, 0, self.ahead), mask, shortcuts.delay(self.system, belief))
-        ]
+        gain = shortcuts.gain(self.system, belief, 0, self.ahead)
+        return self.candidates[greatest(gain, mask, shortcuts.delay(self.system, belief))]
 
 
 class AwareGreedy(Heuristic):

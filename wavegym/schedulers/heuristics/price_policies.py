@@ -180,9 +180,8 @@ class ConstantPace(Heuristic):
 
 def ample(system: Any, belief: Any) -> Any:
     """The beliefs with an unlimited account."""
-    return belief._replace(
-        energy=np.full(len(belief.step), 2.0 * system.horizon * float(np.max(shortcuts.spending(system))))
-    )
+    most = float(np.max(shortcuts.spending(system)))
+    return belief._replace(energy=np.full(len(belief.step), 2.0 * system.horizon * most))
 
 
 def priced_choice(heuristic: Any, belief: Any, mask: Array | None, prices: Array | None) -> Array:

@@ -146,9 +146,8 @@ class RuleFeatures:
 
     def _delay(self, belief: Any, made: dict[str, Array]) -> Array:
         if "delay" not in made:
-            made["delay"] = np.broadcast_to(
-                shortcuts.delay(self.system, belief), (len(belief.step), len(self.candidates))
-            )
+            shape = len(belief.step), len(self.candidates)
+            made["delay"] = np.broadcast_to(shortcuts.delay(self.system, belief), shape)
         return made["delay"]
 
     def _mean_cost(self, belief: Any, made: dict[str, Array]) -> Array:
