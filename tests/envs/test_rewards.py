@@ -294,5 +294,5 @@ def test_the_outlook_is_a_potential_and_that_of_a_wait():
     np.testing.assert_allclose(
         shortcuts.outlook(resting, alone, Outlook.SECONDS), resting.predict(alone, waits).spent, rtol=1e-12
     )
-    with pytest.raises(InputError, match="KershawEvansPosition has no slots"):
+    with pytest.raises(InputError, match="of KershawEvansPosition, it has no outlook"):
         WaveformVectorEnv(KershawEvansPosition, 2, reward="outlook").reset(seed=0)

@@ -36,13 +36,13 @@ def test_they_follow_the_systems_own_fields_and_are_its_predictions(name):
     mean = costs.mean(axis=1, keepdims=True)
     is_free = np.abs(raw) < 10.0
     expected = {"ln_cost_ahead": np.log(costs / mean)}
-    if hasattr(system, "gain"):
+    if shortcuts.gain.of(system):
         delay = shortcuts.delay(system, belief)
         expected["ln_delay"] = np.log(1.0 + delay)
         for wait, steps in LOOKS:
             gain = shortcuts.gain(system, belief, delay + wait, steps) / (steps * mean)
             expected[f"log10_gain_{wait}_{steps}"] = np.log10(FLOOR + gain)
-    if hasattr(system, "spending"):
+    if shortcuts.spending.of(system):
         expected["spending"] = np.tile(shortcuts.spending(system), (5, 1))
     assert figures.keys() == expected.keys()
     for i, (figure, values) in enumerate(expected.items()):
