@@ -36,7 +36,7 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation import make_task
 from wavegym.evaluation import play as shell
 from wavegym.schedulers.registry import make_policy
-from wavegym.systems.rf_eo.system import PROPOSED as SETTINGS
+from wavegym.systems.rf_eo.shortcuts import PROPOSED as SETTINGS
 
 C = 299_792_458.0
 
