@@ -277,3 +277,12 @@ def test_what_the_suite_offers(name):
     has = [trait.__name__ for trait in TRAITS if not lacks_trait(system, trait)]
     has += [name for name, kind in KINDS.items() if kind.of(system)]
     assert " ".join(sorted(has)) == OFFERED[type(system).__name__]
+
+
+def test_every_registration_of_the_suite_is_checked():
+    """Each class for which the suite registers a shortcut is that of an id, or its base, and has it."""
+    systems = [make_task(name, {}).system for name in SYSTEMS]
+    for kind in KINDS.values():
+        for cls in kind.registered:
+            if cls.__module__.startswith("wavegym."):
+                assert any(isinstance(system, cls) and kind.of(system) for system in systems), (kind.name, cls)
