@@ -47,18 +47,11 @@ def linear_cost(system: RfEo) -> LinearCost:
 def best_action(system: RfEo, belief: Belief) -> Array:
     """The one-step scheduler's choice, platform after platform until none changes; for a box, on a fine grid."""
     chosen = np.empty((len(belief.step), len(system.platforms), 2), np.int64)
+    sent = system.action_set
     best_settings(
-        belief.step,
-        belief.mean,
-        belief.covariance,
-        belief.looks,
-        system.action_set.axes,
-        system.action_set.sizes,
-        system._weights,
-        *system._scene,
-        chosen,
-        NN,
-    )
+        belief.step, belief.mean, belief.covariance, belief.looks, sent.axes, sent.sizes, system._weights,
+        *system._scene, chosen, NN
+    )  # fmt: skip
     return system.action_set.choose(chosen[..., 0], chosen[..., 1])
 
 
@@ -82,19 +75,11 @@ def most_information(system: RfEo, belief: Belief, threshold: float | None = Non
     least = system.threshold if threshold is None else threshold
     if not least >= 0.0:
         raise InputError(f"threshold is {least}, expected a number >= 0")
+    sent = system.action_set
     information_kernels.most_information(
-        belief.step,
-        belief.mean,
-        belief.covariance,
-        belief.looks,
-        system.action_set.axes,
-        system.action_set.sizes,
-        least,
-        *system._scene,
-        chosen,
-        feasible,
-        NN,
-    )
+        belief.step, belief.mean, belief.covariance, belief.looks, sent.axes, sent.sizes, least, *system._scene, chosen,
+        feasible, NN
+    )  # fmt: skip
     return system.action_set.choose(chosen[..., 0], chosen[..., 1]), feasible
 
 
