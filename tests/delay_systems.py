@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, GainByTarget, LinearCost, Spending
+from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.system import ObservationField, State, System
 
 TARGETS = 2
@@ -51,7 +52,7 @@ class DelayBelief(NamedTuple):
 
 
 @dataclass(frozen=True)
-class DelaySystem(System, LinearCost, GainByTarget, Delay, Spending):
+class DelaySystem(System):
     """Two targets on lines and one sensor, which takes ``setup`` steps to turn to the other target.
 
     Whoever chooses a target for which the sensor is not set up gets a step without a pulse; after ``setup`` such steps
@@ -74,12 +75,12 @@ class DelaySystem(System, LinearCost, GainByTarget, Delay, Spending):
         return Library(CANDIDATES)
 
     @property
-    def spending(self) -> Array:
-        return SPENDING
-
-    @property
     def transition_matrix(self) -> Array:
         return np.array([[1.0, self.dt], [0.0, 1.0]])
+
+    @cached_property
+    def linear_cost(self) -> LinearCost:
+        return LinearCost(self.transition_matrix, self.weights)
 
     @property
     def observation_fields(self) -> tuple[ObservationField, ...]:
@@ -137,7 +138,7 @@ class DelaySystem(System, LinearCost, GainByTarget, Delay, Spending):
         """The next belief, and the Kalman gain (env, 2) of the target pointed at, 0 where there is no reading."""
         rows, target, F = np.arange(len(belief.step)), TARGET[action], self.transition_matrix
         at = np.minimum(belief.step, self.horizon - 1)
-        dead = self._to_wait(belief)[rows, action]
+        dead = self.to_wait(belief)[rows, action]
         sends = (target >= 0) & (dead == 0)
         chance = np.where(sends, self.pd * belief.visible[rows, at, target], 0.0)
         share = chance if draw is None else (draw[:, 0] < chance).astype(np.float64)
@@ -156,28 +157,10 @@ class DelaySystem(System, LinearCost, GainByTarget, Delay, Spending):
         )
         return fresh, share[:, None] * gains
 
-    def delay(self, belief: DelayBelief) -> Array:
-        return self._to_wait(belief)
-
-    def _to_wait(self, belief: DelayBelief) -> Array:
+    def to_wait(self, belief: DelayBelief) -> Array:
         """Steps without a pulse before each candidate's, (env, candidate); none for silence."""
         same = belief.pointing[:, None] == TARGET
         return np.where(TARGET < 0, 0, np.where(same, belief.dead[:, None], self.setup))
-
-    def gain(self, belief: DelayBelief, wait: Array | int, ahead: Array | int) -> Array:
-        waits = np.broadcast_to(np.asarray(wait), (len(belief.step), len(TARGET)))
-        at = belief.step[:, None] + waits
-        steps = np.minimum(waits, self.horizon) + 1
-        powers, noises = self._powers()
-        rows = np.arange(len(belief.step))[:, None]
-        own = powers[steps] @ belief.covariance[rows, TARGET] @ powers[steps].swapaxes(2, 3)
-        own = own + belief.noise[rows, TARGET][..., None, None] * noises[steps]
-        shown = belief.visible[rows, np.minimum(at, self.horizon - 1), TARGET] & (at < self.horizon) & (TARGET >= 0)
-        counted = np.broadcast_to(np.asarray(ahead), (len(belief.step), TARGETS))[:, TARGET]
-        M = self.weights_ahead(int(counted.max()))[counted - 1]
-        column = own[..., 0]
-        worth = (column * (M[..., 0] * column[..., :1] + M[..., 1] * column[..., 1:])).sum(axis=2)
-        return np.where(shown, self.pd * worth / (own[..., 0, 0] + VARIANCE), 0.0)
 
     def mask(self, belief: DelayBelief) -> Array:
         return belief.energy[:, None] + 1e-9 >= SPENDING
@@ -202,6 +185,39 @@ class DelaySystem(System, LinearCost, GainByTarget, Delay, Spending):
             powers.append(F @ powers[-1])
             noises.append(F @ noises[-1] @ F.T + self._noise())
         return np.array(powers), np.array(noises)
+
+
+@shortcuts.gain_by_target.register(DelaySystem)
+@shortcuts.gain.register(DelaySystem)
+def gain(system: DelaySystem, belief: DelayBelief, wait: Array | int, ahead: Array | int) -> Array:
+    waits = np.broadcast_to(np.asarray(wait), (len(belief.step), len(TARGET)))
+    at = belief.step[:, None] + waits
+    steps = np.minimum(waits, system.horizon) + 1
+    powers, noises = system._powers()
+    rows = np.arange(len(belief.step))[:, None]
+    own = powers[steps] @ belief.covariance[rows, TARGET] @ powers[steps].swapaxes(2, 3)
+    own = own + belief.noise[rows, TARGET][..., None, None] * noises[steps]
+    shown = belief.visible[rows, np.minimum(at, system.horizon - 1), TARGET] & (at < system.horizon) & (TARGET >= 0)
+    counted = np.broadcast_to(np.asarray(ahead), (len(belief.step), TARGETS))[:, TARGET]
+    M = system.linear_cost.weights_ahead(int(counted.max()))[counted - 1]
+    column = own[..., 0]
+    worth = (column * (M[..., 0] * column[..., :1] + M[..., 1] * column[..., 1:])).sum(axis=2)
+    return np.where(shown, system.pd * worth / (own[..., 0, 0] + VARIANCE), 0.0)
+
+
+@shortcuts.delay.register(DelaySystem)
+def delay(system: DelaySystem, belief: DelayBelief) -> Array:
+    return system.to_wait(belief)
+
+
+@shortcuts.spending.register(DelaySystem)
+def spending(system: DelaySystem) -> Array:
+    return SPENDING
+
+
+@shortcuts.linear_cost.register(DelaySystem)
+def linear_cost(system: DelaySystem) -> LinearCost:
+    return system.linear_cost
 
 
 def delay_worlds(system: System, count: int, seed: int = 0) -> Any:

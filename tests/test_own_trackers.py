@@ -11,6 +11,7 @@ import numpy as np
 import oracles
 import pytest
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
 from wavegym.envs.rewards import REWARDS
@@ -20,7 +21,7 @@ from wavegym.schedulers.registry import SCHEDULERS
 from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.testing import check_vector_env
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan
 from wavegym.waveforms import TrapezoidChirp
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
@@ -91,8 +92,8 @@ def test_returns_of_one_target_add_their_information() -> None:
         np.testing.assert_allclose(after.mean[e, 1], np.linalg.solve(information, weighted), rtol=1e-9, atol=1e-12)
 
 
-def test_a_tracker_of_ones_own_passes_the_check_of_capabilities() -> None:
-    assert capability_defect(KershawEvans(tracker="own_parts.trackers:filterpy_ekf", horizon=6)) is None
+def test_a_tracker_of_ones_own_passes_the_check_of_shortcuts() -> None:
+    assert shortcut_defect(KershawEvans(tracker="own_parts.trackers:filterpy_ekf", horizon=6)) is None
 
 
 @pytest.mark.slow
@@ -101,7 +102,7 @@ def test_a_tracker_with_a_memory_conforms_in_both_loops() -> None:
     from own_parts.trackers import AdaptiveNoise
 
     check_vector_env(ID, tracker=AdaptiveNoise(), horizon=6)
-    assert capability_defect(KershawEvansPosition(tracker=AdaptiveNoise(), horizon=6)) is None
+    assert shortcut_defect(KershawEvansPosition(tracker=AdaptiveNoise(), horizon=6)) is None
     own = KershawEvansPosition()
     targets = LinearTargets(own.motion, ((15e3, 0.0),) * 2, ((25e3, 300.0),) * 2, own.prior_variance)
     parts = {"sensor": LineOfSightRadar(), "waveforms": Pulses(own.actions, own.carrier_hz)}
@@ -139,10 +140,11 @@ def test_schedulers_predict_with_the_process_noise_that_the_tracker_believes_in(
         np.testing.assert_array_equal(row.covariance, want.covariance)
         np.testing.assert_array_equal(row.process_noise, np.broadcast_to(noise[e], row.covariance.shape))
         for depth in (1, 2):
-            cost = model.best_sequence(alone, depth)[1]
-            np.testing.assert_array_equal(system.best_sequence(told, depth)[1][e], cost[0])
+            cost = shortcuts.best_sequence(model, alone, depth)[1]
+            np.testing.assert_array_equal(shortcuts.best_sequence(system, told, depth)[1][e], cost[0])
         np.testing.assert_array_equal(
-            system.innovation_covariance(told, every)[e], model.innovation_covariance(alone, every)[0]
+            shortcuts.innovation_covariance(system, told, every)[e],
+            shortcuts.innovation_covariance(model, alone, every)[0],
         )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wavegym.core import shortcuts
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.trackers.urban.scan_kernels import expect
 
@@ -43,7 +44,7 @@ def test_beam_sends_nothing_while_it_turns():
     sent = []
     for action in [0] * 7 + [1] * 2 + [0] * 6:
         chosen = np.full(COUNT, action)
-        assert (system.delay(state.belief)[:, action] == sent_in(sent, action)).all()
+        assert (shortcuts.delay(system, state.belief)[:, action] == sent_in(sent, action)).all()
         truth = system.move(state.truth, state.belief.step, worlds)
         sent.append((action, system.measure(truth, state.belief, chosen, worlds).number.sum() > 0))
         state = system.transition(state, chosen, worlds)

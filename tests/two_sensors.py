@@ -7,8 +7,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.capabilities import BestAction
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.parameters import changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
@@ -70,14 +70,6 @@ class TwoSensors(System):
             return self.actions.encode(np.array(self.durations)[PerSensorLibrary(self.library, SENSORS).combinations()])
         return super().candidates()
 
-    def constants(self):
-        """The same pulse from both sensors."""
-        if self.action == "library":
-            return np.repeat(np.arange(len(self.durations))[:, None], SENSORS, axis=1)
-        if self.action == "joint":
-            return np.flatnonzero(np.ptp(self.actions.indices, axis=1) == 0)
-        return super().constants()
-
     def pulses(self, actions):
         """Pulse lengths (..., sensor)."""
         if self.action == "box":
@@ -133,6 +125,16 @@ class TwoSensors(System):
         return {"position_error": error, "nees": nees, "present": present, "lost": nees > 4.0, "near": near}
 
 
+@shortcuts.constants.register(TwoSensors)
+def constants(system: TwoSensors):
+    """The same pulse from both sensors."""
+    if system.action == "library":
+        return np.repeat(np.arange(len(system.durations))[:, None], SENSORS, axis=1)
+    if system.action == "joint":
+        return np.flatnonzero(np.ptp(system.actions.indices, axis=1) == 0)
+    return system.candidates()
+
+
 def variances(pulses, positions):
     """(..., sensor, target) of pulses (..., sensor) at targets (..., target)."""
     k = pulses[..., :, None]
@@ -142,10 +144,10 @@ def variances(pulses, positions):
 
 
 @system_parameters
-class Quick(TwoSensors, BestAction):
+class Quick(TwoSensors):
     """Has a search of its own, which tabulates each sensor's information once and adds pairs."""
 
-    def best_action(self, belief):
+    def search(self, belief):
         if self.action != "library":
             raise NotImplementedError
         k = np.array(self.durations)
@@ -156,6 +158,9 @@ class Quick(TwoSensors, BestAction):
         total = prior[:, None, None] + info[:, :, None, 0] + info[:, None, :, 1]
         best = (1.0 / total).sum(axis=-1).reshape(len(prior), -1).argmin(axis=1)
         return np.stack([best // count, best % count], axis=1)
+
+
+shortcuts.best_action.register(Quick)(Quick.search)
 
 
 @system_parameters

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from street_kernels import foresee, measure, move
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import Library
-from wavegym.core.capabilities import Delay, Gain, Spending
 from wavegym.core.parameters import changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
 from wavegym.systems.urban import kernels
@@ -66,7 +66,7 @@ class StreetTruth(NamedTuple):
 
 
 @system_parameters
-class Street(Urban, Delay, Gain, Spending):
+class Street(Urban):
     """Two streets on both sides of a square: a vehicle that is not observed now may soon be hidden, and be lost.
 
     Description
@@ -146,11 +146,6 @@ class Street(Urban, Delay, Gain, Spending):
         sides = (north, ~north, north | True, north & False)
         own = [known._replace(out_visible=known.out_visible & side[:, None]) for side in sides]
         return [*own[:3], own[3]._replace(gate_probability=NOBODY)]
-
-    @property
-    def spending(self) -> Any:
-        """Trains that each action sends."""
-        return np.array([float(share > 0) for _, share in CHOICES[self.kind]])
 
     def mask(self, belief: Any) -> Any:
         """Silence alone where the account is empty."""
@@ -272,12 +267,6 @@ class Street(Urban, Delay, Gain, Spending):
         after = Belief(flat.step + 1, *tracks, pointed, dead, flat.energy - (share > 0))
         return Belief(*(leaf.reshape(*lead, *leaf.shape[1:]) for leaf in after))
 
-    def delay(self, belief: Any) -> Any:
-        """Scans until the beam has turned."""
-        lit = np.array([streets for streets, _ in CHOICES[self.kind]])
-        turned = np.where(lit == belief.pointed[:, None], belief.dead[:, None], self.dead_scans)
-        return np.where(lit < 2, turned, 0)
-
     @cached_property
     def _ahead(self) -> Any:
         """Weights of the covariance in the summed cost of 0, 1, 2 ... scans, (scan, 6, 6)."""
@@ -285,23 +274,6 @@ class Street(Urban, Delay, Gain, Spending):
         for _ in range(self.horizon):
             made.append(np.diag(self._weights) + F.T @ made[-1] @ F)
         return np.array(made)
-
-    def gain(self, belief: Any, wait: Any, ahead: Any) -> Any:
-        """What a look after ``wait`` scans takes off the cost of the ``ahead`` scans from it on; no limit at c0."""
-        actions, count = len(self.actions), len(belief.step)
-        late = np.broadcast_to(np.asarray(wait), (count, actions)).reshape(-1)
-        tracks = [np.repeat(leaf, actions, axis=0) for leaf in belief[1:8]]
-        for k in range(late.max(initial=0)):
-            rows = np.flatnonzero(late > k)
-            silent = np.full(len(rows), 3), np.zeros(len(rows), np.int64)
-            for leaf, own in zip(tracks, self._foreseen([leaf[rows] for leaf in tracks], *silent), strict=True):
-                leaf[rows] = own
-        lit, share = np.tile(np.array(CHOICES[self.kind]), (count, 1)).T
-        without = Tracks(*self._foreseen(tracks, np.full_like(lit, 3), np.zeros_like(lit))).combined()[1]
-        found = self._foreseen(tracks, lit, share)
-        counted = np.minimum(ahead, np.maximum(self.horizon - np.repeat(belief.step, actions) - late, 0))
-        saved = np.einsum("ejk,eskj,es->e", self._ahead[counted], without - Tracks(*found).combined()[1], found[3])
-        return np.maximum(saved, 0.0).reshape(count, actions)
 
     def cost(self, belief: Any) -> Any:
         """As ``Urban``."""
@@ -325,3 +297,36 @@ class Street(Urban, Delay, Gain, Spending):
         sure, there = belief.status == CONFIRMED, np.ones(truth.route.shape, np.bool_)
         distance = gospa(truth.targets[..., :2], x[..., :2], there, sure, 20.0).distance
         return {"squared_gospa": distance**2, "confirmed": sure.sum(axis=1), "empty": (belief.status == EMPTY).sum(1)}
+
+
+@shortcuts.spending.register(Street)
+def spending(system: Street) -> Any:
+    """Trains that each action sends."""
+    return np.array([float(share > 0) for _, share in CHOICES[system.kind]])
+
+
+@shortcuts.delay.register(Street)
+def delay(system: Street, belief: Any) -> Any:
+    """Scans until the beam has turned."""
+    lit = np.array([streets for streets, _ in CHOICES[system.kind]])
+    turned = np.where(lit == belief.pointed[:, None], belief.dead[:, None], system.dead_scans)
+    return np.where(lit < 2, turned, 0)
+
+
+@shortcuts.gain.register(Street)
+def gain(system: Street, belief: Any, wait: Any, ahead: Any) -> Any:
+    """What a look after ``wait`` scans takes off the cost of the ``ahead`` scans from it on; no limit at c0."""
+    actions, count = len(system.actions), len(belief.step)
+    late = np.broadcast_to(np.asarray(wait), (count, actions)).reshape(-1)
+    tracks = [np.repeat(leaf, actions, axis=0) for leaf in belief[1:8]]
+    for k in range(late.max(initial=0)):
+        rows = np.flatnonzero(late > k)
+        silent = np.full(len(rows), 3), np.zeros(len(rows), np.int64)
+        for leaf, own in zip(tracks, system._foreseen([leaf[rows] for leaf in tracks], *silent), strict=True):
+            leaf[rows] = own
+    lit, share = np.tile(np.array(CHOICES[system.kind]), (count, 1)).T
+    without = Tracks(*system._foreseen(tracks, np.full_like(lit, 3), np.zeros_like(lit))).combined()[1]
+    found = system._foreseen(tracks, lit, share)
+    counted = np.minimum(ahead, np.maximum(system.horizon - np.repeat(belief.step, actions) - late, 0))
+    saved = np.einsum("ejk,eskj,es->e", system._ahead[counted], without - Tracks(*found).combined()[1], found[3])
+    return np.maximum(saved, 0.0).reshape(count, actions)

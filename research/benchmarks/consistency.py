@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.statistics import Estimate, of_worlds
@@ -82,7 +83,7 @@ def play(case: Case, count: int) -> tuple[Figures, float]:
     policy, worlds = make_policy(case.policy, default, None), draw_worlds(system, world_seeds(ROOT, "test", count))
     policy.begin(system, count, np.random.default_rng(ROOT))
     state, weights = system.initial(worlds), np.asarray(system.weights)
-    system.transition(state, system.constants()[:1].repeat(count, axis=0), worlds)  # compiles
+    system.transition(state, shortcuts.constants(system)[:1].repeat(count, axis=0), worlds)  # compiles
     steps, spent = [], 0.0
     for _ in range(system.horizon):
         action = policy.act(state.belief, None, allowed(system, state.belief))

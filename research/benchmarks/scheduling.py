@@ -6,6 +6,7 @@ import numpy as np
 from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter, unscented_transform
 
 from research.benchmarks.timing import Ratio, compare
+from wavegym.core import shortcuts
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.systems.agile_clutter.system import AgileClutter
@@ -55,7 +56,7 @@ def decision() -> Ratio:
 
     def ours() -> int:
         for _ in range(50):
-            system.best_action(belief)
+            shortcuts.best_action(system, belief)
         return 50
 
     return compare(ours, lambda: filterpy_decision(system, belief), rounds=5)

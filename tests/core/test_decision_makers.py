@@ -9,11 +9,11 @@ import pytest
 from two_sensors import TwoSensors
 
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
-from wavegym.core.capabilities import DecisionMaker, DecisionMakers
 from wavegym.core.decision_makers import decision_makers, makers_by_form
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.parameters import system_parameters
-from wavegym.testing.capability_check import capability_defect
+from wavegym.core.traits import DecisionMaker, DecisionMakers
+from wavegym.testing.shortcut_check import shortcut_defect
 
 LIBRARY = Library(("short", "long"))
 OWNED = {"AgileClutter": 8, "BeamAllocation": 12, "EnergyBudget": 4, "EnergyBudgetKnown": 4, "RfEo": 12, "RfEoFar": 12}
@@ -90,7 +90,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("defect", "makers"), WRONG.items())
-def test_the_check_of_capabilities_finds_a_wrong_declaration(defect, makers):
+def test_the_check_of_traits_finds_a_wrong_declaration(defect, makers):
     @system_parameters
     class Declared(TwoSensors, DecisionMakers):
         """Two sensors."""
@@ -99,10 +99,10 @@ def test_the_check_of_capabilities_finds_a_wrong_declaration(defect, makers):
         def decision_makers(self):
             return tuple(makers)
 
-    assert re.search(defect, capability_defect(Declared()) or "")
+    assert re.search(defect, shortcut_defect(Declared()) or "")
 
 
-def test_the_check_of_capabilities_finds_a_parameter_that_nobody_chooses():
+def test_the_check_of_traits_finds_a_parameter_that_nobody_chooses():
     @system_parameters
     class Declared(TwoSensors, DecisionMakers):
         """Two sensors."""
@@ -111,5 +111,5 @@ def test_the_check_of_capabilities_finds_a_parameter_that_nobody_chooses():
         def decision_makers(self):
             return DecisionMaker("left", (), ("duration_1",)), DecisionMaker("right")
 
-    found = capability_defect(Declared(action="box"))
+    found = shortcut_defect(Declared(action="box"))
     assert found == "DecisionMakers at step 0: decision_makers leave out the parameters ['duration_2']"

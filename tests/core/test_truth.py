@@ -9,14 +9,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import Library
-from wavegym.core.capabilities import FusedTransition
 from wavegym.core.errors import InputError
 from wavegym.core.system import State, System
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.schedulers.tuned_constants import recorded
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 
 class Drift(NamedTuple):
@@ -77,19 +77,23 @@ class Walk(System):
         return np.zeros((len(belief.step), 0))
 
 
-class Fused(Walk, FusedTransition):
+class Fused(Walk):
     """Walk with a step of its own."""
-
-    def fused_transition(self, state: State, action: np.ndarray, world: Any) -> State:
-        return self.composed_transition(state, action, world)
 
 
 class Wrong(Fused):
     """A step that forgets the report."""
 
-    def fused_transition(self, state: State, action: np.ndarray, world: Any) -> State:
-        truth = self.move(state.truth, state.belief.step, world)
-        return State(truth, Belief(state.belief.step + 1, state.belief.place + self.speed))
+
+@shortcuts.fused_transition.register(Fused)
+def fused(system: Fused, state: State, action: np.ndarray, world: Any) -> State:
+    return system.composed_transition(state, action, world)
+
+
+@shortcuts.fused_transition.register(Wrong)
+def wrong(system: Wrong, state: State, action: np.ndarray, world: Any) -> State:
+    truth = system.move(state.truth, state.belief.step, world)
+    return State(truth, Belief(state.belief.step + 1, state.belief.place + system.speed))
 
 
 class Louder(Fused):
@@ -145,8 +149,8 @@ def test_constants_recorded_for_a_system_hold_in_another_world() -> None:
 
 
 def test_the_check_finds_a_compiled_step_that_differs_from_its_parts() -> None:
-    assert capability_defect(Fused()) is None
-    assert "place of the belief differs" in str(capability_defect(Wrong()))
+    assert shortcut_defect(Fused()) is None
+    assert "place of the belief differs" in str(shortcut_defect(Wrong()))
 
 
 def test_another_measurement_withdraws_the_inherited_step() -> None:

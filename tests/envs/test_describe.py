@@ -11,8 +11,8 @@ import pytest
 from small_systems import has_form
 
 import wavegym
-from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError
+from wavegym.core.traits import UnequalSteps
 from wavegym.envs.describe import describe, section, summary
 from wavegym.registration import SYSTEMS
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -95,7 +95,7 @@ def test_the_info_table_has_every_key_that_comes(id):
     listed = {name.strip("`") for name, *_ in rows(chapter(describe(id), "Info"), "key")}
     seen = set()
     forms = [{"action": form} for form in ("box", "library") if has_form(id, form)]
-    relative = [] if offers(gym.make(id).unwrapped.system, UnequalSteps) else [{"reward": "relative"}]
+    relative = [] if isinstance(gym.make(id).unwrapped.system, UnequalSteps) else [{"reward": "relative"}]
     for settings in ({}, *forms, *relative):
         env = gym.make_vec(id, 2, autoreset_mode="SameStep", horizon=STEPS, **settings)
         env.reset(seed=0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from small_systems import Burner
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
 from wavegym.envs.rewards import Outlook
@@ -280,16 +281,18 @@ def test_the_outlook_is_a_potential_and_that_of_a_wait():
     """Rewards sum up to the cost but for the ends; without traffic, the outlook is the cost of a long wait."""
     envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="outlook", slots=12, targets=5.0)
     envs.reset(seed=2)
-    first, total, cost = envs.system.outlook(envs.belief, Outlook.SECONDS), np.zeros(3), np.zeros(3)
+    first, total, cost = shortcuts.outlook(envs.system, envs.belief, Outlook.SECONDS), np.zeros(3), np.zeros(3)
     rule = envs.policy("round-robin")
     for _ in range(60):
         _, rewards, _, _, info = envs.step(rule())
         total, cost = total + rewards, cost + info["cost"]
-    last = envs.system.outlook(envs.belief, Outlook.SECONDS)
+    last = shortcuts.outlook(envs.system, envs.belief, Outlook.SECONDS)
     np.testing.assert_allclose(total, -(cost + last - first) / envs.system.c0, rtol=1e-9)
     resting = dataclasses.replace(envs.system, targets=0.0, dt=Outlook.SECONDS)
     alone = envs.belief._replace(undetected=np.zeros_like(envs.belief.undetected))
     waits = np.full(3, len(resting.actions) - 1)
-    np.testing.assert_allclose(resting.outlook(alone, Outlook.SECONDS), resting.predict(alone, waits).spent, rtol=1e-12)
-    with pytest.raises(InputError, match="KershawEvansPosition has no slots"):
+    np.testing.assert_allclose(
+        shortcuts.outlook(resting, alone, Outlook.SECONDS), resting.predict(alone, waits).spent, rtol=1e-12
+    )
+    with pytest.raises(InputError, match="of KershawEvansPosition, it has no outlook"):
         WaveformVectorEnv(KershawEvansPosition, 2, reward="outlook").reset(seed=0)

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from two_sensors import Coupled, Quick, Strict, TwoSensors
 
 import wavegym
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.describe import describe
@@ -170,16 +171,23 @@ class Wrong(Quick):
 
     promise: str = ""
 
-    def best_action(self, belief):
+    def search(self, belief):
         if self.promise == "flat":
             return np.zeros(len(belief.step), int)
-        return (super().best_action(belief) + (self.promise == "not best")) % 3
+        return (super().search(belief) + (self.promise == "not best")) % 3
 
     def state_info(self, state):
         return {"nees": np.full(len(state.belief.step), np.nan if self.promise == "absent" else 1.0)}
 
-    def constants(self):
-        return {"far": np.array([[0, 3]]), "none": np.empty((0, 2), int)}.get(self.promise, super().constants())
+
+@shortcuts.constants.register(Wrong)
+def constants(system: Wrong):
+    return {"far": np.array([[0, 3]]), "none": np.empty((0, 2), int)}.get(
+        system.promise, shortcuts.constants.registered[TwoSensors](system)
+    )
+
+
+shortcuts.best_action.register(Wrong)(Wrong.search)
 
 
 @pytest.mark.parametrize(

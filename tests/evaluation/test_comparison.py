@@ -6,7 +6,7 @@ import pytest
 from evaluation_systems import Uneven
 
 import wavegym
-from wavegym.core import worlds
+from wavegym.core import shortcuts, worlds
 from wavegym.core.errors import InputError
 from wavegym.evaluation import Factory, compare, make_task, summarise, world_seeds
 from wavegym.evaluation import comparison as module
@@ -86,8 +86,10 @@ def test_settings_reach_the_system():
 class WithLoop(Uneven):
     """A paper's baseline of it has twice the gains."""
 
-    def baselines(self):
-        return {"louder": ("fixed:0", {"gains": (2.0, 4.0, 8.0)})}
+
+@shortcuts.baselines.register(WithLoop)
+def baselines(system: WithLoop):
+    return {"louder": ("fixed:0", {"gains": (2.0, 4.0, 8.0)})}
 
 
 def test_a_named_loop_plays_the_same_worlds_with_parameters_of_its_own():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from evaluation_systems import Measured, Uneven
 
-from wavegym.core.capabilities import UnequalSteps
+from wavegym.core.traits import UnequalSteps
 from wavegym.evaluation import draw_worlds, make_task, world_seeds
 from wavegym.evaluation.play import merged, play
 from wavegym.evaluation.task import Task
@@ -51,9 +51,6 @@ class Slowing(Measured, UnequalSteps):
 
     def duration(self, belief):
         return 1.0 * belief.step
-
-    def gain_per_second(self, belief, ahead=None, worth=None):
-        return np.zeros((len(belief.step), len(self.gains)))
 
 
 def test_where_steps_differ_in_length_means_are_over_seconds():

@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.observations.forecasts import AHEAD, FLOOR, LEAST, LOOKS, Forecasts
@@ -35,14 +36,14 @@ def test_they_follow_the_systems_own_fields_and_are_its_predictions(name):
     mean = costs.mean(axis=1, keepdims=True)
     is_free = np.abs(raw) < 10.0
     expected = {"ln_cost_ahead": np.log(costs / mean)}
-    if hasattr(system, "gain"):
-        delay = system.delay(belief)
+    if shortcuts.gain.of(system):
+        delay = shortcuts.delay(system, belief)
         expected["ln_delay"] = np.log(1.0 + delay)
         for wait, steps in LOOKS:
-            gain = system.gain(belief, delay + wait, steps) / (steps * mean)
+            gain = shortcuts.gain(system, belief, delay + wait, steps) / (steps * mean)
             expected[f"log10_gain_{wait}_{steps}"] = np.log10(FLOOR + gain)
-    if hasattr(system, "spending"):
-        expected["spending"] = np.tile(system.spending, (5, 1))
+    if shortcuts.spending.of(system):
+        expected["spending"] = np.tile(shortcuts.spending(system), (5, 1))
     assert figures.keys() == expected.keys()
     for i, (figure, values) in enumerate(expected.items()):
         np.testing.assert_allclose(
@@ -55,13 +56,13 @@ def test_of_tracks_in_slots_they_are_gains_per_second_and_what_is_known_of_the_t
     env = gym.make_vec("wavegym/MultifunctionRadar-v0", num_envs=4, forecasts=True, slots=20).unwrapped
     env.reset(seed=0)
     for _ in range(30):
-        env.step(env.system.gain_per_second(env.belief).argmax(axis=1))
+        env.step(shortcuts.gain_per_second(env.system, env.belief).argmax(axis=1))
     system, belief = env.system, env.belief
     fields, own = Forecasts(system).candidate_fields, len(system.observation_fields)
     raw = env.episodes.observe()[0][:, own:].reshape(4, len(system.actions), len(fields)).astype(np.float64)
     shown = {f.name: raw[..., i] * f.scale + f.centre for i, f in enumerate(fields)}
     for ahead in AHEAD:
-        want = np.log10(LEAST + np.maximum(system.gain_per_second(belief, ahead, 1.0), 0.0) / system.c0)
+        want = np.log10(LEAST + np.maximum(shortcuts.gain_per_second(system, belief, ahead, 1.0), 0.0) / system.c0)
         np.testing.assert_allclose(shown[f"log10_gain_{ahead:g}"], want, atol=1e-5)
     rows, updates = system.slots_now(belief), 20 * 4
     taken = (rows[..., 0] > 0).repeat(4, axis=1)

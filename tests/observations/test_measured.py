@@ -132,7 +132,5 @@ def test_other_observations_are_refused(settings, words):
 
 
 def test_a_system_that_does_not_offer_them_says_so():
-    with pytest.raises(
-        InputError, match=r"expected 'belief' \(nearest\): of AgileClutter, it has no measurement_fields"
-    ):
+    with pytest.raises(InputError, match=r"expected 'belief' \(nearest\): of AgileClutter, it has no measured_fields"):
         MeasurementObserver(make_task("AgileClutter-v0", {}).system)

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scheduler_systems import CA, Ladder
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, MyopicClosedForm, rollout
 from wavegym.schedulers.myopic import OBJECTIVES
@@ -73,7 +74,7 @@ def test_an_interior_gate_has_the_shape_of_the_prediction(name):
     actions = ready(system, "gate").act(belief, None, None)
     inside = (np.abs(actions) < 1.0).all(axis=1)
     assert inside.sum() > 20
-    A = system.predicted(belief)[0][inside, :2, :2]
+    A = shortcuts.next_pulse(system, belief)[0][inside, :2, :2]
     k, sweep = system.actions.decode(actions[inside]).T
     wc = 2 * np.pi * system.carrier_hz
     np.testing.assert_allclose(k**2, A[:, 0, 0] / (wc * np.sqrt(np.linalg.det(A))), rtol=1e-8)
@@ -103,7 +104,9 @@ def test_a_gate_on_the_edge_of_the_sweep_solves_the_quartic():
     k, sweep = system.actions.decode(actions).T
     on_edge = (np.abs(actions[:, 1]) == 1.0) & (np.abs(actions[:, 0]) < 1.0)
     wc = 2 * np.pi * system.carrier_hz
-    for A, duration, s in zip(system.predicted(belief)[0][on_edge], k[on_edge], sweep[on_edge], strict=True):
+    for A, duration, s in zip(
+        shortcuts.next_pulse(system, belief)[0][on_edge], k[on_edge], sweep[on_edge], strict=True
+    ):
         us = 1e-6  # a unit in which the coefficients are alike
         quartic = [A[1, 1] * us**4, np.pi * s * A[0, 1] / wc * us**3, 0.0, 0.0, -A[0, 0] / wc**2]
         roots = np.roots(quartic) * us

@@ -11,7 +11,7 @@ import pytest
 from rf_eo_scenes import beliefs, scene
 from scheduler_systems import Level
 
-from wavegym.core.capabilities import MostInformation
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.schedulers import Continuous, InfeasibleThreshold, Myopic, MyopicClosedForm, MyopicInformation, rollout
@@ -35,7 +35,7 @@ def held_to_all_actions(system, threshold):
     belief = beliefs(system)
     rows = np.arange(len(belief.step))
     share, total = listed(system, belief)
-    chosen, feasible = system.most_information(belief, threshold)
+    chosen, feasible = shortcuts.most_information(system, belief, threshold)
     possible = share.max(axis=1) >= threshold
     assert (feasible == (share[rows, chosen] >= threshold)).all()
     enough = np.minimum(share.max(axis=1), threshold)[:, None]
@@ -199,13 +199,15 @@ def test_continuous_information_keeps_the_threshold_and_gains_on_the_grid():
 def test_a_binding_threshold_holds_in_the_box_too():
     system = apart(action="box")
     belief = beliefs(system, 2, 3)
-    reach = system.information(belief, system.most_information(belief, np.inf)[0]).min(axis=1)
+    reach = system.information(belief, shortcuts.most_information(system, belief, np.inf)[0]).min(axis=1)
     threshold = float(0.9 * reach.min())
     policy, held = Continuous("information"), dataclasses.replace(system, threshold=threshold)
     share = system.information(belief, act(policy, held, belief))
     assert policy.feasible.all()
     assert (share.min(axis=1) >= threshold).all()
-    assert (share.sum(axis=1) >= system.information(belief, held.most_information(belief)[0]).sum(axis=1)).all()
+    assert (
+        share.sum(axis=1) >= system.information(belief, shortcuts.most_information(held, belief)[0]).sum(axis=1)
+    ).all()
     free = act(Continuous("information"), dataclasses.replace(system, threshold=0.0), belief)
     assert (system.information(belief, free).min(axis=1) < threshold).any()
     with pytest.warns(InfeasibleThreshold, match="threshold is 1e\\+09, not reached in 8 of 8"):
@@ -215,7 +217,7 @@ def test_a_binding_threshold_holds_in_the_box_too():
 
 
 @dataclasses.dataclass
-class Tilt(MostInformation):
+class Tilt:
     """One parameter a: the first target's information is 5 + 4a, the second's 2 - a."""
 
     threshold: float
@@ -224,8 +226,10 @@ class Tilt(MostInformation):
     def information(self, belief, actions):
         return np.concatenate([5 + 4 * actions, 2 - actions], axis=-1)
 
-    def most_information(self, belief):
-        return np.full((len(belief.step), 1), -1.0), np.ones(len(belief.step), bool)
+
+@shortcuts.most_information.register(Tilt)
+def most_information(system, belief):
+    return np.full((len(belief.step), 1), -1.0), np.ones(len(belief.step), bool)
 
 
 @pytest.mark.parametrize("starts", [0, 1])
@@ -279,4 +283,4 @@ def test_a_threshold_that_is_no_number_is_refused():
     belief = beliefs(system, 1, 1)
     for threshold in (-1.0, np.nan):
         with pytest.raises(InputError, match=r"threshold is .* expected a number >= 0"):
-            system.most_information(belief, threshold)
+            shortcuts.most_information(system, belief, threshold)

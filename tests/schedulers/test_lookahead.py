@@ -10,8 +10,7 @@ import pytest
 from rf_eo_scenes import FOLDED, beliefs, scene
 from scheduler_systems import Ladder, Start, small, small_ca
 
-from wavegym.core import trees
-from wavegym.core.capabilities import SequencePlan
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Lookahead, Myopic, lookahead, rollout
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -49,7 +48,7 @@ def test_fused_equals_generic_equals_enumeration(make, depth, step, left):
         policy.begin(system, 4, None)
     chosen = fused.act(belief, None, None)
     assert (chosen == generic.act(belief, None, None)).all()
-    _, costs = system.best_sequence(belief, depth)
+    _, costs = shortcuts.best_sequence(system, belief, depth)
     for e in range(4):
         listed = list(sequences(system, belief.mean[e], belief.covariance[e], left))
         best, cost = min(listed, key=lambda pair: pair[1])
@@ -165,7 +164,7 @@ def predicted(system, belief, depth):
     own, mine, total, flat = belief, 0.0, np.zeros(count), belief
     for k in range(depth):
         on = (belief.step + k < system.horizon) | (k == 0)
-        own = system.predict(own, system.best_action(own))
+        own = system.predict(own, shortcuts.best_action(system, own))
         mine = mine + on * system.cost(own)
         predicted = system.predict(flat, candidates[None])
         added = np.repeat(on, len(flat.step) // count)[:, None] * system.cost(predicted)
@@ -181,7 +180,7 @@ def test_a_plan_is_nearly_the_best_of_all_sequences(far, depth, points):
     system = scene(far, points=points, action="joint")
     belief = beliefs(system)
     listed, mine = predicted(system, belief, depth)
-    chosen, cost = system.plan(belief, depth)
+    chosen, cost = shortcuts.plan(system, belief, depth)
     with_it = listed[np.arange(len(chosen)), chosen]
     np.testing.assert_allclose(np.abs(with_it / cost[:, None] - 1).min(axis=1), 0.0, atol=1e-9)
     assert (cost <= mine * (1 + 1e-9)).all()
@@ -189,7 +188,7 @@ def test_a_plan_is_nearly_the_best_of_all_sequences(far, depth, points):
     assert off.max() < 0.005
     assert (off < 1e-9).mean() > 0.85
     if depth == 1:
-        assert (chosen == system.best_action(belief)).all()
+        assert (chosen == shortcuts.best_action(system, belief)).all()
     elif not far:
         assert cost.sum() < mine.sum() * (1 - 1e-6)  # looking ahead is worth something here
 
@@ -200,7 +199,7 @@ def test_a_plan_whose_worth_depends_on_the_spread_has_the_cost_of_a_sequence(mar
     system = scene(points=(3, 1, 3), action="joint", margin=margin, **FOLDED)
     belief = beliefs(system)
     listed, mine = predicted(system, belief, 2)
-    chosen, cost = system.plan(belief, 2)
+    chosen, cost = shortcuts.plan(system, belief, 2)
     with_it = listed[np.arange(len(chosen)), chosen]
     np.testing.assert_allclose(np.abs(with_it / cost[:, None] - 1).min(axis=1), 0.0, atol=1e-9)
     assert (cost <= mine * (1 + 1e-9)).all()
@@ -215,9 +214,9 @@ def test_a_plan_in_a_box_is_never_above_the_one_step_schedulers_sequence():
     for depth in (1, 4):
         own, mine = belief, 0.0
         for k in range(depth):
-            own = system.predict(own, system.best_action(own))
+            own = system.predict(own, shortcuts.best_action(system, own))
             mine = mine + ((belief.step + k < system.horizon) | (k == 0)) * system.cost(own)
-        _, cost = system.plan(belief, depth)
+        _, cost = shortcuts.plan(system, belief, depth)
         assert (cost <= mine * (1 + 1e-9)).all()
         if depth == 1:
             np.testing.assert_allclose(cost, mine, rtol=1e-9)
@@ -228,7 +227,7 @@ def test_a_systems_plan_is_played_at_any_depth_but_not_where_it_is_unwanted():
     belief = beliefs(system, 2)
     policy = Lookahead(50)
     policy.begin(system, 2, None)
-    assert (policy.act(belief, None, None) == system.plan(belief, 50)[0]).all()
+    assert (policy.act(belief, None, None) == shortcuts.plan(system, belief, 50)[0]).all()
     with pytest.raises(InputError, match=r"81\^12 sequences"):
         Lookahead(50, fused=False).begin(system, 2, None)
     with pytest.raises(InputError, match=r"81\^12 sequences"):
@@ -249,12 +248,15 @@ def best_pair_masked(system, belief, mask):
 
 
 def test_an_exhaustive_search_goes_before_a_plan():
-    class Both(KershawEvansPosition, SequencePlan):
-        def plan(self, belief, depth):
-            raise AssertionError
+    class Both(KershawEvansPosition):
+        pass
+
+    @shortcuts.plan.register(Both)
+    def plan(system, belief, depth):
+        raise AssertionError
 
     system = Both(durations=(10e-6, 50e-6, 300e-6), sweeps=(0.0, 1e6, -1e6))
     belief = system.initial(oracles.worlds(system, 3)).belief
     policy = Lookahead(2)
     policy.begin(system, 3, None)
-    assert (policy.act(belief, None, None) == system.best_sequence(belief, 2)[0]).all()
+    assert (policy.act(belief, None, None) == shortcuts.best_sequence(system, belief, 2)[0]).all()

@@ -9,6 +9,7 @@ import oracles
 import pytest
 from scheduler_systems import Ladder, small, small_ca
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, Optimum, RandomChoice, best_schedule, rollout
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -148,7 +149,7 @@ def test_the_reference_case():
 def test_environments_are_planned_independently():
     system = small(6)
     worlds = oracles.worlds(system, 5)
-    recursion = system.deterministic_recursion(worlds)
+    recursion = shortcuts.deterministic_recursion(system, worlds)
     together = best_schedule(recursion)
     for e in range(5):
         own = slice(e, e + 1)
@@ -177,7 +178,7 @@ def test_what_cannot_be_had_is_refused():
     policy = prepared(system, oracles.worlds(system, 1))
     with pytest.raises(InputError, match="given a mask"):
         policy.act(system.initial(oracles.worlds(system, 1)).belief, None, np.ones((1, 9), bool))
-    recursion = system.deterministic_recursion(oracles.worlds(system, 1))
+    recursion = shortcuts.deterministic_recursion(system, oracles.worlds(system, 1))
     for kwargs, words in (({"tolerance": -1.0}, "tolerance is -1"), ({"nodes": 0}, "nodes is 0")):
         with pytest.raises(InputError, match=words):
             best_schedule(recursion, **kwargs)

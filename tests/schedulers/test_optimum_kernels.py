@@ -9,6 +9,7 @@ import oracles
 import pytest
 from scheduler_systems import small, small_ca
 
+from wavegym.core import shortcuts
 from wavegym.schedulers import optimum_kernels as kernels
 
 
@@ -90,7 +91,7 @@ def test_the_cheapest_are_kept_where_room_is_short(limit):
 @pytest.mark.parametrize("make", [small, small_ca])
 def test_no_schedule_costs_less_than_the_bound_on_what_is_to_come(make):
     system = make(horizon=6)
-    recursion = system.deterministic_recursion(oracles.worlds(system, 1))
+    recursion = shortcuts.deterministic_recursion(system, oracles.worlds(system, 1))
     _, F, Q, M, R, weights = recursion
     nn, mm = sizes(len(F))
     model = kernels.Model(F[None].copy(), Q[None].copy(), M[None].copy(), weights.copy())

@@ -13,6 +13,7 @@ from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, Progressive
 from wavegym.schedulers.registry import is_scheduler, make_policy
 from wavegym.sensors.eclipsing import NEVER_CUT
+from wavegym.systems.agile_clutter.shortcuts import after_sensor, sensor_costs
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
@@ -59,9 +60,9 @@ def test_it_finds_what_a_fine_grid_finds(beliefs):
     for belief in beliefs:
         targets = BOX.predicted_targets(belief)
         for i in range(2):
-            cost = BOX.sensor_costs(targets, i, C[None], WHOLE.repeat(len(C), 1))
+            cost = sensor_costs(BOX, targets, i, C[None], WHOLE.repeat(len(C), 1))
             if i == 0:
-                targets = BOX.after_sensor(targets, 0, C[cost.argmin(axis=1)], WHOLE[0].repeat(len(cost), 0))
+                targets = after_sensor(BOX, targets, 0, C[cost.argmin(axis=1)], WHOLE[0].repeat(len(cost), 0))
         best = cost.min(axis=1)
         found = predicted(BOX, belief, chosen(BOX, belief))
         np.testing.assert_array_less(found, best * 1.01)
@@ -81,10 +82,10 @@ def test_finer_grids_reach_to_the_neighbours_of_the_best_point():
         chirp_windows=lambda law, duration, sweep: np.zeros((*duration.shape, 10)), encode_chirps=lambda *chirp: chirp
     )  # fmt: skip
     policy = Progressive(points=5, levels=3)
-    policy._system = SimpleNamespace(
-        action_set=actions,
-        predicted_targets=lambda belief: SimpleNamespace(mean=np.zeros((1, 1, 4))),
-        sensor_costs=lambda predicted, sensor, C, windows: np.log(C[..., 0, 0] / 3.2) ** 2 + (C[..., 1, 1] - 4.0) ** 2,
+    policy._system = SimpleNamespace(action_set=actions)
+    policy._sensors = SimpleNamespace(
+        begin=lambda belief: SimpleNamespace(mean=np.zeros((1, 1, 4))),
+        costs=lambda predicted, sensor, C, windows: np.log(C[..., 0, 0] / 3.2) ** 2 + (C[..., 1, 1] - 4.0) ** 2,
     )
     _, duration, sweep = policy.act(None, None, None)
     for found, (low, high) in zip(tried, [(1, 16), (2, 8), (2, 4)], strict=True):

@@ -8,7 +8,7 @@ import pytest
 from rf_eo_scenes import scene
 
 import wavegym
-from wavegym.core import registry
+from wavegym.core import registry, shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.system import State, System
 from wavegym.core.worlds import draw_worlds, world_seeds
@@ -107,8 +107,10 @@ def test_a_candidate_that_does_not_exist_is_refused(index):
 class Named(KershawEvans):
     """One constant has a name."""
 
-    def named_constants(self):
-        return {"published": np.array(9)}
+
+@shortcuts.named_constants.register(Named)
+def named_constants(system: Named):
+    return {"published": np.array(9)}
 
 
 def test_a_constant_goes_by_its_name_or_its_number():

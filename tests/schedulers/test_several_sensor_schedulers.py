@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2
 from two_sensors import DRIFT, Coupled, Quick, TwoSensors, variances
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, lookahead, rollout
 from wavegym.schedulers.simple import FEW
@@ -29,9 +30,9 @@ def test_candidates_are_all_combinations_and_constants_what_the_system_says():
     assert SYSTEM.candidates().tolist() == ALL
     assert JOINT.candidates().tolist() == [0, 1, 2, 3]
     assert BOX.candidates().shape == (9, 2)
-    assert SYSTEM.constants().tolist() == [[0, 0], [1, 1], [2, 2]]
-    assert JOINT.constants().tolist() == [0, 3]
-    assert (BOX.constants() == BOX.candidates()).all()
+    assert shortcuts.constants(SYSTEM).tolist() == [[0, 0], [1, 1], [2, 2]]
+    assert shortcuts.constants(JOINT).tolist() == [0, 3]
+    assert (shortcuts.constants(BOX) == BOX.candidates()).all()
 
 
 def test_fixed_and_round_robin_choose_among_the_constants():
@@ -47,7 +48,7 @@ def test_fixed_and_round_robin_choose_among_the_constants():
 def test_best_fixed_is_the_cheapest_constant():
     worlds = oracles.worlds(SYSTEM, 30)
     costs = []
-    for waveforms in SYSTEM.constants():
+    for waveforms in shortcuts.constants(SYSTEM):
         state, total = SYSTEM.initial(worlds), 0.0
         for _ in range(SYSTEM.horizon):
             state = SYSTEM.transition(state, np.tile(waveforms, (30, 1)), worlds)
@@ -60,8 +61,10 @@ def test_best_fixed_is_the_cheapest_constant():
 class Few(Coupled):
     """Its constants are the last three of four joint actions, of which the last is never allowed."""
 
-    def constants(self):
-        return np.array([3, 0, 2])
+
+@shortcuts.constants.register(Few)
+def constants(system: Few):
+    return np.array([3, 0, 2])
 
 
 def test_a_mask_speaks_of_actions_whatever_the_constants():
@@ -105,12 +108,19 @@ def test_myopic_takes_the_least_of_all_combinations():
         assert costs[tuple(action)] == pytest.approx(min(costs.values()), rel=1e-12)
 
 
-def test_a_systems_own_search_is_used_for_the_unmasked_trace_only(monkeypatch):
+def test_a_systems_own_search_is_used_for_the_unmasked_trace_only():
     calls = []
-    search = Quick.best_action
-    monkeypatch.setattr(Quick, "best_action", lambda system, belief: calls.append(1) or search(system, belief))
+
+    class Counted(Quick):
+        pass
+
+    @shortcuts.best_action.register(Counted)
+    def counted(system, belief):
+        calls.append(1)
+        return system.search(belief)
+
     for form, used in (("library", True), ("joint", False), ("box", False)):
-        system = Quick(action=form)
+        system = Counted(action=form)
         fused, belief = ready(Myopic(), system, 200)
         exhaustive, _ = ready(Myopic(fused=False), system, 200)
         chosen = fused.act(belief, None, None)

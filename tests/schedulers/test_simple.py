@@ -10,6 +10,7 @@ import pytest
 from scheduler_systems import Ladder
 from scipy.stats import chi2
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -72,14 +73,16 @@ def test_fixed_never_changes():
 class Named(KershawEvansPosition):
     """A constant that is no candidate, and one that is."""
 
-    def named_constants(self):
-        if self.action == "box":
-            return {"published": np.array([0.25, -0.5]), "short": self.constants()[0]}
-        return {"published": np.array(9), "short": np.array(0)}
+
+@shortcuts.named_constants.register(Named)
+def named_constants(system: Named):
+    if system.action == "box":
+        return {"published": np.array([0.25, -0.5]), "short": shortcuts.constants(system)[0]}
+    return {"published": np.array(9), "short": np.array(0)}
 
 
 def test_a_constant_may_have_a_name():
-    assert System().named_constants() == {}
+    assert shortcuts.named_constants(System()) == {}
     system = Named()
     assert (ready(Fixed("published"), system).act(beliefs_of(system, 3), None, None) == 9).all()
     mask = np.ones((3, 56), bool)

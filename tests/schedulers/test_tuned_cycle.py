@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scheduler_systems import Ladder, Level, small
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import Parameter, ParameterBox
@@ -149,11 +149,13 @@ def test_it_is_never_worse_than_the_best_constant_of_a_real_system():
     for action in ("library", "box"):
         system = small(20, action=action)
         worlds = trees.stack([system.draw_world(np.random.default_rng(i)) for i in range(24)])
-        constant = system.constants()[best_fixed(system, worlds)]
+        constant = shortcuts.constants(system)[best_fixed(system, worlds)]
         found = best_cycle(system, worlds)
         cost, least = cost_of(system, found, worlds), cost_of(system, constant[None], worlds)
         assert cost <= least
-        pairs = min(cost_of(system, np.stack([a, b]), worlds) for a, b in product(system.constants(), repeat=2))
+        pairs = min(
+            cost_of(system, np.stack([a, b]), worlds) for a, b in product(shortcuts.constants(system), repeat=2)
+        )
         assert cost <= pairs * (1 + 1e-9) < least  # nine waveforms: the best response to a slot is tried exhaustively
         assert (best_cycle(system, worlds) == found).all()
 
@@ -196,8 +198,11 @@ def test_a_slot_that_is_not_allowed_gives_way_to_the_next_constant(slots, step, 
 
 def test_a_slot_that_is_no_constant_gives_way_to_the_first():
     class Few(Ladder):
-        def constants(self):
-            return np.array([2, 0])
+        pass
+
+    @shortcuts.constants.register(Few)
+    def constants(system):
+        return np.array([2, 0])
 
     policy = Cycle([1])
     policy.begin(Few(), 3, np.random.default_rng(0))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavegym.core.capabilities import TimedPulses, offers
 from wavegym.core.errors import InputError
+from wavegym.core.traits import TimedPulses
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.build import build_system
 from wavegym.envs.describe import describe, target_extent
@@ -18,7 +18,7 @@ from wavegym.systems.beam_allocation.system import BeamAllocation
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 TRAIN = "8 x (PFM3 up 6.25 us 1 MHz) every 250 us"
-TIMED = [id for id in SYSTEMS if offers(make_task(id, {}).system, TimedPulses)]
+TIMED = [id for id in SYSTEMS if isinstance(make_task(id, {}).system, TimedPulses)]
 
 
 def impossible(system):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from wavegym.core import trees
-from wavegym.core.capabilities import RecordedTargets, offers
 from wavegym.core.errors import InputError
+from wavegym.core.traits import RecordedTargets, lacks_trait
 from wavegym.evaluation import make_task
 from wavegym.registration import SYSTEMS
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 # First position [m] and velocity [m/s] of targets on straight lines, in the scene of every system
 STARTS = np.array([[-3500, 2000, 100], [-1900, 3200, 50], [0, 3000, 20], [2400, 4000, 80], [3500, 2000, 60.0]])
@@ -116,15 +116,15 @@ def test_a_batch_equals_its_elements(name, recording):
 
 
 @pytest.mark.parametrize("name", [*PLANAR, *LINE])
-def test_every_capability_agrees_with_the_contract(name, recording):
+def test_every_shortcut_agrees_with_the_contract(name, recording):
     system = recorded(name, recording, **({"farthest_range": 1e5} if name in LINE else {}))
-    assert offers(system, RecordedTargets)
+    assert not lacks_trait(system, RecordedTargets)
     assert len(system.recorded_windows) > 0
-    assert capability_defect(system) is None
+    assert shortcut_defect(system) is None
 
 
 def test_every_system_with_a_motion_model_plays_recordings():
-    offering = {id for id in SYSTEMS if offers(make_task(id, {}).system, RecordedTargets)}
+    offering = {id for id in SYSTEMS if not lacks_trait(make_task(id, {}).system, RecordedTargets)}
     assert offering >= {f"wavegym/{name}-v0" for name in (*PLANAR, *LINE)}
     streets, traffic = ("SectorSetupCity", "Urban", "UrbanSignal"), ("MultifunctionRadar",)  # with targets of their own
     others = {f"wavegym/{name}-v0" for name in (*streets, *traffic)}

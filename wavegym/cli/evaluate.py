@@ -71,7 +71,7 @@ def parser() -> Parser:
 
 def task(options: Any) -> tuple[str, dict[str, Any]]:
     """The full id and the system's parameters. InputError if the system takes no recorded targets."""
-    from wavegym.core.capabilities import RecordedTargets, offers
+    from wavegym.core.traits import RecordedTargets, lacks_trait
     from wavegym.evaluation import make_task
 
     env_id, chosen = read_environment(options.env, options.set)
@@ -80,7 +80,7 @@ def task(options: Any) -> tuple[str, dict[str, Any]]:
             raise InputError(f"--set {name} is no parameter of an environment, expected {COMPARISON[name]}")
     if options.tracks:
         system: Any = make_task(env_id, {}).system
-        if not offers(system, RecordedTargets):
+        if lacks_trait(system, RecordedTargets):
             refused = f"--tracks {options.tracks}: {env_id} takes no recorded targets"
             raise InputError(f"{refused} (nearest: {RECORDED}, which does)")
         chosen["tracks"] = options.tracks

@@ -39,12 +39,13 @@ def policies(arguments: Sequence[str]) -> None:
 
 def listed(task: Task) -> Iterator[tuple[str, str, str]]:
     """Every name with its meaning, and why it does not apply; "" where it does. Nothing is tuned."""
+    from wavegym.core import shortcuts
     from wavegym.evaluation.saved import LEARNERS
     from wavegym.schedulers.registry import MEANINGS, SCHEDULERS
 
     for name, meaning in MEANINGS.items():
         yield name, meaning, why_not(name, task.system)
-    for name, (scheduler, changed) in task.system.baselines().items():
+    for name, (scheduler, changed) in shortcuts.baselines(task.system).items():
         yield name, f"{scheduler} with {', '.join(f'{key}={value!r}' for key, value in changed.items())}", ""
     for name in LEARNERS:
         yield name, "the trained agent that comes with the environment", _no_agent(name, task)
@@ -85,6 +86,7 @@ def _try(name: str, system: System, tape: Any) -> None:
     """Raise an InputError or NotImplementedError where the scheduler cannot be had."""
     import numpy as np
 
+    from wavegym.core import shortcuts
     from wavegym.core.errors import InputError
     from wavegym.core.policy import Clairvoyant
     from wavegym.schedulers.heuristics.registry import HEURISTICS, check
@@ -96,11 +98,11 @@ def _try(name: str, system: System, tape: Any) -> None:
     name = planner_name(system) if name == PLANNER else name
     family, _, letter = name.partition(":")
     if name == "fixed:NAME":
-        if not system.named_constants():
+        if not shortcuts.named_constants(system):
             raise InputError("it names no constants")
         return
     if name in TUNED:
-        system.constants()
+        shortcuts.constants(system)
     elif name in HEURISTICS:
         check(name, system, tape)
     elif name != SIMPLE:

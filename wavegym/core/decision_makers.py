@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 from wavegym.core.action_sets import ActionSet, sensor_count
-from wavegym.core.capabilities import DecisionMaker, DecisionMakers, offers
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
+from wavegym.core.traits import DecisionMaker, DecisionMakers
 
 
 def decision_makers(system: System) -> tuple[DecisionMaker, ...]:
@@ -16,10 +16,7 @@ def decision_makers(system: System) -> tuple[DecisionMaker, ...]:
     A system that does not declare ``DecisionMakers`` has those of ``makers_by_form``, and every observation field is
     shared.
     """
-    if offers(system, DecisionMakers):
-        declared: tuple[DecisionMaker, ...] = system.decision_makers  # type: ignore[attr-defined]
-        return declared
-    return makers_by_form(system.actions)
+    return system.decision_makers if isinstance(system, DecisionMakers) else makers_by_form(system.actions)
 
 
 def makers_by_form(actions: ActionSet, kind: str = "sensor") -> tuple[DecisionMaker, ...]:

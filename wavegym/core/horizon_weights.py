@@ -1,4 +1,4 @@
-"""The weight of a covariance in the costs of future steps."""
+"""A linear cost, and the weight of a covariance in the costs of future steps."""
 
 from __future__ import annotations
 
@@ -7,6 +7,26 @@ from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
+
+
+class LinearCost:
+    """A cost trace(Lambda P), summed over targets whose motion is linear.
+
+    Args:
+        F: transition, (n, n).
+        weights: Lambda (n, n), or its diagonal (n,).
+    """
+
+    def __init__(self, F: Array, weights: ArrayLike) -> None:
+        self.F, self.weights = F, weights
+        self._made: dict[int, Array] = {}
+
+    def weights_ahead(self, ahead: int) -> Array:
+        """``horizon_weights`` of 1, 2, ... ``ahead`` steps, (ahead, n, n); made once."""
+        if ahead not in self._made:
+            steps = range(1, check_int("ahead", ahead, 1) + 1)
+            self._made[ahead] = np.stack([horizon_weights(self.F, self.weights, k) for k in steps])
+        return self._made[ahead]
 
 
 def horizon_weights(F: ArrayLike, weights: ArrayLike, ahead: int) -> Array:

@@ -16,13 +16,14 @@ Axis 0 of every array is the environment. There are three kinds of data, each a 
 The truth and the belief have a model each. They are equal unless the parameter ``truth`` changes the world; tracker and
 schedulers then keep their assumptions. One step has three parts: ``move`` the targets, ``measure``, ``track``.
 
-What a system offers beyond this contract is declared by deriving from a class of ``wavegym.core.capabilities``.
+What a loop may be beyond this is a trait (``wavegym.core.traits``); what schedulers can do faster is a shortcut
+(``wavegym.core.shortcuts``).
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -30,10 +31,10 @@ import numpy as np
 
 from wavegym.core.action_sets import ActionSet, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import FusedTransition, offers
 from wavegym.core.errors import InputError, nearest
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import make_checked, parameter_infos
+from wavegym.core.shortcuts import fused_transition
 
 
 class State(NamedTuple):
@@ -127,11 +128,6 @@ class System:
         return None
 
     @property
-    def target_of_action(self) -> Array | None:
-        """The target of each beam of each candidate, (candidate, beam) int; None where no candidate selects targets."""
-        return None
-
-    @property
     def actions(self) -> ActionSet:
         """The action set."""
         raise NotImplementedError
@@ -153,16 +149,13 @@ class System:
         """One step: move the targets, sense with the chosen waveform, track. Returns fresh arrays.
 
         Reads the tape at [env, belief.step], since environments may be at different steps. ``action`` is (env,),
-        (env, sensor) or (env, d). By default ``move``, ``measure``, ``track`` and ``note``, or ``fused_transition`` of
-        a system that offers ``FusedTransition``.
+        (env, sensor) or (env, d). By default ``composed_transition``, or the shortcut ``fused_transition``.
         """
-        if self._is_fused:
-            return self.fused_transition(state, action, world)  # type: ignore[attr-defined]
-        return self.composed_transition(state, action, world)
+        return self._transition(state, action, world)
 
     @cached_property
-    def _is_fused(self) -> bool:
-        return offers(self, FusedTransition)
+    def _transition(self) -> Callable[[State, Array, Any], State]:
+        return fused_transition.of(self) or self.composed_transition
 
     def composed_transition(self, state: State, action: Array, world: Any) -> State:
         """``transition`` as the sequence of ``move``, ``measure``, ``track`` and ``note``."""
@@ -267,26 +260,3 @@ class System:
         if isinstance(actions, ParameterBox):
             raise NotImplementedError
         return actions.combinations() if isinstance(actions, PerSensorLibrary) else np.arange(len(actions.labels))
-
-    def constants(self) -> Array:
-        """The actions that open-loop schedules (fixed:K, best-fixed, round-robin) choose among, (C, ...).
-
-        By default ``candidates()``. A shorter list shortens the search for the best constant. With a ``mask``, at
-        least one constant must always be allowed.
-        """
-        return self.candidates()
-
-    def named_constants(self) -> dict[str, Array]:
-        """Named constant actions, such as a paper's own setting; ``fixed:NAME`` transmits one. Default: none.
-
-        They need not be among ``constants()``. A name has no comma, which separates policies, and is no integer,
-        which ``fixed:K`` takes for an index.
-        """
-        return {}
-
-    def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
-        """Named baselines: a scheduler, and the parameters in which its loop differs from this system.
-
-        A comparison plays them on the same worlds: a paper's baseline with a simpler tracker, for example.
-        """
-        return {}

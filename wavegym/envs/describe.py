@@ -19,10 +19,10 @@ import numpy as np
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import TimedPulses, UnequalSteps, offers
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import ObservationField, System
+from wavegym.core.traits import TimedPulses, UnequalSteps
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.build import SETTINGS
 from wavegym.observations.scaling import LIMIT
@@ -150,11 +150,11 @@ def _combinations(actions: JointLibrary) -> str:
 
 def _timing(system: System) -> str:
     """Blind and ambiguous ranges and speeds of every pulse, against those of the targets."""
-    if not offers(system, TimedPulses):
+    if not isinstance(system, TimedPulses):
         return ""
     (nearest, slowest), (farthest, fastest) = target_extent(system)
     rows, labels = [], dict[Any, list[str]]()
-    for label, timing in system.timings.items():  # type: ignore[attr-defined]
+    for label, timing in system.timings.items():
         labels.setdefault(timing, []).append(label)
     for timing, alike in labels.items():
         others = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
@@ -164,17 +164,17 @@ def _timing(system: System) -> str:
         ]
         duty = "none" if timing.interval is None else f"{100 * timing.duty_cycle:.3g}"
         sent = f"{100 * timing.duration * timing.count / system.dt:.2g}"
-        blind = "none" if system.bistatic else f"{1e-3 * timing.blind_range:.4g}"  # type: ignore[attr-defined]
+        blind = "none" if system.bistatic else f"{1e-3 * timing.blind_range:.4g}"
         lengths = f"{1e6 * timing.duration:.4g}", blind
         rows.append((alike[0] + others, *lengths, *ambiguous, duty, sent))
     text = (
         f"In {EXTENT_WORLDS} worlds the targets are {1e-3 * nearest:.4g} to {1e-3 * farthest:.4g} km away, at "
-        f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. {system.duration_means} "  # type: ignore[attr-defined]
+        f"range-rates of {slowest:.4g} to {fastest:.4g} m/s. {system.duration_means} "
         "[Waveform timing](../waveform_timing.md) defines the columns."
     )
-    if system.bistatic:  # type: ignore[attr-defined]
+    if system.bistatic:
         text += " The receivers are antennas of their own, which listen while the transmitter sends."
-    if system.chooses_prf:  # type: ignore[attr-defined]
+    if system.chooses_prf:
         text += " The PRF is chosen: a target may be ambiguous or hidden at one, and clear at another."
     return f"## Timing\n\n{text}\n\n" + table(TIMING_HEAD, rows)
 
@@ -183,7 +183,7 @@ def target_extent(system: Any) -> Array:
     """Least and greatest range (m) and range-rate (m/s) of all targets in the first test worlds, (2, 2).
 
     Args:
-        system: offers ``TimedPulses``.
+        system: has the trait ``TimedPulses``.
     """
     ranges = system.target_ranges(draw_worlds(system, world_seeds(0, "test", EXTENT_WORLDS))).reshape(-1, 2)
     return np.stack([ranges.min(axis=0), ranges.max(axis=0)])
@@ -214,7 +214,7 @@ def _info(env: Any, system: System) -> str:
     info = env.step(env.action_space.sample())[-1]
     forms = [form.actions for form in _forms(system).values()]
     boxed, several = (any(isinstance(actions, kind) for actions in forms) for kind in (ParameterBox, PerSensorLibrary))
-    relative = {} if offers(system, UnequalSteps) else INFO_RELATIVE
+    relative = {} if isinstance(system, UnequalSteps) else INFO_RELATIVE
     shapes = {**(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {})}
     known = {**INFO, **shapes, **relative, **INFO_AT_TIMES}
     figures = " ".join((type(system).state_info.__doc__ or "").split())

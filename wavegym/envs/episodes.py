@@ -180,12 +180,12 @@ class Episodes:
         """
         if keep is not None and keep.all():
             return *self.observe(), np.zeros(self.num_envs), {}
-        measured: Any = None
-        if self.measurements or self._received is not None:  # before chunks: scans have as many places as the fullest
-            truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
-            measured = self.system.measure(truth, self.state.belief, actions, self.world)
+        measured: Any = self._measured(actions) if self.measurements or self._received is not None else None
         before = Before(self.state, actions, self.world, self._memory, self._received, measured, keep)
-        after: After = in_chunks(self._advanced, before, self.num_envs, self._threads)
+        if self._threads == 1:
+            after = self._advanced(before)
+        else:
+            after = in_chunks(self._advanced, before, self.num_envs, self._threads)
         self._state, self._received, terms = after.state, after.received, after.transition_info
         if self.measurements:
             terms = {**terms, **{f"measured_{name}": values for name, values in measured._asdict().items()}}
@@ -204,6 +204,11 @@ class Episodes:
         cost = state_info["cost"]
         reward, terms = self.reward(Transition(self.system, previous, actions, following, cost, memory))
         return After(following, received, observation, state_info, reward, terms)
+
+    def _measured(self, actions: Array) -> Any:
+        """What the sensors report in a step, of all environments: scans have as many places as the fullest."""
+        truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
+        return self.system.measure(truth, self.state.belief, actions, self.world)
 
 
 def _replaced(old: Array | None, rows: Array, new: Array) -> Array:

@@ -13,11 +13,12 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import TrackSlots, UnequalSteps, offers
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
+from wavegym.core.shortcuts import outlook
 from wavegym.core.system import State, System
+from wavegym.core.traits import UnequalSteps
 from wavegym.schedulers import Myopic, rollout
 from wavegym.schedulers.heuristics.registry import HEURISTICS
 from wavegym.schedulers.registry import check_not_renamed
@@ -82,15 +83,15 @@ class Outlook(Cost):
     SECONDS = 0.7  # a usual time between two updates of a track
 
     def begin(self, system: System, world: Any) -> None:
-        """Nothing to remember. Raises an InputError where the system has no tracks in slots."""
-        if not offers(system, TrackSlots):
-            raise InputError(f"reward is 'outlook', expected 'cost' (nearest): {type(system).__name__} has no slots")
+        """Nothing to remember. Raises an InputError where the system has no outlook."""
+        if why := outlook.why_not(system):
+            raise InputError(f"reward is 'outlook', expected 'cost' (nearest): of {type(system).__name__}, {why}")
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         system: Any = transition.system
         before, after = (
-            system.outlook(state.belief, self.SECONDS) for state in (transition.previous, transition.following)
+            outlook(system, state.belief, self.SECONDS) for state in (transition.previous, transition.following)
         )
         return (before - after - transition.cost) / system.c0, {}
 
@@ -195,7 +196,7 @@ class Relative:
                 reference are no longer at the same time.
         """
         reference = self.reference
-        if offers(system, UnequalSteps):
+        if isinstance(system, UnequalSteps):
             raise InputError("reward is relative, expected 'cost' (nearest): the steps differ in length")
         if isinstance(reference, str):
             if reference not in recorded(system):

@@ -23,9 +23,9 @@ import numpy as np
 from gymnasium import spaces
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import MeasurementObservation, offers
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
+from wavegym.core.shortcuts import measured_fields
 from wavegym.core.system import System
 from wavegym.core.worlds import tuning_tapes
 from wavegym.envs.actions import action_reader
@@ -216,7 +216,7 @@ class _Adapted:
 
 def _measured_fields(system: System) -> int:
     """The length of the observations of measurements; 0 where the system offers none."""
-    return len(MeasurementObserver(system).observation_fields) if offers(system, MeasurementObservation) else 0
+    return len(MeasurementObserver(system).observation_fields) if measured_fields.of(system) else 0
 
 
 class FunctionPolicy(_Adapted):

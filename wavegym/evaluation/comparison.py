@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, InputWarning, check_int
 from wavegym.core.policy import Policy
@@ -159,7 +160,7 @@ def members_of(task: Task, policies: Mapping[str, Given | None], root: int, trus
 
     Each plays one step here, so that mistakes show before the work begins, and kernels are compiled by one process.
     """
-    loops, tapes = task.system.baselines(), tuning_tapes(task.system.belief_model, root)
+    loops, tapes = shortcuts.baselines(task.system), tuning_tapes(task.system.belief_model, root)
     members: Members = {}
     for name, given in policies.items():
         source: Any = name if given is None else given

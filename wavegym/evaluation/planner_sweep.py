@@ -14,9 +14,9 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, offers
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
+from wavegym.core.shortcuts import delay
 from wavegym.core.system import System
 from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.registry import planner_builder
@@ -105,7 +105,7 @@ def settings_to_sweep(system: System, bases: Sequence[str], recorded: Sequence[S
     found: list[Setting] = []
     for base in bases:
         for depth in depths:
-            for holds in HOLDS if offers(system, Delay) and depth > 4 else HOLDS[:1]:
+            for holds in HOLDS if delay.of(system) and depth > 4 else HOLDS[:1]:
                 found += [Setting(f"rollout:{depth}", base, {"holds": holds, "futures": count}) for count in futures]
                 if len(futures) > 1:
                     cautious = {"holds": holds, "futures": MANY, "errors": DOUBT}

@@ -15,9 +15,9 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
-from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
+from wavegym.core.traits import UnequalSteps
 from wavegym.envs.sb3 import BatchedVecEnv, SB3VecEnv
 from wavegym.envs.sb3_mixed import SB3MixedVecEnv
 from wavegym.evaluation import training_seeds
@@ -135,7 +135,7 @@ def _environments(spec: RunSpec, count: int) -> BatchedVecEnv:
             if asked:
                 wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
                 raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
-    if discounts_seconds(settings) and not offers(env.get_attr("system", 0)[0], UnequalSteps):
+    if discounts_seconds(settings) and not isinstance(env.get_attr("system", 0)[0], UnequalSteps):
         raise InputError(f"discount is 'second', expected 'step' (nearest): all steps of {spec.env} are of one length")
     if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):
         raise InputError(f"modes is {modes}, expected 1: the actions of {spec.env} are {env.action_space}, no box")

@@ -1,7 +1,7 @@
 """One network that scores every candidate with the same weights.
 
 A candidate has the features h = tanh(A f + B c + e): f are its forecasts (``observations.forecasts``) and the observed
-elements of its targets (``System.target_of_action``), c is a summary of the whole observation, e is a learned offset
+elements of its targets (shortcut ``target_of_action``), c is a summary of the whole observation, e is a learned offset
 of the candidate. Where candidates are tracks in slots, none of which is special, h = tanh(A f + b) of the forecasts
 alone, and free slots do not count in m: such a network plays with any number of slots. In each round the candidates
 exchange information: h + tanh(M h + N m), where m are the means and maxima over all h (deep sets: Zaheer et al., 2017).
@@ -23,8 +23,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 from torch import Tensor, nn
 
-from wavegym.core.capabilities import TrackSlots, offers
+from wavegym.core import shortcuts
 from wavegym.core.system import System
+from wavegym.core.traits import TrackSlots
 from wavegym.learning.pooling_kernels import share_gradient
 from wavegym.observations.forecasts import PRESENT
 
@@ -52,7 +53,7 @@ class Layout(NamedTuple):
     def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
         """The layout in an environment of a system."""
         own, count = len(system.observation_fields), int(actions.n)
-        return cls(own, count, (observation.shape[0] - own) // count, pairs(system), offers(system, TrackSlots))
+        return cls(own, count, (observation.shape[0] - own) // count, pairs(system), isinstance(system, TrackSlots))
 
 
 def pairs(system: System) -> tuple[tuple[int, ...], ...]:
@@ -60,15 +61,15 @@ def pairs(system: System) -> tuple[tuple[int, ...], ...]:
 
     A second number is that of a sensor, as in ``snr_2_1``.
     """
-    if system.target_of_action is None:
+    aimed = shortcuts.target_of_action.of(system)
+    if aimed is None:
         return ((),) * len(system.candidates())
     of_target: dict[int, list[int]] = {}
     for n, element in enumerate(system.observation_fields):
         if named := re.fullmatch(r".*?_(\d+)(_\d+)?", element.name):
             of_target.setdefault(int(named[1]) - 1, []).append(n)
     return tuple(
-        tuple(n for target in target_of_action for n in of_target[target])
-        for target_of_action in system.target_of_action.tolist()
+        tuple(n for target in target_of_action for n in of_target[target]) for target_of_action in aimed().tolist()
     )
 
 

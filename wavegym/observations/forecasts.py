@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Gain, Spending, TrackSlots, delays, offers
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
+from wavegym.core.traits import TrackSlots
 from wavegym.observations.kernels import forecast
 from wavegym.observations.scaling import ObservationScaler
 
@@ -51,13 +52,14 @@ class Forecasts:
     """
 
     def __init__(self, system: System) -> None:
-        self.in_slots = offers(system, TrackSlots)
+        self.in_slots = isinstance(system, TrackSlots)
         too_many = not self.in_slots and len(system.candidates()) > MOST
         if isinstance(system.actions, (ParameterBox, PerSensorLibrary)) or too_many:
             wanted = f"one index for at most {MOST} actions (nearest: forecasts=False)"
             raise InputError(f"forecasts were asked for in {type(system).__name__}, expected {wanted}")
         self.system: Any = system
         self.candidates = system.candidates()
+        self._gain, self._spending = shortcuts.gain.of(system), shortcuts.spending.of(system)
         self.candidate_fields = self._candidate_fields()
         self._scaler = ObservationScaler(self.observation_fields)
 
@@ -77,24 +79,24 @@ class Forecasts:
         ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0 without targets
         values = np.empty((envs, count, len(self.candidate_fields)))
         values[..., 0] = np.log(ahead / mean)
-        if offers(self.system, Gain):
-            delay = np.broadcast_to(delays(self.system, belief), ahead.shape)
+        if self._gain:
+            delay = np.broadcast_to(shortcuts.delay(self.system, belief), ahead.shape)
             gains = values[..., 1 : 1 + len(LOOKS)]
             for n, (wait, steps) in enumerate(LOOKS):
-                gains[..., n] = self.system.gain(belief, delay + wait, steps)
+                gains[..., n] = self._gain(belief, delay + wait, steps)
             gains /= mean[..., None] * SPANS
             np.maximum(gains, 0.0, out=gains)  # a look that finds nothing may raise the cost
             gains += FLOOR
             np.log10(gains, out=gains)
             values[..., 1 + len(LOOKS)] = np.log1p(delay)
-        if offers(self.system, Spending):
-            values[..., -1] = self.system.spending
+        if self._spending:
+            values[..., -1] = self._spending()
         return self._scaler(values.reshape(envs, -1))[0]
 
     def _of_slots(self, belief: Any) -> Array:
         """The forecasts of dwells, (env, candidate * field)."""
         system, count = self.system, len(belief.step)
-        gains, rows = system.gain_per_second(belief, AHEAD, 1.0), system.slots_now(belief)
+        gains, rows = shortcuts.gain_per_second(system, belief, AHEAD, 1.0), system.slots_now(belief)
         values = np.empty((count, len(self.candidates), len(self.candidate_fields)))
         forecast(gains, rows, system.dwells.menu[3], system.dwells.each, system.c0, LEAST, values)
         return values.reshape(count, -1)
@@ -125,12 +127,12 @@ class Forecasts:
         listed = [
             ObservationField("ln_cost_ahead", "1", 0.0, 0.3, "expected cost one step ahead over the candidates' mean")
         ]
-        if offers(self.system, Gain):
+        if self._gain:
             for wait, steps in LOOKS:
                 late = f" {wait} steps late" if wait else ""
                 meaning = f"gain of its pulse{late}: reduction of the cost of {steps} steps, over that mean cost"
                 listed.append(ObservationField(f"log10_gain_{wait}_{steps}", "log10(1)", -1.3, 1.3, meaning))
             listed.append(ObservationField("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps before its pulse can be sent"))
-        if offers(self.system, Spending):
+        if self._spending:
             listed.append(ObservationField("spending", "1", 0.0, 1.0, "energy of its pulse, in longest pulses"))
         return tuple(listed)

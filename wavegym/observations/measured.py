@@ -9,9 +9,9 @@ from gymnasium import spaces
 
 from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import MeasurementObservation, why_not
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.shortcuts import measured_fields
 from wavegym.core.system import ObservationField
 from wavegym.observations.scaling import LIMIT, ObservationScaler
 
@@ -27,21 +27,21 @@ class MeasurementObserver:
         system: the closed loop.
 
     Raises:
-        InputError: a system that does not offer ``MeasurementObservation``.
+        InputError: a system without ``measured_fields``.
     """
 
     def __init__(self, system: Any) -> None:
-        if reason := why_not(system, MeasurementObservation):
+        if reason := measured_fields.why_not(system):
             wanted = f"'belief' (nearest): of {type(system).__name__}, {reason}"
             raise InputError(f"observation is 'measurements', expected {wanted}")
         self._system, self._sent = system, _sent_fields(system.actions)
         time = ObservationField("time", "1", 0.5, 0.3, "fraction of the horizon that is over")
-        self._measured = system.measurement_fields
+        self._measured = measured_fields(system)
         self.observation_fields: tuple[ObservationField, ...] = (
             time,
             *self._sent,
-            *system.setting_fields,
-            *self._measured,
+            *self._measured.setting_fields,
+            *self._measured.fields,
         )
         self._scaler = ObservationScaler(self.observation_fields)
         self.space = spaces.Box(-LIMIT, LIMIT, (len(self.observation_fields),), np.float32)
@@ -53,7 +53,7 @@ class MeasurementObserver:
     def first(self, belief: Any) -> Array:
         """Values of all fields before the first step, (env, fields)."""
         count = len(belief.step)
-        nothing = np.tile([field.centre for field in self._measured], (count, 1))
+        nothing = np.tile([field.centre for field in self._measured.fields], (count, 1))
         return self._joined(belief, np.zeros((count, len(self._sent))), nothing)
 
     def after(self, belief: Any, actions: Array, measurements: Any) -> Array:
@@ -64,11 +64,11 @@ class MeasurementObserver:
             actions: of the step, (env, ...).
             measurements: what ``measure`` reported.
         """
-        return self._joined(belief, self._transmitted(actions), self._system.measured(measurements))
+        return self._joined(belief, self._transmitted(actions), self._measured.values(measurements))
 
     def _joined(self, belief: Any, sent: Array, measured: Array) -> Array:
         time = belief.step[:, None] / self._system.horizon
-        return np.concatenate([time, sent, self._system.settings_of(belief), measured], axis=1)
+        return np.concatenate([time, sent, self._measured.settings(belief), measured], axis=1)
 
     def _transmitted(self, actions: Array) -> Array:
         """Values of the fields of the last action."""

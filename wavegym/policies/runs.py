@@ -25,12 +25,12 @@ import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.capabilities import TrackSlots, offers
 from wavegym.core.errors import InputError, InputWarning, check_choice
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import make_checked
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.core.traits import TrackSlots
 from wavegym.observations.forecasts import Forecasts
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.records import difference, read_run
@@ -54,7 +54,7 @@ def signature(system: System, policy: str = "mlp") -> dict[str, Any]:
     """
     fields = system.observation_fields
     form, count, names = _meaning(system.actions)
-    if policy == "scorer" and offers(system, TrackSlots):
+    if policy == "scorer" and isinstance(system, TrackSlots):
         fields, (form, count, names) = Forecasts(system).candidate_fields, (ALIKE, 0, ())
     return {
         "observation": [e.name for e in fields],

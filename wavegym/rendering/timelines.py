@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
-from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
+from wavegym.core.traits import UnequalSteps
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
 
@@ -75,7 +75,7 @@ class Timelines:
 
 def draw_predicted(axes: Axes, moment: Moment) -> None:
     """The predicted cost of each candidate one step ahead; the least and the chosen candidate are marked."""
-    if offers(moment.system, UnequalSteps):  # costs of steps of different lengths cannot be compared
+    if isinstance(moment.system, UnequalSteps):  # costs of steps of different lengths cannot be compared
         axes.set_visible(False)
         return
     belief = (moment.states[-2] if moment.actions else moment.states[-1]).belief

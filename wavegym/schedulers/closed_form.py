@@ -32,9 +32,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import ClosedForm, offers
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.shortcuts import next_pulse
 from wavegym.core.system import System
 from wavegym.waveforms import SPEED_OF_LIGHT
 
@@ -150,7 +150,7 @@ class MyopicClosedForm:
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for any other action set, or with eclipsing."""
         box = system.actions
-        if not (isinstance(box, ParameterBox) and box.names == ("duration", "sweep") and offers(system, ClosedForm)):
+        if not (isinstance(box, ParameterBox) and box.names == ("duration", "sweep") and next_pulse.of(system)):
             wanted = "expected Kershaw and Evans's box of duration and sweep (nearest: action='box')"
             raise InputError(f"policy 'myopic:closed-form' is not for {type(system).__name__} in this form, {wanted}")
         if cast(Any, system).eclipsing:
@@ -165,7 +165,7 @@ class MyopicClosedForm:
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``. Actions (env, 2) in [-1, 1]."""
         system, limits = self._system, self._limits
-        P, eta = system.predicted(belief)
+        P, eta = next_pulse(system, belief)
         if self.objective == "gate":
             chosen = smallest_gate(P[:, :2, :2], limits, system.carrier_hz)
         else:

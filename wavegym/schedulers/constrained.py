@@ -17,9 +17,9 @@ from scipy.optimize import minimize
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import MostInformation
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.shortcuts import most_information
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import Myopic, impossible, require
 
@@ -36,7 +36,7 @@ class InfeasibleThreshold(UserWarning):
 class MyopicInformation:
     """The paper's scheduler on a grid: the most information one step ahead, at least t for every target.
 
-    For systems that offer ``MostInformation``, whose ``threshold`` is t. Where t cannot be reached, the least
+    For systems that have ``most_information``, whose ``threshold`` is t. Where t cannot be reached, the least
     information of a target is maximised; an ``InfeasibleThreshold`` warns of this once for a batch of episodes.
 
     Attributes:
@@ -46,14 +46,14 @@ class MyopicInformation:
     feasible: Array
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError for a system without ``MostInformation``."""
-        require("myopic-information", system, MostInformation)
+        """See ``Policy``. Raises an InputError for a system without ``most_information``."""
+        require("myopic-information", system, most_information)
         self._system: Any = system
         self._warned = False
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        actions, self.feasible = self._system.most_information(belief)
+        actions, self.feasible = most_information(self._system, belief)
         if not self._warned and not self.feasible.all():
             self._warned = True
             _warn(self._system, self._system.information(belief, actions), self.feasible)
@@ -86,10 +86,10 @@ class Continuous:
         self.objective, self.starts = check_choice("objective", objective, OBJECTIVES), check_int("starts", starts, 0)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError for a hard penalty, another action set, or no ``MostInformation``."""
+        """See ``Policy``. Raises an InputError for a hard penalty, another action set, or no ``most_information``."""
         name = f"{OBJECTIVES[self.objective]}:{'slsqp' if self.starts else 'polish'}"
         if self.objective == "information":
-            require(name, system, MostInformation)
+            require(name, system, most_information)
         self._system: Any = system
         if not isinstance(system.actions, ParameterBox):
             raise InputError(f"policy {name!r} is not for {type(system).__name__} in this form, expected action='box'")
@@ -108,7 +108,7 @@ class Continuous:
         elif self.objective == "trace":
             starts = self._grid.act(belief, observation, mask)[:, None]
         else:
-            starts = self._system.most_information(belief)[0][:, None]
+            starts = most_information(self._system, belief)[0][:, None]
         rows = (trees.take(belief, np.array([e])) for e in range(count))
         searches = [self._search(row, own) for row, own in zip(rows, starts, strict=True)]
         if self.objective == "information":

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.action_sets import JointLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
@@ -31,7 +31,7 @@ def best_cycle(system: System, worlds: Any) -> Array:
     """The best periodic schedule found of one, two or three slots.
 
     Coordinate descent on the first ``WORLDS`` worlds: one coordinate of one slot at a time (a parameter of a box, a
-    sensor's waveform, or the whole of a plain index) takes whichever of the levels found in ``constants()`` costs
+    sensor's waveform, or the whole of a plain index) takes whichever of the levels found in ``constants`` costs
     least, until a sweep improves nothing. The slots of a good cycle may be bad constants, so all constants are tried.
     Descents start, for two and three slots each, at the best constant repeated, at the best schedule so far, and at
     ``DRAWN`` drawn ones, half of which have the best constant in all slots but one. Their results are compared on all
@@ -157,7 +157,7 @@ def _descent(slots: Array, levels: list[Array]) -> Descent:
 
 def _coordinates(system: System) -> tuple[Array, Callable[[Array], Array]]:
     """The constants as points (C, k) whose coordinates change one at a time, and the way back to actions."""
-    constants, actions = system.constants(), system.actions
+    constants, actions = shortcuts.constants(system), system.actions
     if isinstance(actions, JointLibrary):
         shape = (len(actions.library),) * actions.sensors
         return actions.indices[constants], lambda points: np.ravel_multi_index(tuple(points.T), shape)

@@ -9,8 +9,8 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import BestSequence, SequencePlan, offers
 from wavegym.core.errors import InputError
+from wavegym.core.shortcuts import best_sequence, plan
 from wavegym.core.system import System
 from wavegym.schedulers.rollout import check_equal_steps
 
@@ -21,9 +21,9 @@ SEQUENCES = 1_000_000  # tried in one decision: enough for 88 candidates three s
 class Lookahead:
     """The first action of the best sequence of ``depth`` candidates; sequences are shorter near the episode's end.
 
-    The system's own search is used where the system offers ``BestSequence`` (the same, compiled) or ``SequencePlan`` (a
-    local search of any depth), and nothing is masked. Otherwise every sequence is tried by repeated ``predict``, in
-    chunks of at most ``NODES`` beliefs.
+    The system's own search is used where it has ``best_sequence`` (the same, compiled) or ``plan`` (a local search of
+    any depth), and nothing is masked. Otherwise every sequence is tried by repeated ``predict``, in chunks of at most
+    ``NODES`` beliefs.
 
     Args:
         depth: steps ahead; 1 is the myopic scheduler.
@@ -47,21 +47,20 @@ class Lookahead:
         """
         check_equal_steps("lookahead", system)
         self._system: Any = system
-        self._listed = self.fused and offers(system, BestSequence)
-        self._planned = self.fused and offers(system, SequencePlan) and not self._listed
+        self._sequence = best_sequence.of(system) if self.fused else None
+        self._plan = plan.of(system) if self.fused and not self._sequence else None
         self._ready = False
-        if not self._planned:
+        if not self._plan:
             self._enumerate()
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``. Where a mask forbids the system's plan, raises as ``begin`` does."""
-        if self._planned and mask is None:
-            actions: Array = self._system.plan(belief, self.depth)[0]
-            return actions
+        if self._plan and mask is None:
+            return self._plan(belief, self.depth)[0]
         if not self._ready:
             self._enumerate()
-        if self._listed and mask is None:
-            first, _ = self._system.best_sequence(belief, self.depth)
+        if self._sequence and mask is None:
+            first, _ = self._sequence(belief, self.depth)
         else:
             first = np.argmin(self._values(belief, self.depth, mask), axis=1)
         return self._candidates[first]

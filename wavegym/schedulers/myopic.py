@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import BestAction, Capability, Margin, UnequalSteps, offers, why_not
 from wavegym.core.errors import InputError, check_choice, check_non_negative
+from wavegym.core.shortcuts import Shortcut, why_not
 from wavegym.core.system import System
+from wavegym.core.traits import UnequalSteps
 
 Objective = Callable[[Any, Any, Array], Array]  # (system, belief, candidates (1, c)) -> (env, c)
 
@@ -34,7 +36,7 @@ def determinant(system: Any, belief: Any, candidates: Array) -> Array:
 
 def gate_volume(system: Any, belief: Any, candidates: Array) -> Array:
     """det S, proportional to the squared volume of the validation gate (Kershaw & Evans 1994)."""
-    return np.linalg.det(system.innovation_covariance(belief, candidates))
+    return np.linalg.det(shortcuts.innovation_covariance(system, belief, candidates))
 
 
 def mean_trace(system: Any, belief: Any, candidates: Array) -> Array:
@@ -48,8 +50,7 @@ def mean_trace(system: Any, belief: Any, candidates: Array) -> Array:
 
 def gain_per_second(system: Any, belief: Any, candidates: Array) -> Array:
     """Minus the gain per second, which stands for the cost where steps differ in length."""
-    gain: Array = system.gain_per_second(belief)
-    return -gain[:, candidates[0]]
+    return -shortcuts.gain_per_second(system, belief)[:, candidates[0]]
 
 
 OBJECTIVES: dict[str, Objective] = {
@@ -63,7 +64,7 @@ OBJECTIVES: dict[str, Objective] = {
 class Myopic:
     """The candidate with the least predicted objective one step ahead; the first of equals.
 
-    The system's own search is used where the system offers ``BestAction`` and nothing is masked. Otherwise, or where
+    The system's own search is used where it has ``best_action`` and nothing is masked. Otherwise, or where
     that search raises NotImplementedError (for a form of the action set, say), every candidate is tried.
 
     Args:
@@ -88,26 +89,28 @@ class Myopic:
         """See ``Policy``. Raises an InputError where a margin is asked for and the system has none."""
         self._system: Any = system
         if self.margin is not None:
-            require(f"myopic-margin:{self.margin:g}", system, Margin)
+            if not hasattr(system, "margin"):
+                raise impossible(f"myopic-margin:{self.margin:g}", system, "it has no margin")
             self._system = replace(system, margin=self.margin)  # type: ignore[call-arg]
-        if self.objective is trace and offers(system, UnequalSteps):
+        if self.objective is trace and isinstance(system, UnequalSteps):
+            require("myopic", system, shortcuts.gain_per_second)
             self.objective = gain_per_second
-        self._searches = self.fused and self.objective is trace and offers(self._system, BestAction)
+        self._search = shortcuts.best_action.of(self._system) if self.fused and self.objective is trace else None
         self._candidates: Array | None = None  # computed on demand: the system's own search may not need them
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        if self._searches and mask is None:
+        if self._search and mask is None:
             with suppress(NotImplementedError):
-                return self._system.best_action(belief)
+                return self._search(belief)
         if self._candidates is None:
             self._candidates = self._system.candidates()
         values = self.objective(self._system, belief, self._candidates[None])
         return self._candidates[np.argmin(values if mask is None else np.where(mask, values, np.inf), axis=1)]
 
 
-def require(name: str, system: System, kind: type[Capability]) -> None:
-    """Raise an InputError unless the system offers the capability that the scheduler ``name`` needs."""
+def require(name: str, system: System, kind: Shortcut[..., Any] | type) -> None:
+    """Raise an InputError unless the system has the shortcut or trait that the scheduler ``name`` needs."""
     why = why_not(system, kind)
     if why:
         raise impossible(name, system, why)

@@ -30,9 +30,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import DeterministicRecursion
 from wavegym.core.errors import InputError, check_non_negative, check_positive
 from wavegym.core.recursion import Recursion
+from wavegym.core.shortcuts import deterministic_recursion
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import require
 
@@ -83,7 +83,7 @@ def best_schedule(recursion: Recursion, tolerance: float = 0.0, nodes: int = 10_
 class Optimum:
     """Plays the best schedule. Clairvoyant: it knows the target's future range, hence the SNR of every future step.
 
-    For systems that offer ``DeterministicRecursion``. ``plan`` holds the schedule, its cost and the bound.
+    For systems that have ``deterministic_recursion``. ``plan`` holds the schedule, its cost and the bound.
 
     Args:
         tolerance, nodes: see ``best_schedule``.
@@ -97,7 +97,7 @@ class Optimum:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where the system's covariance is not deterministic."""
-        require("optimum", system, DeterministicRecursion)
+        require("optimum", system, deterministic_recursion)
         self._system: Any = system
         self._candidates = system.candidates()
 
@@ -106,7 +106,7 @@ class Optimum:
 
         Raises an InputError where ``nodes`` do not suffice to certify a plan as the optimum.
         """
-        self.plan = best_schedule(self._system.deterministic_recursion(world), self.tolerance, self.nodes)
+        self.plan = best_schedule(deterministic_recursion(self._system, world), self.tolerance, self.nodes)
         gaps = 1.0 - self.plan.lower_bound / self.plan.cost
         if gaps.max() > self.gap:
             found = f"{np.count_nonzero(gaps > self.gap)} of {len(gaps)} plans are certified to {gaps.max():.2g} only"

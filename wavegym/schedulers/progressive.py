@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import SensorBySensor, offers
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.shortcuts import sensor_by_sensor
 from wavegym.core.system import System
 
 
@@ -17,7 +17,7 @@ class Progressive:
 
     For every sensor in turn, and every phase law and direction: a grid over log duration and log sweep, then finer
     grids around the best point, out to its neighbours. For systems
-    that offer ``SensorBySensor``, with ``action="box"``.
+    that have ``sensor_by_sensor``, with ``action="box"``.
 
     Args:
         points: grid points per axis, at least 3.
@@ -32,20 +32,21 @@ class Progressive:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError for a system without chirps, or with another form of actions."""
-        if not (offers(system, SensorBySensor) and getattr(system, "action", None) == "box"):
+        if not (sensor_by_sensor.of(system) and getattr(system, "action", None) == "box"):
             what = f"{type(system).__name__} with action={getattr(system, 'action', None)!r}"
             raise InputError(f"policy 'myopic:progressive' is not for {what}, expected chirps and action='box'")
         self._system: Any = system
+        self._sensors = sensor_by_sensor(system)
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
         system = self._system
-        predicted, chosen = system.predicted_targets(belief), []
+        predicted, chosen = self._sensors.begin(belief), []
         for i in range(system.action_set.sensors):
             chirp, C, windows = self._search(predicted, i)
             chosen.append(chirp)
             if i + 1 < system.action_set.sensors:
-                predicted = system.after_sensor(predicted, i, C, windows)
+                predicted = self._sensors.after(predicted, i, C, windows)
         law, duration, sweep = (np.stack(parts, axis=1) for parts in zip(*chosen, strict=True))
         return system.action_set.encode_chirps(law, duration, sweep)
 
@@ -71,7 +72,7 @@ class Progressive:
             C = action_set.chirp_covariance(laws, chirp[..., 0], sweeps)
             windows = action_set.chirp_windows(laws, chirp[..., 0], sweeps)
             flat = C.reshape(count, -1, 2, 2), windows.reshape(count, -1, windows.shape[-1])
-            cost = self._system.sensor_costs(predicted, sensor, *flat).reshape(sweeps.shape)
+            cost = self._sensors.costs(predicted, sensor, *flat).reshape(sweeps.shape)
             best = cost.argmin(axis=2)
             centre = np.take_along_axis(share, best[:, :, None, None], axis=2)[:, :, 0]
             reach *= 2.0 / (self.points - 1)

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.capabilities import InnovationCovariance
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
+from wavegym.core.shortcuts import innovation_covariance
 from wavegym.core.system import System
 from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.constrained import Continuous, MyopicInformation
@@ -64,7 +65,7 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
     if _is_planner(name):
         return _planner(name, system, tuning_worlds, base)
     if name not in SCHEDULERS:
-        loops = system.baselines()
+        loops = shortcuts.baselines(system)
         if check_choice("policy", name, dict.fromkeys((*MEANINGS, *SCHEDULERS.names(), *loops))) in loops:
             scheduler, changed = loops[name]
             raise InputError(f"policy is {name!r}, expected a scheduler (nearest: {scheduler!r} with {changed})")
@@ -94,7 +95,7 @@ def check_not_renamed(what: str, name: str) -> None:
 
 def _fixed(name: str, argument: str, system: System) -> Policy:
     """Looked up at once: a mistake shows before anything is tuned."""
-    is_name = bool(system.named_constants()) and not INTEGER.fullmatch(argument)
+    is_name = bool(shortcuts.named_constants(system)) and not INTEGER.fullmatch(argument)
     if not is_name and argument in _named_in_box(system):
         raise InputError(f"policy is {name!r}, which is a point of the box, expected an index or action='box'")
     constant = argument if is_name else _integer(name, "fixed", argument)
@@ -108,7 +109,7 @@ def _named_in_box(system: Any) -> dict[str, Any]:
         return {}
     with suppress(ValueError):  # a system without that form; pydantic's errors and ours are ValueErrors
         boxed: Any = dataclasses.replace(system, action="box")  # type: ignore[type-var]
-        return dict(boxed.named_constants())
+        return dict(shortcuts.named_constants(boxed))
     return {}
 
 
@@ -140,7 +141,7 @@ def _determinant(system: System, worlds: Any) -> Policy:
 
 
 def _gate(system: System, worlds: Any) -> Policy:
-    require("myopic:gate", system, InnovationCovariance)
+    require("myopic:gate", system, innovation_covariance)
     return Myopic("gate")
 
 

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import UnequalSteps, offers
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Clairvoyant, Policy
 from wavegym.core.system import System
+from wavegym.core.traits import UnequalSteps
 
 
 class Rollout(NamedTuple):
@@ -60,13 +60,13 @@ def rollout(system: System, policy: Policy, world: Any, rng: np.random.Generator
 
 def check_equal_steps(what: str, system: System) -> None:
     """Raise an InputError unless all steps have the same length, for ``what`` compares costs of numbers of steps."""
-    if offers(system, UnequalSteps):
+    if isinstance(system, UnequalSteps):
         raise InputError(f"{what} counts steps, expected steps of one length (nearest: 'gain-per-second')")
 
 
 def step_lengths(system: System, belief: Any) -> Array:
     """How much the last step counts in a mean over an episode, (env,): 1, or its seconds where steps differ."""
-    if offers(system, UnequalSteps):
-        lengths: Array = system.duration(belief)  # type: ignore[attr-defined]
+    if isinstance(system, UnequalSteps):
+        lengths: Array = system.duration(belief)
         return lengths
     return np.ones(len(belief.step))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, nearest
@@ -60,7 +61,7 @@ class Cycle:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._constants = system.constants()
+        self._constants = shortcuts.constants(system)
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
@@ -82,7 +83,7 @@ class Fixed:
     """The same constant at every step; where it is not allowed, the next allowed constant in cyclic order.
 
     Args:
-        constant: an index into ``system.constants()``, or a name in ``system.named_constants()``.
+        constant: an index into ``constants`` of the system, or a name in its ``named_constants``.
     """
 
     def __init__(self, constant: int | str) -> None:
@@ -99,12 +100,12 @@ class Fixed:
 
 
 def constant_action(system: System, constant: int | str) -> Array:
-    """The action (...) of an index into ``system.constants()`` or of a name in ``system.named_constants()``.
+    """The action (...) of an index into ``constants`` of the system or of a name in its ``named_constants``.
 
     Raises:
         InputError: no such constant; names the range of the indices, the names and the nearest.
     """
-    constants, named = system.constants(), system.named_constants()
+    constants, named = shortcuts.constants(system), shortcuts.named_constants(system)
     if isinstance(constant, str):
         if constant in named:
             return np.asarray(named[constant])
@@ -122,7 +123,7 @@ class RoundRobin:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._constants = system.constants()
+        self._constants = shortcuts.constants(system)
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""

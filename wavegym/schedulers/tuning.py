@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 from tqdm import tqdm
 
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Policy
@@ -46,9 +47,9 @@ def best_fixed(system: System, worlds: Any) -> int:
         worlds: tapes for tuning, axis 0 = world.
 
     Returns:
-        Index into ``system.constants()``.
+        Index into ``constants`` of the system.
     """
-    constants = tqdm(range(len(system.constants())), "tuning best-fixed", disable=None, leave=False)
+    constants = tqdm(range(len(shortcuts.constants(system))), "tuning best-fixed", disable=None, leave=False)
     return int(np.argmin([tuning_costs(system, Fixed(k), worlds) for k in constants]))
 
 
@@ -62,7 +63,7 @@ def best_constant(system: System, worlds: Any) -> Array:
     Returns:
         The action, (), (sensor,) or (d,).
     """
-    start: Array = np.asarray(system.constants()[best_fixed(system, worlds)])
+    start: Array = np.asarray(shortcuts.constants(system)[best_fixed(system, worlds)])
     if not isinstance(system.actions, ParameterBox):
         return start
     with tqdm(desc="tuning tuned-constant", total=POLISHING, disable=None, leave=False) as bar:

@@ -8,9 +8,9 @@ from typing import Any
 from scipy.special import ndtr
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import RecordedTargets
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import parameter
+from wavegym.core.traits import RecordedTargets
 from wavegym.targets.recorded_paths import RecordedPaths, recorded_paths
 
 

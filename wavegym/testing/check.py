@@ -50,7 +50,7 @@ def check_vector_env(
     integer and list seeds, partial resets, truncation by ``max_episode_steps``, and an unpickled copy that continues in
     mid-episode. Returned values must be finite. Returned arrays must belong to the caller: the check overwrites them.
     Each environment's seed alone must decide its episode. A larger batch must stay inside its spaces.
-    Of a wavegym system it also checks ``predict``, ``cost``, ``mask`` and the capabilities.
+    Of a wavegym system it also checks ``predict``, ``cost``, ``mask`` and the shortcuts.
 
     Args:
         env: an id, whose single environments come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)``

@@ -7,16 +7,15 @@ from typing import Any
 import numpy as np
 
 from wavegym.core import trees
-from wavegym.core.arrays import Array
 from wavegym.core.system import System
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 WORLDS = 3
 FEW = 1000  # candidates tried, evenly spaced
 
 
 def prediction_defect(system: System, seed: int = 0) -> str | None:
-    """The first defect of ``predict``, ``cost``, ``mask``, ``state_info``, ``constants`` or a capability, or None.
+    """The first defect of ``predict``, ``cost``, ``mask``, ``state_info`` or a shortcut, or None.
 
     A system without ``predict`` (NotImplementedError) admits no planner, which is no defect.
     """
@@ -34,12 +33,10 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
         "(1, candidate)": (candidates[None], (WORLDS, count)),
         "(env, candidate)": (np.repeat(candidates[None], WORLDS, axis=0), (WORLDS, count)),
     }
-    predicts = True
     for form, (actions, shape) in forms.items():
         try:
             predicted = system.predict(belief, actions)
         except NotImplementedError:
-            predicts = False
             break
         defect = _predicted_defect(system, belief, predicted, shape)
         if defect:
@@ -47,9 +44,7 @@ def prediction_defect(system: System, seed: int = 0) -> str | None:
     if not _same(before, belief):
         return "predict() changed the belief that it was given"
     defect = _mask_defect(system, belief, len(everything))  # before anything plays allowed actions
-    if predicts:
-        defect = defect or capability_defect(system, seed)
-    return defect or _constants_defect(system, everything)
+    return defect or shortcut_defect(system, seed)
 
 
 def _predicted_defect(system: System, belief: Any, predicted: Any, shape: tuple[int, ...]) -> str | None:
@@ -65,18 +60,6 @@ def _predicted_defect(system: System, belief: Any, predicted: Any, shape: tuple[
             return f"{name}() returned shape {value.shape}, expected {shape}"
         if not np.isfinite(value).all():
             return f"{name}() is not finite"
-    return None
-
-
-def _constants_defect(system: System, candidates: Array) -> str | None:
-    if type(system).constants is System.constants:
-        return None
-    constants = system.constants()
-    if constants.ndim != candidates.ndim or constants.shape[1:] != candidates.shape[1:] or not len(constants):
-        wanted = ("n >= 1", *candidates.shape[1:])
-        return f"constants() returned shape {constants.shape}, expected ({', '.join(map(str, wanted))})"
-    if candidates.dtype.kind in "iu" and not np.isin(constants, candidates).all():
-        return "constants() has an index that candidates() lacks"
     return None
 
 

@@ -16,6 +16,7 @@ from joblib import Memory, delayed
 
 from research.papers.seeds import TEST, TUNE
 from research.papers.work import check_jobs, run_all
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_choice, check_int
 from wavegym.core.policy import Policy
@@ -187,7 +188,7 @@ def _offered(policy: str) -> tuple[str, ...]:
 def _waveforms(case: Case, index: int) -> tuple[str, ...]:
     """The constant's waveforms by label, one a sensor."""
     system = scene(case)
-    return tuple(system.action_set.library.labels[i] for i in system.constants()[index])
+    return tuple(system.action_set.library.labels[i] for i in shortcuts.constants(system)[index])
 
 
 def _best_constants(cases: Sequence[Case], root: int, tuning: int, jobs: int, memory: Memory) -> dict[Case, int]:
@@ -199,7 +200,7 @@ def _best_constants(cases: Sequence[Case], root: int, tuning: int, jobs: int, me
     seeds = world_seeds(root, TUNE, tuning)
     cost = memory.cache(_cost)
     quick = {case: case._replace(tracker="jpda") for case in cases}
-    every = [(case, k) for case in dict.fromkeys(quick.values()) for k in range(len(scene(case).constants()))]
+    every = [(case, k) for case in dict.fromkeys(quick.values()) for k in range(len(shortcuts.constants(scene(case))))]
     costs = _costs(every, seeds, jobs, cost)
     slow = [case for case in cases if case not in quick.values()]
     costs |= _costs([(case, k) for case in slow for k in _ranked(costs, quick[case])[:SHORTLIST]], seeds, jobs, cost)

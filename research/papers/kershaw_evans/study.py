@@ -12,6 +12,7 @@ from joblib import Memory, delayed
 
 from research.papers.seeds import TEST, TUNE
 from research.papers.work import check_jobs, run_all
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
@@ -155,8 +156,8 @@ def _play(case: Case, best: int, seeds: Sequence[int]) -> Runs:
     policy.begin(loop, len(seeds), np.random.default_rng(0))  # none of these policies draws
     for _ in range(loop.horizon):
         action = policy.act(state.belief, None, None)
-        P, eta = loop.predicted(state.belief)
-        gate = np.sqrt(np.linalg.det(loop.innovation_covariance(state.belief, action[:, None])[:, 0]))
+        P, eta = shortcuts.next_pulse(loop, state.belief)
+        gate = np.sqrt(np.linalg.det(shortcuts.innovation_covariance(loop, state.belief, action[:, None])[:, 0]))
         state = loop.transition(state, action, world)
         figures, pulse = loop.state_info(state), _pulses(loop, action)
         kept.append(

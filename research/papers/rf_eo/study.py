@@ -13,6 +13,7 @@ from joblib import Memory, delayed
 
 from research.papers.seeds import POLICY, TEST, TUNE
 from research.papers.work import check_jobs, run_all
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
@@ -162,7 +163,7 @@ def _tuned(case: Case, seeds: Sequence[int]) -> Array:
 def _policy(case: Case, loop: RfEo, tuned: Array | None) -> Policy:
     """The policy of a case; a tuned one transmits ``tuned``, or any constant before it is tuned."""
     if case.policy in TUNED:
-        return Cycle(loop.constants()[:1] if tuned is None else tuned)
+        return Cycle(shortcuts.constants(loop)[:1] if tuned is None else tuned)
     return make_policy(case.policy, loop, None)
 
 
@@ -180,7 +181,7 @@ def _play(case: Case, tuned: Array | None, seeds: Sequence[int], steps: int = 0)
         action = policy.act(state.belief, None, None)
         seconds += (perf_counter() - start) * (k > 0)  # the first one loads compiled code
         settings = loop.action_set.settings(action)
-        rival = loop.action_set.settings(loop.most_information(state.belief)[0]) if asks else settings[:, :0]
+        rival = loop.action_set.settings(shortcuts.most_information(loop, state.belief)[0]) if asks else settings[:, :0]
         before, state = state, loop.transition(state, action, world)
         figures = loop.state_info(state)
         missed = _missed(loop, before, state, settings)

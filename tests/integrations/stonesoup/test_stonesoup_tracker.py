@@ -23,7 +23,7 @@ from wavegym.systems.composed import LinearTargets, Loop, PlanarRadar, Pulses, W
 from wavegym.systems.kershaw_evans import KershawEvansPosition
 from wavegym.targets import constant_velocity
 from wavegym.testing import check_vector_env
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 from wavegym.trackers.protocol import ExtendedKalman
 from wavegym.waveforms import gaussian_chirp_library
 
@@ -135,7 +135,7 @@ def test_targets_are_followed_in_clutter(tracker):
 def test_the_conformance_checks_hold():
     check_vector_env("wavegym/KershawEvansPosition-v0", tracker=StoneSoupTracker(), horizon=4)
     system = AgileClutter(tracker=UNSCENTED, horizon=5, truth={"clutter_density": 1e-5})
-    assert capability_defect(system) is None
+    assert shortcut_defect(system) is None
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from delay_systems import DelaySystem, delay_worlds
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.schedulers import rollout
 from wavegym.schedulers.heuristics.clear_slots import ClearSlotPrice, clear_slots_left, gain_until_clear, hidden_steps
@@ -43,7 +44,7 @@ def test_the_gain_of_each_environment_counts_its_own_steps():
     ahead = np.array([1, 3, 3, 9, 2, 20])
     gains = gain_until_clear(system, belief, ahead)
     for row, steps in enumerate(ahead):
-        np.testing.assert_array_equal(gains[row], system.gain(belief, 0, int(steps))[row])
+        np.testing.assert_array_equal(gains[row], shortcuts.gain(system, belief, 0, int(steps))[row])
 
 
 def test_without_occlusions_and_powers_it_is_the_lagrangian_price():

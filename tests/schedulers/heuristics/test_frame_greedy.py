@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from wavegym.core import shortcuts
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.heuristics.frame_greedy import FrameGreedy
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
@@ -47,7 +48,7 @@ def test_all_dwells_of_a_frame_are_done_before_the_next_one_by_falling_gain():
     state = SYSTEM.initial(worlds)
     frames, waits = rule(0.3, 3), len(DURATION) - 1
     first = frames.choose(state.belief, SYSTEM.mask(state.belief), None)
-    gain = SYSTEM.gain_per_second(state.belief, 0.5, 1.0)
+    gain = shortcuts.gain_per_second(SYSTEM, state.belief, 0.5, 1.0)
     planned = [SYSTEM.mask(state.belief)[e] & rule(0.3).allotted(gain[e] * DURATION) for e in range(3)]
     for e in range(3):
         assert first[e] == np.where(planned[e], gain[e], -np.inf).argmax()

@@ -8,7 +8,7 @@ from delay_systems import CANDIDATES, TARGET, DelaySystem, delay_worlds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.policy import Policy
@@ -73,7 +73,9 @@ def test_the_gain_of_a_pulse_is_that_of_repeated_prediction(ahead, wait):
         for _ in range(wait):
             ready = system.predict(ready, np.full(len(ready.step), SILENCE))
         expected = summed_cost(system, ready, SILENCE, ahead) - summed_cost(system, ready, candidate, ahead)
-        np.testing.assert_allclose(system.gain(belief, wait, ahead)[:, candidate], expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            shortcuts.gain(system, belief, wait, ahead)[:, candidate], expected, rtol=1e-9, atol=1e-9
+        )
 
 
 def test_l_step_gain_is_the_least_cost_of_the_steps_to_come():
@@ -107,8 +109,8 @@ def test_aware_greedy_without_weight_on_delay_is_the_index_without_any_other_con
 
 def test_the_index_is_its_formula():
     belief = beliefs()
-    delay = SYSTEM.delay(belief)
-    worth = SYSTEM.gain(belief, delay, 3) - 0.3 * SYSTEM.gain(belief, delay + 2, 3)
+    delay = shortcuts.delay(SYSTEM, belief)
+    worth = shortcuts.gain(SYSTEM, belief, delay, 3) - 0.3 * shortcuts.gain(SYSTEM, belief, delay + 2, 3)
     factor = np.where(delay == 0, 1.5, 1.0) / np.power(1.0 + delay, 1.3)
     values = np.where(worth > 0, worth * factor, worth / factor)
     chosen = begun(CostOfDelay(0.3, 2, 3, 1.3, 0.5)).act(belief, None, None)
@@ -118,8 +120,8 @@ def test_the_index_is_its_formula():
 def test_the_bonus_is_for_the_present_set_up_alone():
     """A bonus that outweighs all else: a pulse that can be sent at once, wherever one is worth anything."""
     belief = beliefs()
-    delay = SYSTEM.delay(belief)
-    worth = SYSTEM.gain(belief, delay, 3) - 0.3 * SYSTEM.gain(belief, delay + 2, 3)
+    delay = shortcuts.delay(SYSTEM, belief)
+    worth = shortcuts.gain(SYSTEM, belief, delay, 3) - 0.3 * shortcuts.gain(SYSTEM, belief, delay + 2, 3)
     at_once = np.where(delay == 0, worth, 0.0)
     counts = at_once.max(axis=1) > 0.0
     rows, (plain, loyal) = (
@@ -200,8 +202,9 @@ def test_setups_are_told_apart_by_their_delays():
     assert sorted(group.tolist() for group in groups) == [[0, 1, 4], [2, 3, 4]]
 
     class Undelayed(DelaySystem):
-        delay = None  # withdrawn
+        pass
 
+    shortcuts.delay.withdraw(Undelayed)
     assert [group.tolist() for group in setups(Undelayed(), delay_worlds(SYSTEM, 2))] == [[k] for k in range(5)]
 
 
@@ -239,7 +242,7 @@ def test_hold_until_detected_serves_first_a_target_about_to_hide():
     hiding[:, 1:6, 1] = False  # target B, which costs as much as A, from the next step on
     chosen = heuristic.act(same._replace(visible=hiding), None, None)
     assert set(chosen) == {3}  # B, with the better pulse
-    longer = system.gain(same, 0, np.array([[4, 9]]))
+    longer = shortcuts.gain(system, same, 0, np.array([[4, 9]]))
     np.testing.assert_array_equal(chosen, longer.argmax(axis=1))  # until it is back, five steps later
 
 

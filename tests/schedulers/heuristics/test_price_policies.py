@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from delay_systems import SPENDING, DelaySystem, delay_worlds
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.schedulers import rollout
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
 from wavegym.schedulers.heuristics.price_policies import (
@@ -41,7 +41,7 @@ def followed(system, belief, heuristic):
 
 def test_a_price_trades_gain_against_spending():
     belief = start(30)
-    gain = SYSTEM.gain(belief, SYSTEM.delay(belief), 3)
+    gain = shortcuts.gain(SYSTEM, belief, shortcuts.delay(SYSTEM, belief), 3)
     for price in (0.0, 2.0, 20.0):
         chosen = begun(LagrangianPrice(price, 3)).act(belief, None, None)
         for row, k in enumerate(chosen):
@@ -176,7 +176,7 @@ def test_in_simulated_futures_the_price_follows_what_is_left():
 
 def test_constant_pace_spends_no_more_than_its_share():
     belief = start(10)
-    gain = SYSTEM.gain(belief, 0, 3)
+    gain = shortcuts.gain(SYSTEM, belief, 0, 3)
     for share, allowed in [(1.0, [0, 2, 4]), (3.0, range(5)), (0.1, [4])]:  # .4 a step: the short pulses and silence
         chosen = begun(ConstantPace(3, share)).act(belief, None, None)
         assert set(chosen) <= set(allowed)

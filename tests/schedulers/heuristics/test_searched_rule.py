@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from delay_systems import DelaySystem, delay_worlds
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.action_sets import Library
-from wavegym.core.capabilities import Delay, Gain
 from wavegym.core.errors import InputError
 from wavegym.core.system import ObservationField, State, System
 from wavegym.observations.forecasts import Forecasts
@@ -44,7 +43,7 @@ class PlantedBelief(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Planted(System, Gain, Delay):
+class Planted(System):
     """A step costs exp(-(ln gain - WEIGHT ln(1 + delay))) of the candidate chosen: the best rule is linear."""
 
     horizon: int = 8
@@ -90,11 +89,15 @@ class Planted(System, Gain, Delay):
     def observe(self, belief):
         return belief.step[:, None].astype(np.float64)
 
-    def gain(self, belief, wait, ahead):
-        return self._now(belief, belief.gain) * np.ones(np.shape(wait))
 
-    def delay(self, belief):
-        return self._now(belief, belief.wait)
+@shortcuts.gain.register(Planted)
+def gain(system, belief, wait, ahead):
+    return system._now(belief, belief.gain) * np.ones(np.shape(wait))
+
+
+@shortcuts.delay.register(Planted)
+def delay(system, belief):
+    return system._now(belief, belief.wait)
 
 
 class Best:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavegym.core.capabilities import DwellRule
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
+from wavegym.core.traits import DwellRule
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.heuristics.registry import HEURISTICS, SEARCHED_DWELL, TIMELINE
 from wavegym.schedulers.heuristics.timeline_rules import (
@@ -66,7 +67,7 @@ def test_the_most_overdue_track_comes_first_and_a_search_where_none_is_due(belie
     assert due.any()
     assert (actions[due] == SYSTEM.dwells.update(late.argmax(axis=1), 2)[due]).all()
     never = chosen(EarliestDeadline(1e6, 1e6, 2, 1), beliefs)
-    found = SYSTEM.gain_per_second(beliefs)[:, SYSTEM.dwells.search(np.arange(12), 1)]
+    found = shortcuts.gain_per_second(SYSTEM, beliefs)[:, SYSTEM.dwells.search(np.arange(12), 1)]
     np.testing.assert_array_equal(never, SYSTEM.dwells.search(found.argmax(axis=1), 1))
 
 
@@ -88,10 +89,10 @@ def test_van_keuk_and_blackman_look_when_the_azimuth_is_uncertain_for_as_long_as
 
 
 def test_the_greatest_gain_per_second_is_taken_among_the_allowed(beliefs):
-    gain = np.where(SYSTEM.mask(beliefs), SYSTEM.gain_per_second(beliefs, 0.7, 1.3), -np.inf)
+    gain = np.where(SYSTEM.mask(beliefs), shortcuts.gain_per_second(SYSTEM, beliefs, 0.7, 1.3), -np.inf)
     actions = chosen(GainPerSecond(0.7, 1.3), beliefs)
     np.testing.assert_array_equal(gain[np.arange(20), actions], gain.max(axis=1))
-    usual = np.where(SYSTEM.mask(beliefs), SYSTEM.gain_per_second(beliefs), -np.inf).argmax(axis=1)
+    usual = np.where(SYSTEM.mask(beliefs), shortcuts.gain_per_second(SYSTEM, beliefs), -np.inf).argmax(axis=1)
     np.testing.assert_array_equal(chosen(make_policy("myopic", SYSTEM, None), beliefs), usual)
 
 
@@ -104,7 +105,7 @@ def test_a_price_of_time_shortens_dwells_until_only_the_ratio_counts(beliefs):
 
 def test_the_score_is_the_formula_of_the_rule(beliefs):
     rule = DwellRule(ahead=0.4, later=2.0, far=0.3, tentative=1.5, long=-0.2, worth=2.0, long_search=0.3, load=0.4)
-    near, later = (SYSTEM.gain_per_second(beliefs, ahead, rule.worth) for ahead in (rule.ahead, rule.later))
+    near, later = (shortcuts.gain_per_second(SYSTEM, beliefs, ahead, rule.worth) for ahead in (rule.ahead, rule.later))
     is_update = KIND == UPDATE
     with np.errstate(divide="ignore"):
         score = np.log(np.where(is_update, near + rule.far * later, near))
@@ -113,7 +114,7 @@ def test_the_score_is_the_formula_of_the_rule(beliefs):
     tracks = (beliefs.existence > 0.0).sum(axis=1, keepdims=True)
     score[:, ~is_update] += rule.long_search * np.log(DURATION[~is_update]) + rule.load * np.log1p(tracks)
     seen = np.isfinite(score)
-    np.testing.assert_allclose(SYSTEM.scores(beliefs, rule)[seen], score[seen], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(shortcuts.scores(SYSTEM, beliefs, rule)[seen], score[seen], rtol=1e-12, atol=1e-12)
     assert seen.sum() > 1000
 
 

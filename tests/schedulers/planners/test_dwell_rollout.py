@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.heuristics.registry import SEARCHED_DWELL
@@ -32,9 +33,9 @@ def test_with_one_candidate_it_is_the_rule():
 def test_the_candidate_of_least_simulated_cost_is_taken():
     planner = DwellRollout(BASE, 2, candidates=5, seconds=0.1)
     action, belief = first_choice(planner)
-    score = np.where(SYSTEM.mask(belief), SYSTEM.scores(belief, planner.rule), -np.inf)
+    score = np.where(SYSTEM.mask(belief), shortcuts.scores(SYSTEM, belief, planner.rule), -np.inf)
     tried = np.argsort(-score, axis=1)[:, :5]
-    cost = SYSTEM.simulate(belief, tried, planner.rule, 0.1, 2)
+    cost = shortcuts.simulate(SYSTEM, belief, tried, planner.rule, 0.1, 2)
     np.testing.assert_array_equal(action, tried[np.arange(8), cost.argmin(axis=1)])
 
 

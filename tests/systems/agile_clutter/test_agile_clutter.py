@@ -13,7 +13,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from scipy.stats import chi2
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.systems.agile_clutter.system import AgileClutter
@@ -28,7 +28,7 @@ def play(system, worlds, choose=None):
     """States at k = 0, 1, ...; ``choose`` maps a belief to actions, by default the myopic ones."""
     states = [system.initial(worlds)]
     for _ in range(system.horizon):
-        actions = (choose or system.best_action)(states[-1].belief)
+        actions = (choose or shortcuts.best_action.of(system))(states[-1].belief)
         states.append(system.transition(states[-1], actions, worlds))
     return states
 

@@ -11,13 +11,13 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation.system import BeamAllocation
 from wavegym.systems.energy_budget.system import EnergyBudget
-from wavegym.testing.capability_check import capability_defect
 from wavegym.testing.model_check import prediction_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 CARRIER = 10.4e9
 NEAR = {  # of pulses of 100 us a third to nearly all is visible, of those of 30 us all; the second target is hidden too
@@ -79,17 +79,17 @@ def test_transition_and_prediction_are_the_plain_loop_with_cut_echoes():
 )
 def test_shortcuts_of_near_targets_agree_with_prediction(kind):
     system = AgileClutter(**{**NEAR, **WELL, **kind})
-    assert capability_defect(system) is None
+    assert shortcut_defect(system) is None
     assert prediction_defect(system) is None
 
 
 @pytest.mark.parametrize("system", [EnergyBudget(**BUDGET), BeamAllocation(**BEAMS)], ids=lambda s: type(s).__name__)
 def test_the_gains_of_near_targets_agree_with_prediction(system):
-    assert capability_defect(system) is None
+    assert shortcut_defect(system) is None
     assert prediction_defect(system) is None
     off = type(system)(**(BUDGET if isinstance(system, EnergyBudget) else BEAMS), eclipsing=False)
     belief = system.initial(oracles.worlds(system, 20)).belief
-    on, open_ = (each.gain(belief, 0, 5) for each in (system, off))
+    on, open_ = (shortcuts.gain(each, belief, 0, 5) for each in (system, off))
     assert (on <= open_ * (1 + 1e-9) + 1e-9).all()
     assert (on < 0.999 * open_).any()
 

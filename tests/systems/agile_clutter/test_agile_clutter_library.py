@@ -11,6 +11,7 @@ import numpy as np
 import oracles
 import pytest
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
@@ -56,7 +57,7 @@ def test_own_pulses_are_transmitted_with_their_covariances(form):
     C, want = system.action_set.unit_covariance(system.candidates()), measurement_covariances(OWN, system.carrier_hz)
     np.testing.assert_array_equal(C, want[np.array(pairs)])
     np.testing.assert_array_equal(
-        system.action_set.unit_covariance(system.constants()), want[np.array([(a, a) for a in range(3)])]
+        system.action_set.unit_covariance(shortcuts.constants(system)), want[np.array([(a, a) for a in range(3)])]
     )
     for index, pair in enumerate(pairs):
         assert transmitted(system, system.candidates()[index : index + 1]) == [OWN[a] for a in pair]
@@ -71,7 +72,9 @@ def test_the_built_in_chirps_given_as_own_pulses_play_the_same_episode():
     for _ in range(plain.horizon):
         action = rng.integers(4, size=(6, 2))
         states = [s.transition(state, action, worlds) for s, state in zip((plain, own), states, strict=True)]
-        np.testing.assert_array_equal(plain.best_action(states[0].belief), own.best_action(states[1].belief))
+        np.testing.assert_array_equal(
+            shortcuts.best_action(plain, states[0].belief), shortcuts.best_action(own, states[1].belief)
+        )
         np.testing.assert_array_equal(states[0].belief.covariance, states[1].belief.covariance)
 
 

@@ -8,7 +8,9 @@ import oracles
 import pytest
 
 from research.papers.agile_clutter.study import CountingEverySensor
+from wavegym.core import shortcuts
 from wavegym.schedulers import Myopic
+from wavegym.systems.agile_clutter.shortcuts import after_sensor, sensor_costs
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import parse_law
 
@@ -169,12 +171,12 @@ def test_sensor_costs_are_the_cost_of_predict_sensor_after_sensor():
     C, windows = system.action_set.sensor_covariances, system.action_set.sensor_windows
     for belief in beliefs(system):
         predicted, choices = system.predicted_targets(belief), [np.array([3, 9, 20]), np.array([17, 1, 8])]
-        after = system.after_sensor(predicted, 0, C[choices[0]], windows[choices[0]])
-        second = system.sensor_costs(after, 1, C[None], windows[None])
+        after = after_sensor(system, predicted, 0, C[choices[0]], windows[choices[0]])
+        second = sensor_costs(system, after, 1, C[None], windows[None])
         actions = np.stack([np.stack([choices[0], np.full(3, c)], axis=1) for c in range(len(C))], axis=1)
         np.testing.assert_allclose(second, system.cost(system.predict(belief, actions)), rtol=1e-9)
         chosen = np.take_along_axis(second, choices[1][:, None], axis=1)[:, 0]
-        both = system.after_sensor(after, 1, C[choices[1]], windows[choices[1]])._replace(present=predicted.present)
+        both = after_sensor(system, after, 1, C[choices[1]], windows[choices[1]])._replace(present=predicted.present)
         P = np.diagonal(both.covariance, axis1=2, axis2=3).sum(axis=2)
         np.testing.assert_allclose((P * predicted.present).sum(axis=1), chosen, rtol=1e-9)
 
@@ -184,7 +186,7 @@ def test_the_second_sensor_is_chosen_as_by_trying_all():
     system = AgileClutter()
     count = len(system.actions)
     for belief in beliefs(system):
-        best = system.best_action(belief)
+        best = shortcuts.best_action(system, belief)
         actions = np.stack([np.stack([best[:, 0], np.full(3, c)], axis=1) for c in range(count)], axis=1)
         cost = system.cost(system.predict(belief, actions))
         chosen = np.take_along_axis(cost, best[:, 1:], axis=1)[:, 0]
@@ -205,7 +207,7 @@ def test_sensor_by_sensor_is_nearly_the_joint_grid(action):
     exhaustive.begin(system, 12, np.random.default_rng(0))
     state, gaps = system.initial(worlds), []
     for _ in range(system.horizon):
-        choices = system.best_action(state.belief), exhaustive.act(state.belief, None, None)
+        choices = shortcuts.best_action(system, state.belief), exhaustive.act(state.belief, None, None)
         chosen, least = (system.cost(system.predict(state.belief, actions)) for actions in choices)
         gaps.append(chosen / least - 1)
         state = system.transition(state, choices[0], worlds)

@@ -6,7 +6,7 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import parameter_infos
 from wavegym.systems.agile_clutter import AgileClutter
@@ -30,7 +30,7 @@ def mismatch(kind, change):
 
 def play(system, worlds):
     """All states of an episode with drawn constants, the same for all systems of a kind."""
-    constants, count = system.constants(), len(worlds.key)
+    constants, count = shortcuts.constants(system), len(worlds.key)
     rng, states = np.random.default_rng(0), [system.initial(worlds)]
     for _ in range(system.horizon):
         action = constants[rng.integers(len(constants), size=count)]
@@ -78,7 +78,7 @@ def test_tracker_and_schedulers_keep_their_assumptions(kind, change):
         assert oracles.covariance_distance(one.belief.covariance, two.belief.covariance) < 1e-12
         moved = np.abs(one.truth.path - two.truth.path)[:, :, 1:].max(axis=3) > 0.0
         assert moved.all() if {*truth} & {"q", "turn_rate"} else not moved.any()
-    state, actions = play(system, worlds)[9], system.constants()[:5]
+    state, actions = play(system, worlds)[9], shortcuts.constants(system)[:5]
     for name, more in (("predict", (actions,)), ("cost", ()), ("observe", ())):
         got, want = (getattr(s, name)(state.belief, *more) for s in (changed, system))
         for a, b in zip(leaves(got), leaves(want), strict=True):
@@ -102,7 +102,7 @@ def test_the_field_of_clutter_has_the_true_density():
     """Clutter points of the first step, before gates depend on them: Poisson, so 4 standard errors are 4 sqrt(n)."""
     assumed = AgileClutter()
     worlds = oracles.worlds(assumed, 400)
-    action = np.broadcast_to(assumed.constants()[0], (400, 2))
+    action = np.broadcast_to(shortcuts.constants(assumed)[0], (400, 2))
     counts = [
         s.state_info(s.transition(s.initial(worlds), action, worlds))["clutter"].sum()
         for s in (assumed, AgileClutter(truth={"clutter_density": 3e-4}), AgileClutter(truth={"clutter_density": 0.0}))

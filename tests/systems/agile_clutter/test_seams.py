@@ -15,7 +15,7 @@ from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.beam_allocation import BeamAllocation
 from wavegym.systems.energy_budget import EnergyBudget
 from wavegym.systems.energy_budget.known import EnergyBudgetKnown
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 from wavegym.trackers import jpda_update, predict
 from wavegym.trackers.protocol import Estimate, ExtendedKalman
 
@@ -106,10 +106,10 @@ def test_a_tracker_of_ones_own_plays_as_the_compiled_one(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("tracker", ["jpda", "particle", Associating()])
-def test_the_capabilities_are_checked_with_every_tracker(kind, tracker):
+def test_the_shortcuts_are_checked_with_every_tracker(kind, tracker):
     last = 13 if kind is AgileClutter else kind().lifetime
     system = kind(tracker=tracker, particles=10, horizon=last, truth={"clutter_density": 2e-5})
-    assert capability_defect(system) is None
+    assert shortcut_defect(system) is None
 
 
 def test_the_order_of_returns_does_not_tell_their_origin():

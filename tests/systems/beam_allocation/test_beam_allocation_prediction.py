@@ -8,8 +8,7 @@ import oracles
 import pytest
 from beam_plays import CHIRPS, JPDA, SYSTEM, TARGET, choices, coasted, played
 
-from wavegym.core import trees
-from wavegym.core.capabilities import BestAction, offers
+from wavegym.core import shortcuts, trees
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.schedulers import Myopic
 from wavegym.systems.beam_allocation.system import BeamAllocation
@@ -135,7 +134,7 @@ def test_the_one_step_scheduler_tries_all_joint_actions():
     trace = np.diagonal(many, axis1=-2, axis2=-1).sum(axis=(-1, -2))
     chosen = trace[np.arange(30), policy.act(belief, None, None)]
     np.testing.assert_allclose(chosen, trace.min(axis=1), rtol=1e-12)
-    assert not offers(SYSTEM, BestAction)
+    assert shortcuts.best_action.of(SYSTEM) is None
 
 
 @pytest.mark.parametrize("wait", [0, 1, 5])
@@ -149,9 +148,9 @@ def test_gain_is_that_of_repeated_prediction(wait, ahead):
         with_look = SYSTEM.predict(here, SYSTEM.candidates()[None]).covariance
         without = SYSTEM.predict(here, SYSTEM.candidates()[None], np.ones((6, 36, 2, 3))).covariance
         left = min(ahead, SYSTEM.horizon - steps - wait)
-        M = horizon_weights(SYSTEM.transition_matrix, SYSTEM.weights, left) if left > 0 else np.zeros((4, 4))
+        M = horizon_weights(SYSTEM.motion.F, SYSTEM.weights, left) if left > 0 else np.zeros((4, 4))
         want = np.einsum("ab,ectab->ec", M, without - with_look)
-        got = SYSTEM.gain(belief, wait, ahead)
+        got = shortcuts.gain(SYSTEM, belief, wait, ahead)
         np.testing.assert_allclose(got, want, rtol=1e-9, atol=1e-9)
         assert (got.max() > 0) == (left > 0)
         truth = ~here.visible[:, min(steps + wait, 59)]
@@ -162,16 +161,18 @@ def test_gain_is_that_of_repeated_prediction(wait, ahead):
 def test_gain_takes_a_wait_for_every_candidate_and_a_number_of_steps_for_every_target():
     belief, rng = played(SYSTEM, oracles.worlds(SYSTEM, 5), 25).belief, np.random.default_rng(2)
     wait = rng.integers(0, 4, size=(5, 36))
-    each = np.array([SYSTEM.gain(belief, w, 6) for w in range(4)])
+    each = np.array([shortcuts.gain(SYSTEM, belief, w, 6) for w in range(4)])
     want = np.take_along_axis(each, wait[None], axis=0)[0]
-    np.testing.assert_array_equal(SYSTEM.gain(belief, wait, 6), want)
+    np.testing.assert_array_equal(shortcuts.gain(SYSTEM, belief, wait, 6), want)
     first = belief._replace(visible=belief.visible & (np.arange(3) == 0))
     others = belief._replace(visible=belief.visible & (np.arange(3) > 0))
     ahead = rng.integers(1, 9, size=5)
-    want = np.array([SYSTEM.gain(first, 1, a)[e] for e, a in enumerate(ahead)]) + SYSTEM.gain(others, 1, 3)
-    got = SYSTEM.gain(belief, 1, np.stack([ahead, 0 * ahead + 3, 0 * ahead + 3], axis=1))
+    want = np.array([shortcuts.gain(SYSTEM, first, 1, a)[e] for e, a in enumerate(ahead)]) + shortcuts.gain(
+        SYSTEM, others, 1, 3
+    )
+    got = shortcuts.gain(SYSTEM, belief, 1, np.stack([ahead, 0 * ahead + 3, 0 * ahead + 3], axis=1))
     np.testing.assert_allclose(got, want, rtol=1e-12)
     many = SYSTEM.predict(belief, SYSTEM.candidates()[None])  # its windows are a view that cannot be written to
     row = trees.tree_map(lambda leaf: leaf[2], many)
-    assert SYSTEM.gain(row, 0, 6).shape == (36, 36)
-    np.testing.assert_array_equal(SYSTEM.delay(belief), np.zeros((5, 36)))
+    assert shortcuts.gain(SYSTEM, row, 0, 6).shape == (36, 36)
+    np.testing.assert_array_equal(shortcuts.delay(SYSTEM, belief), np.zeros((5, 36)))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import oracles
 
+from wavegym.core import shortcuts
+
 SETTLES = (0, 1, 3)
 OPEN: dict = {"shown": (10_000, 10_000), "hidden": (0, 0)}  # nothing hides
 
@@ -15,7 +17,7 @@ def wrap(angle):
 
 def azimuth(system, mean):
     """Of every target one step ahead, from the camera, (env, target)."""
-    x = mean @ system.transition_matrix.T
+    x = mean @ system.motion.F.T
     return np.arctan2(x[..., 0] - system.platforms[0][0], x[..., 2] - system.platforms[0][1])
 
 
@@ -41,7 +43,7 @@ def index_rule(system):
     """Look where the gain per step of delay is greatest."""
 
     def choose(belief):
-        wait = system.delay(belief)
-        return (system.gain(belief, wait, 14) / (1.0 + 2.0 * wait)).argmax(axis=1)
+        wait = shortcuts.delay(system, belief)
+        return (shortcuts.gain(system, belief, wait, 14) / (1.0 + 2.0 * wait)).argmax(axis=1)
 
     return choose

@@ -11,7 +11,7 @@ import rf_eo_oracle as plain
 from camera_episodes import OPEN, SETTLES, azimuth, later, wrap
 from scipy.stats import norm
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.systems.camera_slew.system import CameraSlew
 from wavegym.trackers.polar_kernels import to_cartesian
@@ -167,7 +167,7 @@ def test_the_delay_is_how_long_it_takes(settle):
     )
     state, _ = later(system, 20, 3)
     for target in range(4):
-        wanted, belief = system.delay(state.belief)[:, target], state.belief
+        wanted, belief = shortcuts.delay(system, state.belief)[:, target], state.belief
         seen = np.full(20, -1)
         for k in range(40):
             action = np.full(20, target)
@@ -187,9 +187,9 @@ def test_the_gain_at_once_is_the_difference_that_a_look_makes():
     state, worlds = later(system, 8, 10)
     for _ in range(28):
         state = system.transition(state, np.zeros(8, int), worlds)
-        gain = system.gain(state.belief, 0, 5)[:, 0]
+        gain = shortcuts.gain(system, state.belief, 0, 5)[:, 0]
         one, other = (system.predict(state.belief, np.zeros(8, int), np.full((8, 4), draw)) for draw in (0.0, 1.0))
-        left, F = min(5, 40 - int(state.belief.step[0])), system.transition_matrix
+        left, F = min(5, 40 - int(state.belief.step[0])), system.motion.F
         D, want = other.covariance - one.covariance, 0.0
         for _ in range(left):
             want, D = want + np.einsum("etii->e", D), F @ D @ F.T
@@ -198,24 +198,24 @@ def test_the_gain_at_once_is_the_difference_that_a_look_makes():
         sigma = np.sqrt(unlooked.polar_covariance[..., 2, 2])
         off = wrap(unlooked.polar_mean[..., 2] - unlooked.pointing[:, None])
         clear = (np.abs(np.abs(off) - system.half_field) > 7 * sigma).all(axis=1)  # in the image or not, surely
-        looks = clear & (system.delay(state.belief)[:, 0] == 0)
+        looks = clear & (shortcuts.delay(system, state.belief)[:, 0] == 0)
         np.testing.assert_allclose(gain[looks], system.detection * want[looks], rtol=1e-3)
     assert looks.sum() >= 4
-    assert (system.gain(state.belief, 2, 5) == 0).all()
-    assert (system.gain(state.belief, 1, 5) > 0).all()
+    assert (shortcuts.gain(system, state.belief, 2, 5) == 0).all()
+    assert (shortcuts.gain(system, state.belief, 1, 5) > 0).all()
 
 
 def test_a_gain_needs_sight_and_a_delay_waits_for_it():
     system = CameraSlew(horizon=30, windows=((0, 0, 9), (2, 20, 29)), half_field=1.5, settle=0)
     belief = later(system, 4, 0)[0].belief
-    assert (system.delay(belief)[:, 0] == 10).all()  # out of cover by step 10
-    assert (system.delay(belief)[:, 1] <= 1).all()
+    assert (shortcuts.delay(system, belief)[:, 0] == 10).all()  # out of cover by step 10
+    assert (shortcuts.delay(system, belief)[:, 1] <= 1).all()
     narrow = CameraSlew(horizon=30, windows=((0, 0, 9), (2, 20, 29)), half_field=1e-6)
     for wait, hidden in ((9, [True, False, False, False]), (10, [False] * 4), (20, [False, False, True, False])):
-        np.testing.assert_array_equal(narrow.gain(belief, wait, 5) == 0, [hidden] * 4)
+        np.testing.assert_array_equal(shortcuts.gain(narrow, belief, wait, 5) == 0, [hidden] * 4)
 
 
 def test_a_gain_over_no_step_is_refused():
     state, _ = later(CameraSlew(horizon=3), 1, 0)
     with pytest.raises(InputError, match="ahead is 0, expected an integer >= 1"):
-        CameraSlew(horizon=3).gain(state.belief, 0, 0)
+        shortcuts.gain(CameraSlew(horizon=3), state.belief, 0, 0)

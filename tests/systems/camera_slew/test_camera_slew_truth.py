@@ -14,7 +14,7 @@ from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.systems.camera_slew.system import CameraSlew
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 OTHER: dict[str, Any] = {"q": (0.08, 8.0), "turn_rate": 0.05, "detection": 0.3, "fft_length": 32, "bandwidth": 1e6}
 
@@ -37,8 +37,8 @@ def test_a_compiled_step_is_that_of_its_parts(truth, platforms):
     assert fused.truth.unseen.min() < 30  # the camera has found targets
 
 
-def test_the_capabilities_hold_in_another_world():
-    assert capability_defect(CameraSlew(horizon=12, truth=OTHER)) is None
+def test_the_shortcuts_hold_in_another_world():
+    assert shortcut_defect(CameraSlew(horizon=12, truth=OTHER)) is None
 
 
 def test_a_truth_equal_to_the_assumptions_changes_nothing():

@@ -11,7 +11,7 @@ from energy_episodes import BOTH, at_random, states
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wavegym.core.capabilities import BestAction, offers
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.schedulers import Myopic
@@ -167,10 +167,12 @@ def test_the_observation_shows_the_belief_of_a_planner(kind):
 def test_it_keeps_the_contract(kind):
     system = kind()
     assert prediction_defect(system) is None
-    assert not offers(system, BestAction)
+    assert shortcuts.best_action.of(system) is None
     assert len(system.actions) == 16
-    assert 0 in system.constants()
-    assert system.spending.tolist() == [(0, 0.25, 0.5, 1)[a] + (0, 0.25, 0.5, 1)[b] for a, b in system.actions.indices]
+    assert 0 in shortcuts.constants(system)
+    assert shortcuts.spending(system).tolist() == [
+        (0, 0.25, 0.5, 1)[a] + (0, 0.25, 0.5, 1)[b] for a, b in system.actions.indices
+    ]
 
 
 @pytest.mark.parametrize("id", IDS)

@@ -8,7 +8,7 @@ import oracles
 import pytest
 from energy_episodes import BOTH, at_random, beliefs, clear, states
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.system import State
 from wavegym.systems.energy_budget.system import EnergyBudget
@@ -143,9 +143,11 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(kind):
                 one = system.predict(belief, np.full(4, a), None if given is None else given[:, a])
                 for x, y in zip(many, one, strict=True):
                     assert x is None or np.array_equal(x[:, a], y)
-        gain = system.gain(belief, 3, 6)
+        gain = shortcuts.gain(system, belief, 3, 6)
         for e in range(4):
-            np.testing.assert_array_equal(system.gain(trees.take(belief, np.array([e])), 3, 6), gain[e : e + 1])
+            np.testing.assert_array_equal(
+                shortcuts.gain(system, trees.take(belief, np.array([e])), 3, 6), gain[e : e + 1]
+            )
 
 
 @pytest.mark.parametrize("kind", BOTH)
@@ -158,14 +160,14 @@ def test_gain_is_what_a_pulse_takes_off_the_summed_cost(kind):
             for _ in range(wait):
                 if not system.terminal(later).all():
                     later = system.predict(later, np.zeros(4, np.int64))
-            got = system.gain(belief, wait, ahead)
+            got = shortcuts.gain(system, belief, wait, ahead)
             if belief.step[0] + wait >= system.horizon:
                 assert (got == 0.0).all()
                 continue
             P = system.predict(later, system.candidates()[None]).covariance[:, :, 0]
-            M = horizon_weights(system.transition_matrix, system.weights, min(ahead, system.horizon - later.step[0]))
+            M = horizon_weights(system.motion.F, system.weights, min(ahead, system.horizon - later.step[0]))
             wanted = np.trace(M @ (P[:, :1] - P), axis1=2, axis2=3)
             np.testing.assert_allclose(got, wanted, rtol=1e-8, atol=1e-8 * np.trace(M @ P[0, 0]))
-            mixed = system.gain(belief, np.where(np.arange(16) % 3, wait, 2)[None].repeat(4, axis=0), ahead)
+            mixed = shortcuts.gain(system, belief, np.where(np.arange(16) % 3, wait, 2)[None].repeat(4, axis=0), ahead)
             np.testing.assert_array_equal(mixed[:, 1], got[:, 1])
-    assert (system.delay(belief) == 0).all()
+    assert (shortcuts.delay(system, belief) == 0).all()

@@ -11,7 +11,7 @@ import oracles
 import pytest
 from scipy.stats import chi2
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.envs.build import build_system
 from wavegym.envs.vector import WaveformVectorEnv
@@ -19,7 +19,7 @@ from wavegym.evaluation import compare
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.testing import check_vector_env
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 CA = {"model": "ca", "weights": (1.0, 2.0, 0.5), "prior_variance": (1e4, 1e3, 10.0), "q": 3.0}
 # Wide sweeps tie the two errors together: 1 - rho^2 falls to 5e-9, and roundings agree to some eps / (1 - rho^2) only.
@@ -154,8 +154,8 @@ def test_all_forms_of_imagine_agree(kwargs):
     pulses = [(k, sweep) for k in system.durations for sweep in system.sweeps][::7]
     ranges = many.mean[:, 0, 0]
     R = [[oracles.received_covariance(*pulse, r, system.reference_range) for pulse in pulses] for r in ranges]
-    predicted = system.predicted(belief)[0][:, None, :2, :2]
-    np.testing.assert_allclose(system.innovation_covariance(belief, shared), predicted + R, rtol=1e-9)
+    predicted = shortcuts.next_pulse(system, belief)[0][:, None, :2, :2]
+    np.testing.assert_allclose(shortcuts.innovation_covariance(system, belief, shared), predicted + R, rtol=1e-9)
 
 
 def test_library_and_box_transmit_the_same_pulses():
@@ -214,7 +214,7 @@ def test_environments_may_stand_at_different_steps():
 def test_the_recursion_is_the_loops_covariance():
     system = KershawEvansPosition(horizon=5)
     worlds = oracles.worlds(system, 3)
-    recursion = system.deterministic_recursion(worlds)
+    recursion = shortcuts.deterministic_recursion(system, worlds)
     actions = np.random.default_rng(1).integers(recursion.R.shape[2], size=(3, 5))
     P = recursion.covariance
     for k, state in enumerate(play(system, worlds, actions)):
@@ -308,7 +308,7 @@ def test_the_tracker_adapts_where_the_targets_are_not_drawn_from_its_model() -> 
 def test_the_adaptive_tracker_conforms() -> None:
     """Two densities make it short; the myopic and the fused search predict with its own process noise."""
     check_vector_env("wavegym/KershawEvans-v0", tracker="imm", densities=(1.0, 100.0), horizon=5)
-    assert capability_defect(KershawEvansPosition(tracker="imm", horizon=6)) is None
+    assert shortcut_defect(KershawEvansPosition(tracker="imm", horizon=6)) is None
 
 
 @pytest.mark.slow

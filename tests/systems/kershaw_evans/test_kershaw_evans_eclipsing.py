@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.special import erfc, erfcx
 from scipy.stats import norm
 
+from wavegym.core import shortcuts
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.eclipsing import HALF_LENGTH, visible_information
 from wavegym.systems.kershaw_evans.eclipsing_kernels import LEAST_VISIBLE
@@ -97,5 +98,5 @@ def test_pulses_of_ones_own_are_eclipsed_by_their_tables():
     built_in = KershawEvansPosition(durations=(30e-6, K), start_range=(20e3, 60e3), reference_range=50e3)
     own = KershawEvansPosition(library=built_in.actions, start_range=(20e3, 60e3), reference_range=50e3)
     belief = built_in.initial(oracles.worlds(built_in, 5)).belief
-    S, expected = (s.innovation_covariance(belief, s.candidates()[None]) for s in (own, built_in))
+    S, expected = (shortcuts.innovation_covariance(s, belief, s.candidates()[None]) for s in (own, built_in))
     np.testing.assert_allclose(S, expected, rtol=1e-6)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from wavegym.core import trees
-from wavegym.core.capabilities import CONFIRMED, DwellRule
+from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
+from wavegym.core.traits import CONFIRMED, DwellRule
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import RandomChoice, rollout
 from wavegym.schedulers.heuristics.registry import SEARCHED_DWELL
@@ -180,7 +180,7 @@ def test_the_gain_of_an_update_is_what_its_futures_save():
     belief = state.belief._replace(undetected=np.zeros_like(state.belief.undetected))
     system = dataclasses.replace(system, targets=0.0)  # nobody comes while the dwell takes its time
     wait, draws = len(system.actions) - 1, np.random.default_rng(0).random((1, 400, 2))
-    gains, ratios = system.gain_per_second(belief, ahead, 1.0)[0], []
+    gains, ratios = shortcuts.gain_per_second(system, belief, ahead, 1.0)[0], []
     for slot in np.flatnonzero(belief.existence[0] > 0.0)[:6].tolist():
         for dwell in (1, 3):
             action = int(system.dwells.update(slot, dwell))
@@ -198,9 +198,9 @@ def test_the_gain_of_an_update_is_what_its_futures_save():
 def test_gains_for_several_times_ahead_are_those_of_each():
     system = MultifunctionRadar(known=1.0, slots=30)
     belief = after(system, worlds_of(system, 3), 0.5, by_gain(system)).belief
-    together = system.gain_per_second(belief, (0.25, 1.0), 2.0)
+    together = shortcuts.gain_per_second(system, belief, (0.25, 1.0), 2.0)
     for n, ahead in enumerate((0.25, 1.0)):
-        np.testing.assert_array_equal(together[..., n], system.gain_per_second(belief, ahead, 2.0))
+        np.testing.assert_array_equal(together[..., n], shortcuts.gain_per_second(system, belief, ahead, 2.0))
 
 
 @pytest.mark.slow
@@ -215,7 +215,7 @@ def test_simulated_futures_are_those_of_predict_and_the_rule():
     system = dataclasses.replace(system, targets=0.0)  # searches find nothing, and no draw is needed for them
     first, rng = int(system.dwells.update(0, 2)), np.random.default_rng(0)
     futures, seconds, rule = 1500, 0.15, DwellRule(**{**SEARCHED_DWELL, "ahead": 0.5, "later": 1.0, "far": 0.25})
-    got = system.simulate(belief, np.array([[first]]), rule, seconds, futures)[0, 0]
+    got = shortcuts.simulate(system, belief, np.array([[first]]), rule, seconds, futures)[0, 0]
     now = trees.repeated(belief, futures)
     waits = np.full(futures, len(system.actions) - 1)
     end, action, want = now.time + seconds, np.full(futures, first), np.zeros(futures)
@@ -224,7 +224,7 @@ def test_simulated_futures_are_those_of_predict_and_the_rule():
         share = np.minimum((end - now.time) / after_dwell.duration, 1.0)
         want += np.where(going, share * after_dwell.spent, 0.0)
         now = trees.merged(after_dwell, ~going, now)
-        action = np.where(system.mask(now), system.scores(now, rule), -np.inf).argmax(axis=1)
+        action = np.where(system.mask(now), shortcuts.scores(system, now, rule), -np.inf).argmax(axis=1)
     for ahead, weight in ((rule.ahead, 1.0), (rule.later, rule.far)):
         waiting = dataclasses.replace(system, dt=ahead)
         want += weight * waiting.predict(trees.repeated(now, 1), waits).spent
@@ -365,7 +365,7 @@ def test_a_priority_weighs_the_cost_of_every_target_by_its_range():
         np.testing.assert_allclose(got, weight(rows[taken, k, 1]), rtol=1e-3)  # it flies on meanwhile
     seen = plain.mask(empty) & (plain.dwells.menu[0] == UPDATE)
     r = rows[np.nonzero(seen)[0], plain.dwells.menu[1][np.nonzero(seen)[1]], 1]
-    ratios = weighted.gain_per_second(empty)[seen] / plain.gain_per_second(empty)[seen]
+    ratios = shortcuts.gain_per_second(weighted, empty)[seen] / shortcuts.gain_per_second(plain, empty)[seen]
     np.testing.assert_allclose(ratios, weight(r), rtol=1e-2)
     silent = empty._replace(existence=np.zeros_like(empty.existence))
     for b in range(plain.bins):
@@ -375,7 +375,7 @@ def test_a_priority_weighs_the_cost_of_every_target_by_its_range():
         now = silent._replace(undetected=one)
         np.testing.assert_allclose(ratio(now), weight(middle), rtol=1e-3)
         search = plain.dwells.search(3, 2)
-        found = heavy.gain_per_second(now)[:, search] / light.gain_per_second(now)[:, search]
+        found = shortcuts.gain_per_second(heavy, now)[:, search] / shortcuts.gain_per_second(light, now)[:, search]
         np.testing.assert_allclose(found, weight(middle), rtol=1e-12)
     blind = dataclasses.replace(weighted, known=0.0)
     first = blind.initial(worlds_of(blind, 4)).truth

@@ -8,7 +8,7 @@ import pytest
 import rf_eo_oracle as plain
 from scipy.stats import chi2, norm
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.sensors import platform_measurement
 from wavegym.systems.rf_eo.far import RfEoFar
 from wavegym.systems.rf_eo.system import RfEo
@@ -55,8 +55,17 @@ def same(a, b):
 def all_finite(system, state):
     """Whether the state, its figures and all values that schedulers and agents compute from it are finite."""
     belief, some = state.belief, system.candidates()[None, :5]
-    asked = [system.cost(belief), system.observe(belief), system.information(belief, some), system.best_action(belief)]
-    asked += [*system.state_info(state).values(), system.most_information(belief)[0], *system.plan(belief, 2)]
+    asked = [
+        system.cost(belief),
+        system.observe(belief),
+        system.information(belief, some),
+        shortcuts.best_action(system, belief),
+    ]
+    asked += [
+        *system.state_info(state).values(),
+        shortcuts.most_information(system, belief)[0],
+        *shortcuts.plan(system, belief, 2),
+    ]
     return finite(state) and finite(system.predict(belief, some)) and all(np.isfinite(a).all() for a in asked)
 
 
@@ -206,7 +215,7 @@ def test_state_info_is_errors_and_the_least_information():
 
 def mean_nees(system, steps=5, seed=1):
     """Means over 200 worlds of each step under the system's own choice, and how many values are in one."""
-    states, _ = play(system, oracles.worlds(system, 200, seed), system.best_action, steps)
+    states, _ = play(system, oracles.worlds(system, 200, seed), shortcuts.best_action.of(system), steps)
     values = np.array([system.state_info(state)["nees"] for state in states[1:]])
     return values.mean(axis=(1, 2)), values[0].size
 
@@ -234,7 +243,7 @@ def test_the_filter_is_consistent_in_every_step_of_an_episode(system, chooses, c
     first estimates are the paper's, no draws from P0: their NEES is 0.5, so the first ten steps are left out.
     """
     worlds = oracles.worlds(system, count, 1)
-    states, _ = play(system, worlds, system.best_action if chooses == "myopic" else at_random(system))
+    states, _ = play(system, worlds, shortcuts.best_action.of(system) if chooses == "myopic" else at_random(system))
     first = 1 if system.first_estimate == "drawn" else 11
     means = np.array([system.state_info(state)["nees"].mean() for state in states[first:]])
     values = 2 * count
@@ -290,11 +299,13 @@ def test_a_batch_is_its_elements(cls, form, chooses):
     """Five environments, thirty steps, bit for bit."""
     system = cls(horizon=30, action=form)
     worlds = oracles.worlds(system, 5)
-    states, actions = play(system, worlds, system.best_action if chooses == "myopic" else at_random(system))
+    states, actions = play(
+        system, worlds, shortcuts.best_action.of(system) if chooses == "myopic" else at_random(system)
+    )
     for e in range(5):
         row = slice(e, e + 1)
         mine = iter(actions)
-        choose = system.best_action if chooses == "myopic" else lambda belief, m=mine, r=row: next(m)[r]
+        choose = shortcuts.best_action.of(system) if chooses == "myopic" else lambda belief, m=mine, r=row: next(m)[r]
         alone, chosen = play(system, oracles.rows(worlds, row), choose)
         for k, (together, one) in enumerate(zip(states, alone, strict=True)):
             assert same(trees.tree_map(lambda a, r=row: a[r], together), one), (k, e)

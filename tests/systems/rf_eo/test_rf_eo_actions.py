@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
@@ -138,10 +139,10 @@ def test_candidates_are_all_combinations_or_the_same_everywhere(form):
 
 def test_the_proposed_setting_has_a_name_where_the_box_holds_it():
     system = RfEo()
-    got = system.action_set.settings(system.named_constants()["proposed"])
+    got = system.action_set.settings(shortcuts.named_constants(system)["proposed"])
     np.testing.assert_allclose(got, [[60e3, 10e6, 1e-3], [40e3, 5e6, 1e-3]], rtol=1e-12)
     for other in ({"prf": (1e3, 50e3)}, {"bandwidth": (6e6, 20e6)}, {"action": "library"}, {"platforms": ((0, 0),)}):
-        assert RfEo(**other).named_constants() == {}
+        assert shortcuts.named_constants(RfEo(**other)) == {}
 
 
 @pytest.mark.parametrize("as_printed", [False, True])

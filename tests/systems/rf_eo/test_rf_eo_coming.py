@@ -9,7 +9,7 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.envs.single import WaveformEnv
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.rendering.moment import Moment
@@ -107,9 +107,9 @@ def test_schedulers_decide_for_the_targets_that_are_there(system):
             continue
         single, _, own = alone(system, 2, worlds, before)
         expected = shifted(own, 2).belief
-        np.testing.assert_array_equal(system.best_action(belief), single.best_action(expected))
-        same(system.most_information(belief), single.most_information(expected))
-        same(system.plan(belief, 3), single.plan(expected, 3))
+        np.testing.assert_array_equal(shortcuts.best_action(system, belief), shortcuts.best_action(single, expected))
+        same(shortcuts.most_information(system, belief), shortcuts.most_information(single, expected))
+        same(shortcuts.plan(system, belief, 3), shortcuts.plan(single, expected, 3))
         compared += 1
     assert compared == 5
 
@@ -117,11 +117,11 @@ def test_schedulers_decide_for_the_targets_that_are_there(system):
 def test_an_empty_scene_costs_nothing():
     system = SYSTEMS[0]
     *_, (before, action, after) = played(system, oracles.worlds(system, 3))
-    _, cost = system.plan(before.belief, 2)
+    _, cost = shortcuts.plan(system, before.belief, 2)
     for found in (system.cost(after.belief), cost, after.truth.share):
         np.testing.assert_array_equal(found, np.zeros_like(found))
     assert (system.information(before.belief, action) == system.threshold).all()
-    assert system.most_information(before.belief)[1].all()
+    assert shortcuts.most_information(system, before.belief)[1].all()
     assert not system.state_info(after)["below_threshold"].any()
 
 
@@ -134,18 +134,18 @@ def test_a_plan_prepares_for_a_target_that_comes():
     )  # fmt: skip
     worlds, state = oracles.worlds(system, 4), system.initial(oracles.worlds(system, 4))
     for _ in range(3):
-        state = system.transition(state, system.best_action(state.belief), worlds)
+        state = system.transition(state, shortcuts.best_action(system, state.belief), worlds)
     belief, every = state.belief, system.candidates()
     assert belief.step[0] == 3
     assert not system.present(belief.step + 1)[:, 1].any()
-    first = system.predict(belief, system.best_action(belief))
-    greedy = system.cost(first) + system.cost(system.predict(first, system.best_action(first)))
+    first = system.predict(belief, shortcuts.best_action(system, belief))
+    greedy = system.cost(first) + system.cost(system.predict(first, shortcuts.best_action(system, first)))
     least = np.full(4, np.inf)
     for a in every:
         ahead = system.predict(belief, np.tile(a, (4, 1)))
         second = system.cost(system.predict(ahead, np.broadcast_to(every, (4, *every.shape)))).min(axis=1)
         least = np.minimum(least, system.cost(ahead) + second)
-    _, cost = system.plan(belief, 2)
+    _, cost = shortcuts.plan(system, belief, 2)
     np.testing.assert_allclose(cost, least, rtol=1e-9)
     assert (cost < 0.9 * greedy).all()
 

@@ -9,6 +9,7 @@ import pytest
 import rf_eo_oracle as plain
 from scipy.stats import chi2, norm
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.sensors import folding_kernels as folding
 from wavegym.sensors import platform_measurement
@@ -124,7 +125,7 @@ EPISODES = [
 @pytest.mark.parametrize(("system", "chooses", "count"), EPISODES)
 def test_the_filter_is_consistent(system, chooses, count):
     """Mean NEES within 10 % of 4, and at most 8 % of the steps outside their 95 % bounds."""
-    choose = system.best_action if chooses == "myopic" else at_random(system, count)
+    choose = shortcuts.best_action.of(system) if chooses == "myopic" else at_random(system, count)
     means = np.array(
         [
             system.state_info(after)["nees"].mean()
@@ -145,7 +146,7 @@ def test_predictions_are_honest():
     """
     system = RfEoFar(horizon=60)
     worlds, both = oracles.worlds(system, 100, 3), []
-    for before, action, after in closed_loop(system, worlds, system.best_action):
+    for before, action, after in closed_loop(system, worlds, shortcuts.best_action.of(system)):
         both.append([system.cost(system.predict(before.belief, action)), system.cost(after.belief)])
     predicted, realised = np.array(both)[1:].mean(axis=2).T
     assert 0.95 < predicted[5:].mean() / realised[5:].mean() < 1.05

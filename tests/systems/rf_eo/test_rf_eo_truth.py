@@ -14,7 +14,7 @@ from wavegym.core.errors import InputError
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.systems.rf_eo.far import RfEoFar
 from wavegym.systems.rf_eo.system import RfEo
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 OTHER: dict[str, Any] = {"q": 4.0, "turn_rate": 0.05, "fft_length": 32, "pixels": 500, "nearest_range": 20.0}
 OTHER_RADAR: dict[str, Any] = {**OTHER, "duty": 0.2, "notch": 5.0}
@@ -48,8 +48,8 @@ def test_a_compiled_step_is_that_of_its_parts(cls, mode, truth):
         same(fused, composed)
 
 
-def test_the_capabilities_hold_in_another_world():
-    assert capability_defect(RfEo(horizon=12, truth=OTHER, action="library", points=(2, 1, 2))) is None
+def test_the_shortcuts_hold_in_another_world():
+    assert shortcut_defect(RfEo(horizon=12, truth=OTHER, action="library", points=(2, 1, 2))) is None
 
 
 def test_a_truth_equal_to_the_assumptions_changes_nothing():

@@ -10,7 +10,7 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.sensors import platform_measurement
 from wavegym.systems.rf_eo.far import RfEoFar
@@ -72,7 +72,7 @@ def test_a_platform_turns_by_no_more_than_its_slew_rate():
 def test_search_finds_the_best_setting_and_turn(form):
     """Against every setting of the library of one platform; in a box, the grid has the library's turns."""
     system, worlds = crossing(action=form), oracles.worlds(crossing(), 5)
-    for before, action, _ in met(system, worlds, system.best_action):
+    for before, action, _ in met(system, worlds, shortcuts.best_action.of(system)):
         every = np.broadcast_to(system.candidates(), (5, *system.candidates().shape))
         least = system.cost(system.predict(before.belief, every)).min(axis=1)
         cost = system.cost(system.predict(before.belief, action))
@@ -84,8 +84,8 @@ def test_search_finds_the_best_setting_and_turn(form):
 def test_constrained_choice_has_the_most_information():
     """Against every setting, where all reach the threshold of 0."""
     system, worlds = crossing(), oracles.worlds(crossing(), 5)
-    for before, _, _ in met(system, worlds, system.best_action):
-        chosen, feasible = system.most_information(before.belief, 0.0)
+    for before, _, _ in met(system, worlds, shortcuts.best_action.of(system)):
+        chosen, feasible = shortcuts.most_information(system, before.belief, 0.0)
         every = np.broadcast_to(system.candidates(), (5, *system.candidates().shape))
         most = system.information(before.belief, every)[..., 0].max(axis=1)
         np.testing.assert_allclose(system.information(before.belief, chosen)[:, 0], most, rtol=1e-9)
@@ -96,11 +96,11 @@ def test_plan_lies_between_two_best_steps_and_the_best_pair():
     """Against all pairs of settings and turns, followed by ``predict``."""
     system, worlds = crossing(margin=1.0), oracles.worlds(crossing(), 3)
     every, better = system.candidates(), 0
-    for before, _, _ in list(met(system, worlds, system.best_action))[:-1:7]:
+    for before, _, _ in list(met(system, worlds, shortcuts.best_action.of(system)))[:-1:7]:
         belief = before.belief
-        first = system.predict(belief, system.best_action(belief))
-        greedy = system.cost(first) + system.cost(system.predict(first, system.best_action(first)))
-        _, cost = system.plan(belief, 2)
+        first = system.predict(belief, shortcuts.best_action(system, belief))
+        greedy = system.cost(first) + system.cost(system.predict(first, shortcuts.best_action(system, first)))
+        _, cost = shortcuts.plan(system, belief, 2)
         least = np.full(3, np.inf)
         for a in every:
             ahead = system.predict(belief, np.tile(a, (3, 1)))
@@ -113,7 +113,7 @@ def test_plan_lies_between_two_best_steps_and_the_best_pair():
 
 
 def mean_cost(system, worlds):
-    return np.mean([system.cost(after.belief) for _, _, after in met(system, worlds, system.best_action)])
+    return np.mean([system.cost(after.belief) for _, _, after in met(system, worlds, shortcuts.best_action.of(system))])
 
 
 def test_turning_keeps_a_passing_target_in_the_image():
@@ -130,7 +130,7 @@ def test_observation_tells_the_side():
     assert [f.name for f in system.observation_fields[count:]] == [
         f"azimuth_off_look_{t}_{j}" for t in (1, 2) for j in (1, 2)
     ]
-    for _, _, after in met(system, worlds, system.best_action):
+    for _, _, after in met(system, worlds, shortcuts.best_action.of(system)):
         got, x = system.observe(after.belief), after.belief.mean @ system.motion.F.T
         for e in range(3):
             places = np.column_stack([system.platforms, after.belief.looks[e]])
@@ -139,8 +139,9 @@ def test_observation_tells_the_side():
             fixed = plain.observe(trees.tree_map(lambda a, e=e: a[e : e + 1], after.belief))
             np.testing.assert_allclose(got[e, :count], fixed[0], rtol=1e-12)
     assert "azimuth_off_look_2_1" in system.decision_makers[0].fields
-    assert [f.name for f in system.setting_fields] == ["look_1", "look_2"]
-    np.testing.assert_array_equal(system.settings_of(after.belief), after.belief.looks)
+    known = shortcuts.measured_fields(system)
+    assert [f.name for f in known.setting_fields] == ["look_1", "look_2"]
+    np.testing.assert_array_equal(known.settings(after.belief), after.belief.looks)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -152,7 +153,7 @@ def test_environment_keeps_gymnasiums_contract(form):
 def test_environment_plays_with_the_measurements_alone():
     env = gym.make("wavegym/RfEo-v0", horizon=3, slew_rate=SLEW, observation="measurements", disable_env_checker=True)
     observation, _ = env.reset(seed=0)
-    fields = env.unwrapped.system.setting_fields
+    fields = shortcuts.measured_fields(env.unwrapped.system).setting_fields
     assert len(fields) == 2
     assert env.observation_space.contains(observation)
     assert "turn_1" in env.unwrapped.system.actions.names

@@ -12,6 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from scipy.stats import kstest
 
 import wavegym  # noqa: F401
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.system import State
 from wavegym.envs.vector import WaveformVectorEnv
@@ -151,7 +152,7 @@ def test_a_target_on_top_of_a_receiver():
     for _ in range(6):
         seen = system.observe(state.belief)
         assert np.isfinite(seen).all()
-        assert np.isfinite(system.gain(state.belief, 1, 5)).all()
+        assert np.isfinite(shortcuts.gain(system, state.belief, 1, 5)).all()
         state = system.transition(state, np.zeros(20, np.int64), worlds)
         assert np.isfinite(state.belief.mean).all()
         assert (system.state_info(state)["nees"] >= 0).all()
@@ -169,7 +170,12 @@ def test_a_batch_is_its_elements_bit_for_bit():
             parts[e] = SYSTEM.transition(parts[e], action[e : e + 1], oracles.rows(worlds, slice(e, e + 1)))
             for one, many in zip(parts[e].belief, whole.belief, strict=True):
                 np.testing.assert_array_equal(one[0], many[e])
-            for ask in (SYSTEM.observe, SYSTEM.cost, SYSTEM.delay, partial(SYSTEM.gain, wait=2, ahead=7)):
+            for ask in (
+                SYSTEM.observe,
+                SYSTEM.cost,
+                shortcuts.delay.of(SYSTEM),
+                partial(shortcuts.gain.of(SYSTEM), wait=2, ahead=7),
+            ):
                 np.testing.assert_array_equal(ask(parts[e].belief)[0], ask(whole.belief)[e])
 
 
@@ -222,4 +228,4 @@ def test_bad_input_is_refused_in_one_line(parameters, words):
 
 def test_a_look_ahead_of_no_steps_is_refused():
     with pytest.raises(InputError, match="ahead is 0"):
-        SYSTEM.gain(SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief, 0, 0)
+        shortcuts.gain(SYSTEM, SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief, 0, 0)

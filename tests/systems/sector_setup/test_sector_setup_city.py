@@ -11,6 +11,7 @@ import sector_setup_oracle as plain
 import shapely
 from scipy.stats import kstest
 
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.observations.forecasts import Forecasts
@@ -20,7 +21,7 @@ from wavegym.systems.sector_setup.city import SectorSetupCity, spread_places
 from wavegym.systems.sector_setup.state import Measurements, sector_fields
 from wavegym.systems.sector_setup.visibility_kernels import BLUR
 from wavegym.testing import check_vector_env
-from wavegym.testing.capability_check import capability_defect
+from wavegym.testing.shortcut_check import shortcut_defect
 
 SYSTEM = SectorSetupCity()
 
@@ -60,9 +61,9 @@ def wander(system, count, seed=1):
 
 
 @pytest.mark.slow
-def test_the_environment_conforms_and_its_capabilities_agree():
+def test_the_environment_conforms_and_its_shortcuts_agree():
     check_vector_env("wavegym/SectorSetupCity-v0", horizon=6)
-    assert capability_defect(SectorSetupCity(horizon=12)) is None
+    assert shortcut_defect(SectorSetupCity(horizon=12)) is None
 
 
 def test_nobody_is_told_when_buildings_hide_a_target():
@@ -249,7 +250,7 @@ def test_gain_is_what_a_look_takes_off_the_costs_to_come():
     """Against ``predict`` and beliefs without further looks, for the targets of which nothing hides the radar."""
     _, belief = wide(SYSTEM, 10)
     belief = belief._replace(dead=np.zeros(10, np.int64))
-    gain = SYSTEM.gain(belief, 0, 8)
+    gain = shortcuts.gain(SYSTEM, belief, 0, 8)
     for c in (0, 1):
         here, there = SYSTEM.predict(belief, np.full(10, c)), SYSTEM.predict(belief, np.full(10, 2))
         total = np.zeros(10)
@@ -265,7 +266,7 @@ def test_forecasts_are_finite_where_a_look_may_raise_the_cost():
     worlds, forecasts, least = oracles.worlds(SYSTEM, 100), Forecasts(SYSTEM), 0.0
     state = SYSTEM.initial(worlds)
     for _, action in zip(range(SYSTEM.horizon), wander(SYSTEM, 100), strict=False):
-        least = min(least, SYSTEM.gain(state.belief, 0, 8).min())
+        least = min(least, shortcuts.gain(SYSTEM, state.belief, 0, 8).min())
         with np.errstate(invalid="raise"):
             assert np.isfinite(forecasts(state.belief)).all()
         state = SYSTEM.transition(state, action, worlds)
@@ -277,7 +278,12 @@ def test_a_batch_is_its_elements_bit_for_bit():
     whole = SYSTEM.initial(worlds)
     parts = [SYSTEM.initial(oracles.rows(worlds, slice(e, e + 1))) for e in range(4)]
     draws = np.random.default_rng(2).random((4, 3))
-    asked = (SYSTEM.observe, SYSTEM.cost, partial(SYSTEM.gain, wait=2, ahead=7), partial(SYSTEM.gain, wait=0, ahead=7))
+    asked = (
+        SYSTEM.observe,
+        SYSTEM.cost,
+        partial(shortcuts.gain.of(SYSTEM), wait=2, ahead=7),
+        partial(shortcuts.gain.of(SYSTEM), wait=0, ahead=7),
+    )
     for _, action in zip(range(30), wander(SYSTEM, 4), strict=False):
         whole = SYSTEM.transition(whole, action, worlds)
         together = SYSTEM.predict(whole.belief, action, draws)

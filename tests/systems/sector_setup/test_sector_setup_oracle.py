@@ -10,6 +10,7 @@ import oracles
 import pytest
 import sector_setup_oracle as plain
 
+from wavegym.core import shortcuts
 from wavegym.core.system import State
 from wavegym.systems.sector_setup.system import SectorSetup
 
@@ -79,7 +80,7 @@ def test_a_compiled_step_is_that_of_its_parts(system):
     rng, worlds = np.random.default_rng(3), oracles.worlds(system, 9)
     fused = composed = system.initial(worlds)
     for action in held(system, rng, 9):
-        fused = system.fused_transition(fused, action, worlds)
+        fused = shortcuts.fused_transition(system, fused, action, worlds)
         composed = system.composed_transition(composed, action, worlds)
         for one, other in zip((*fused.truth, *fused.belief), (*composed.truth, *composed.belief), strict=True):
             np.testing.assert_array_equal(one, other)
@@ -213,7 +214,7 @@ def test_gain_is_what_a_look_takes_off_the_costs_to_come(system, wait, ahead):
     dark = belief._replace(visible=np.zeros_like(belief.visible))
     for _ in range(wait):
         dark = system.predict(dark, np.zeros(12, np.int64))
-    gain = system.gain(belief, wait, ahead)
+    gain = shortcuts.gain(system, belief, wait, ahead)
     for c in system.candidates():
         seen = dark._replace(visible=belief.visible, pointed=np.full(12, c // 2), dead=np.zeros(12, np.int64))
         here, there = system.predict(dark, np.full(12, c)), system.predict(seen, np.full(12, c))
@@ -229,16 +230,16 @@ def test_gain_is_what_a_look_takes_off_the_costs_to_come(system, wait, ahead):
 def test_gain_takes_a_wait_for_each_candidate_and_ends_with_the_episode():
     state, _, rng = somewhere(SYSTEM, 7, steps=50)
     wait = rng.integers(0, 15, size=(7, 8))
-    gain = SYSTEM.gain(state.belief, wait, 9)
+    gain = shortcuts.gain(SYSTEM, state.belief, wait, 9)
     for w in range(15):
-        np.testing.assert_array_equal(gain[wait == w], SYSTEM.gain(state.belief, w, 9)[wait == w])
+        np.testing.assert_array_equal(gain[wait == w], shortcuts.gain(SYSTEM, state.belief, w, 9)[wait == w])
     assert (gain[wait >= 10] == 0).all()
     assert (gain[wait < 10] > 0).any()
 
 
 def test_delay_is_how_long_it_takes():
     state, worlds, _ = somewhere(SYSTEM, 40, steps=11)
-    delay = SYSTEM.delay(state.belief)
+    delay = shortcuts.delay(SYSTEM, state.belief)
     assert set(delay.ravel()) == {0, 1, 2, 3}
     for c in SYSTEM.candidates():
         here, silent = state, np.zeros(40, int)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Capability
 from wavegym.core.policy import Policy
+from wavegym.core.shortcuts import Shortcut
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import require
 
@@ -21,14 +21,14 @@ class Heuristic:
 
     Attributes:
         name: the name on command lines.
-        needs: the capabilities that the system must offer.
+        needs: the shortcuts and traits that the system must have.
     """
 
     name: str = "heuristic"
-    needs: tuple[type[Capability], ...] = ()
+    needs: tuple[Shortcut[..., Any] | type, ...] = ()
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``. Raises an InputError where the system lacks a capability."""
+        """See ``Policy``. Raises an InputError where the system lacks one of ``needs``."""
         for kind in self.needs:
             require(self.name, system, kind)
         self.system: Any = system

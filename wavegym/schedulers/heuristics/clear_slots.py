@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Gain, Spending, delays
 from wavegym.core.errors import check_non_negative, check_positive
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 from wavegym.schedulers.myopic import impossible
@@ -52,7 +51,7 @@ def gain_until_clear(system: Any, belief: Any, ahead: Array) -> Array:
     for steps in np.unique(ahead):
         rows = np.flatnonzero(ahead == steps)
         part = trees.take(belief, rows)
-        out[rows] = system.gain(part, delays(system, part), int(steps))
+        out[rows] = shortcuts.gain(system, part, shortcuts.delay(system, part), int(steps))
     return out
 
 
@@ -62,7 +61,7 @@ class ClearSlotPrice(Heuristic):
     The gain of a look is summed over ``ahead`` steps and ``reach`` times the hidden steps that follow this slot: a look
     in the last clear slot must last until the target can be seen again. The price is ``price`` times
     ((clear slots left + ``cushion``) / (energy + 1))^``power`` times (present cost)^``scale``. Energy is of use in
-    clear slots only, so their number says how scarce it is. For systems that offer ``Gain`` and ``Spending`` and whose
+    clear slots only, so their number says how scarce it is. For systems that have ``gain`` and ``spending`` and whose
     belief has ``visible``, (env, H) or (env, H, target).
 
     Args:
@@ -78,7 +77,7 @@ class ClearSlotPrice(Heuristic):
     """
 
     name = "clear-slot-price"
-    needs = (Gain, Spending)
+    needs = (shortcuts.gain, shortcuts.spending)
 
     def __init__(
         self,
@@ -100,7 +99,7 @@ class ClearSlotPrice(Heuristic):
         hidden = hidden_steps(belief._replace(visible=_some(belief.visible)))
         ahead = np.maximum(np.rint(self.ahead + self.reach * hidden), 1.0).astype(np.int64)
         gain = gain_until_clear(self.system, belief, ahead)
-        spending = self.system.spending
+        spending = shortcuts.spending(self.system)
         values = gain - self._prices(belief)[:, None] * spending
         return self.candidates[greatest(values, mask, spending)]
 

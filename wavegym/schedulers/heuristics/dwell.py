@@ -8,7 +8,7 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, offers
+from wavegym.core.shortcuts import delay
 from wavegym.core.system import System
 from wavegym.schedulers.cycle import best_cycle
 from wavegym.schedulers.heuristics.tuning import log_cost
@@ -49,15 +49,15 @@ def setups(system: Any, worlds: Any) -> list[Array]:
     """
     candidates = system.candidates()
     count = len(candidates)
-    if not offers(system, Delay):
+    if not delay.of(system):
         return list(candidates[:, None])
     belief = system.initial(trees.first(worlds, SETUP_WORLDS)).belief
     held = np.tile(np.arange(count), len(belief.step))
     belief = trees.repeated(belief, count)
     for _ in range(min(LONGEST, system.horizon)):
-        if not system.delay(belief)[np.arange(len(held)), held].any():
+        if not delay(system, belief)[np.arange(len(held)), held].any():
             break
         belief = system.predict(belief, candidates[held])
-    is_ready = (system.delay(belief) == 0).reshape(-1, count, count).mean(axis=0) > 0.5
+    is_ready = (delay(system, belief) == 0).reshape(-1, count, count).mean(axis=0) > 0.5
     groups = {ready.tobytes(): candidates[ready] for ready in is_ready}
     return [group for group in groups.values() if len(group)]

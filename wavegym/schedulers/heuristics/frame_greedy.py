@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.shortcuts import gain_per_second
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import greatest
 from wavegym.schedulers.heuristics.timeline_rules import TimelineRule
@@ -38,7 +39,7 @@ class FrameGreedy(TimelineRule):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        gain = self.system.gain_per_second(belief, self.ahead, self.worth)
+        gain = gain_per_second(self.system, belief, self.ahead, self.worth)
         possible = np.ones(gain.shape, np.bool_) if mask is None else mask
         self.left &= possible
         for e in np.flatnonzero(~self.left.any(axis=1) | (belief.time >= self.end) | (belief.step == 0)):

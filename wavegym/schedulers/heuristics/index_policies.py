@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, Gain, delays
 from wavegym.core.errors import check_int, check_non_negative
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
@@ -24,14 +24,15 @@ class Greedy(Heuristic):
     """
 
     name = "greedy"
-    needs = (Gain,)
+    needs = (shortcuts.gain,)
 
     def __init__(self, ahead: int = 1) -> None:
         self.ahead = check_int("ahead", ahead, 1)
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        return self.candidates[greatest(self.system.gain(belief, 0, self.ahead), mask, delays(self.system, belief))]
+        gain = shortcuts.gain(self.system, belief, 0, self.ahead)
+        return self.candidates[greatest(gain, mask, shortcuts.delay(self.system, belief))]
 
 
 class AwareGreedy(Heuristic):
@@ -46,15 +47,15 @@ class AwareGreedy(Heuristic):
     """
 
     name = "aware-greedy"
-    needs = (Gain, Delay)
+    needs = (shortcuts.gain, shortcuts.delay)
 
     def __init__(self, kappa: float = 0.4, ahead: int = 1) -> None:
         self.kappa, self.ahead = check_non_negative("kappa", kappa), check_int("ahead", ahead, 1)
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        delay = self.system.delay(belief)
-        values = self.system.gain(belief, delay, self.ahead) / (1.0 + self.kappa * delay)
+        delay = shortcuts.delay(self.system, belief)
+        values = shortcuts.gain(self.system, belief, delay, self.ahead) / (1.0 + self.kappa * delay)
         return self.candidates[greatest(values, mask, delay)]
 
 
@@ -77,7 +78,7 @@ class CostOfDelay(Heuristic):
     """
 
     name = "cost-of-delay"
-    needs = (Gain,)
+    needs = (shortcuts.gain,)
 
     def __init__(
         self, alpha: float = 0.6, later: int = 9, ahead: int = 14, power: float = 1.3, bonus: float = 0.3
@@ -95,9 +96,9 @@ class CostOfDelay(Heuristic):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        delay = delays(self.system, belief)
-        gain = self.system.gain(belief, delay, self.ahead)
+        delay = shortcuts.delay(self.system, belief)
+        gain = shortcuts.gain(self.system, belief, delay, self.ahead)
         if self.alpha:
-            gain = gain - self.alpha * self.system.gain(belief, delay + self.later, self.ahead)
+            gain = gain - self.alpha * shortcuts.gain(self.system, belief, delay + self.later, self.ahead)
         scale = self._scale[np.minimum(delay, self.system.horizon)]
         return self.candidates[greatest(np.where(gain > 0, gain * scale, gain / scale), mask, delay)]

@@ -8,9 +8,9 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import LinearCost
 from wavegym.core.errors import check_int
 from wavegym.core.horizon_weights import horizon_weights
+from wavegym.core.shortcuts import linear_cost
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.myopic import impossible
@@ -33,7 +33,7 @@ class Gain(Heuristic):
         InputError: fewer than one step.
     """
 
-    needs = (LinearCost,)
+    needs = (linear_cost,)
 
     def __init__(self, ahead: int) -> None:
         self.ahead = check_int("ahead", ahead, 1)
@@ -42,7 +42,8 @@ class Gain(Heuristic):
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
         super().begin(system, num_envs, rng)
-        self._weights = horizon_weights(self.system.transition_matrix, self.system.weights, self.ahead)
+        known = linear_cost(system)
+        self._weights = horizon_weights(known.F, known.weights, self.ahead)
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``. Raises an InputError where the belief has no covariance."""

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core import trees
+from wavegym.core import shortcuts, trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Gain, Spending, delays
 from wavegym.core.errors import check_int, check_non_negative, check_positive
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
@@ -37,7 +36,7 @@ class LagrangianPrice(Heuristic):
     """
 
     name = "lagrangian-price"
-    needs = (Gain, Spending)
+    needs = (shortcuts.gain, shortcuts.spending)
 
     def __init__(self, price: float = 1.0, ahead: int = 8, power: float = 0.0) -> None:
         self.price, self.ahead = check_non_negative("price", price), check_int("ahead", ahead, 1)
@@ -68,7 +67,7 @@ class AdaptiveLagrangianPrice(Heuristic):
     """
 
     name = "adaptive-lagrangian-price"
-    needs = (Gain, Spending)
+    needs = (shortcuts.gain, shortcuts.spending)
 
     def __init__(self, ahead: int = 8, thrift: float = 1.0) -> None:
         self.ahead, self.thrift = check_int("ahead", ahead, 1), check_positive("thrift", thrift)
@@ -116,7 +115,7 @@ class AdaptiveLagrangianPrice(Heuristic):
 
     def scale(self, belief: Any) -> Array:
         """The cost (env,) at the episode's end under the least spending, times ``ahead``: no gain is much greater."""
-        cheapest = int(np.argmin(self.system.spending))
+        cheapest = int(np.argmin(shortcuts.spending(self.system)))
         cost = np.zeros(len(belief.step))
 
         def silent(here: Any, rows: Array) -> Array:
@@ -160,19 +159,19 @@ class ConstantPace(Heuristic):
     """
 
     name = "constant-pace"
-    needs = (Gain, Spending)
+    needs = (shortcuts.gain, shortcuts.spending)
 
     def __init__(self, ahead: int = 1, share: float = 1.0) -> None:
         self.ahead, self.share = check_int("ahead", ahead, 1), check_positive("share", share)
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        spending = self.system.spending
+        spending = shortcuts.spending(self.system)
         left = np.maximum(self.system.horizon - belief.step, 1)
         within = spending <= (self.share * belief.energy / left)[:, None]
         if mask is not None:
             within = within & mask
-        gain = self.system.gain(belief, delays(self.system, belief), self.ahead)
+        gain = shortcuts.gain(self.system, belief, shortcuts.delay(self.system, belief), self.ahead)
         none = ~within.any(axis=1, keepdims=True)  # in this case the least spending that the mask allows
         values = np.where(none, -np.broadcast_to(spending, gain.shape), gain)
         open_to = np.where(none, True if mask is None else mask, within)
@@ -181,12 +180,13 @@ class ConstantPace(Heuristic):
 
 def ample(system: Any, belief: Any) -> Any:
     """The beliefs with an unlimited account."""
-    return belief._replace(energy=np.full(len(belief.step), 2.0 * system.horizon * float(np.max(system.spending))))
+    most = float(np.max(shortcuts.spending(system)))
+    return belief._replace(energy=np.full(len(belief.step), 2.0 * system.horizon * most))
 
 
 def priced_choice(heuristic: Any, belief: Any, mask: Array | None, prices: Array | None) -> Array:
     """The greatest gain minus spending times ``prices`` (env,); among equals the one that spends least."""
-    spending = heuristic.system.spending
-    gain = heuristic.system.gain(belief, delays(heuristic.system, belief), heuristic.ahead)
+    spending = shortcuts.spending(heuristic.system)
+    gain = shortcuts.gain(heuristic.system, belief, shortcuts.delay(heuristic.system, belief), heuristic.ahead)
     values = gain - np.asarray(prices)[:, None] * spending
     return heuristic.candidates[greatest(values, mask, spending)]

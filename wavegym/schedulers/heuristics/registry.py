@@ -11,6 +11,7 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Policy
+from wavegym.core.shortcuts import constants
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, PolicyAsHeuristic
 from wavegym.schedulers.heuristics.clear_slots import ClearSlotPrice
@@ -104,7 +105,7 @@ def _myopic() -> Heuristic:
 
 QUICK = Search()
 SEARCHES: dict[str, Callable[[System], Any]] = {  # heuristics that have no constants to start from: what they need
-    "cycle": lambda system: system.constants(),
+    "cycle": constants,
     WeightedMyopic.name: own_weights,
     SearchedRule.name: RuleFeatures,
 }

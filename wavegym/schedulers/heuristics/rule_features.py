@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Gain, GainByTarget, LinearCost, Spending, delays, offers
 from wavegym.core.errors import InputError
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.parameter_box import ParameterBox
@@ -19,7 +19,7 @@ from wavegym.schedulers.heuristics.l_step import weighted
 
 SPANS = (4, 8, 16, 40)  # steps over which gains in units of the cost are summed
 HOLDS = (2, 6)  # steps over which a gain is summed where its target stays in sight; the hidden steps follow
-LATER = (2, 4, 8, 16)  # steps of prediction without a measurement, where the system offers no gain
+LATER = (2, 4, 8, 16)  # steps of prediction without a measurement, where the system has no gain
 CUSHION = 1.0  # longest pulses: keeps scarcity finite when the account is empty
 RESOURCES = ("time_left", "energy_left", "energy_rate", "occluded", "visible_ahead", "change_1")  # observation fields
 RATIO, PRICE = "ratio", "price"  # forms of rules: logarithms of gains; gains less the price of the spending
@@ -55,10 +55,12 @@ class RuleFeatures:
             raise InputError(f"searched-rule cannot score the actions of {type(system).__name__}, expected {wanted}")
         self.system: Any = system
         self.candidates = system.candidates()
+        self._gain, self._spending = shortcuts.gain.of(system), shortcuts.spending.of(system)
+        self._by_target, self._linear = shortcuts.gain_by_target.of(system), shortcuts.linear_cost.of(system)
         self._fields = {field.name: n for n, field in enumerate(system.observation_fields)}
         self._weights: dict[int, Array] = {}
         self.forms = {RATIO: self._ratio()}
-        if offers(system, Spending) and offers(system, Gain):
+        if self._spending and self._gain:
             self.forms[PRICE] = self._price()
         self.names = tuple(dict.fromkeys(name for names in self.forms.values() for name in names))
 
@@ -66,12 +68,12 @@ class RuleFeatures:
         """Whether the belief says when targets are hidden: ``visible``, (env, H[, target])."""
         fields = getattr(self.system, "observation_fields", ())
         is_known = any(field.name == "visible_ahead" for field in fields)
-        return offers(self.system, GainByTarget) or (is_known and offers(self.system, Gain))
+        return bool(self._by_target or (is_known and self._gain))
 
     def _ratio(self) -> tuple[str, ...]:
         names = ["ln_cost_ahead"]
-        if not offers(self.system, Gain):
-            if offers(self.system, LinearCost):
+        if not self._gain:
+            if self._linear:
                 names += [f"ln_cost_{steps}" for steps in LATER]
                 names += ["ln_cost_ahead*time_left", f"ln_cost_{LATER[1]}*time_left"]
             return tuple(names)
@@ -111,7 +113,7 @@ class RuleFeatures:
     def _made(self, name: str, belief: Any, made: dict[str, Array]) -> Array:
         kind, _, number = name.rpartition("_")
         if name == "spending":
-            return np.asarray(self.system.spending)
+            return np.asarray(shortcuts.spending(self.system))
         if name in ("ln_delay", "ready"):
             delay = self._delay(belief, made)
             return np.log1p(delay) if name == "ln_delay" else (delay == 0).astype(np.float64)
@@ -124,7 +126,7 @@ class RuleFeatures:
         if kind == "hold":
             return self._hold(belief, int(number))
         if kind == "gain":
-            return self.system.gain(belief, self._delay(belief, made), int(number))
+            return shortcuts.gain(self.system, belief, self._delay(belief, made), int(number))
         return self._share(name, belief, made)
 
     def _share(self, name: str, belief: Any, made: dict[str, Array]) -> Array:
@@ -134,18 +136,18 @@ class RuleFeatures:
             gain, steps = self._hold(belief, int(parts[1])), int(parts[1])
         else:
             wait, steps = int(parts[1]), int(parts[2])
-            gain = self.system.gain(belief, self._delay(belief, made) + wait, steps)
+            gain = shortcuts.gain(self.system, belief, self._delay(belief, made) + wait, steps)
         return np.log10(np.maximum(gain, 0.0) / (self._mean_cost(belief, made)[:, None] * steps) + FLOOR)
 
     def _hold(self, belief: Any, steps: int) -> Array:
-        if offers(self.system, GainByTarget):
-            gain: Array = self.system.gain(belief, 0, steps + hidden_steps(belief))
-            return gain
+        if self._by_target:
+            return self._by_target(belief, 0, steps + hidden_steps(belief))
         return gain_until_clear(self.system, belief, steps + hidden_steps(belief))
 
     def _delay(self, belief: Any, made: dict[str, Array]) -> Array:
         if "delay" not in made:
-            made["delay"] = np.broadcast_to(delays(self.system, belief), (len(belief.step), len(self.candidates)))
+            shape = len(belief.step), len(self.candidates)
+            made["delay"] = np.broadcast_to(shortcuts.delay(self.system, belief), shape)
         return made["delay"]
 
     def _mean_cost(self, belief: Any, made: dict[str, Array]) -> Array:
@@ -162,7 +164,8 @@ class RuleFeatures:
 
     def _without_looks(self, steps: int, made: dict[str, Array]) -> Array:
         if steps not in self._weights:
-            self._weights[steps] = horizon_weights(self.system.transition_matrix, self.system.weights, steps)
+            known = shortcuts.linear_cost(self.system)
+            self._weights[steps] = horizon_weights(known.F, known.weights, steps)
         cost = weighted(made["covariance"], self._weights[steps])
         return np.log(np.maximum(cost, np.finfo(np.float64).tiny))
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import delays
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
+from wavegym.core.shortcuts import delay
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 from wavegym.schedulers.heuristics.cma_search import Budget, minimised
@@ -73,7 +73,7 @@ class SearchedRule(Heuristic):
         made = self._features(belief, self._used)
         for n, factor in enumerate(self._factors):  # one after another: a batch must equal its elements to the last bit
             values += factor * made[..., n]
-        return self.candidates[greatest(values, mask, delays(self.system, belief))]
+        return self.candidates[greatest(values, mask, delay(self.system, belief))]
 
 
 class FoundRule(NamedTuple):

@@ -1,6 +1,6 @@
 """Rules for one beam on a time line: which track to update next, or which sector to search.
 
-They are for systems that offer ``UnequalSteps`` and ``TrackSlots``. All choose among tracks by what is known of each
+They are for systems of the traits ``UnequalSteps`` and ``TrackSlots``. All choose among tracks by what is known of each
 slot; a track of existence below ``CONFIRMED`` is tentative.
 """
 
@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import CONFIRMED, Capability, DwellRule, SimulatedFutures, TrackSlots, UnequalSteps
+from wavegym.core.shortcuts import Shortcut, gain_per_second, scores, simulate
 from wavegym.core.system import System
+from wavegym.core.traits import CONFIRMED, DwellRule, TrackSlots, UnequalSteps
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 
 EXISTENCE, POINTING, POSITION, AGE, SNR = 0, 3, 4, 6, 8  # columns of ``slots_now``
@@ -21,7 +22,7 @@ EXISTENCE, POINTING, POSITION, AGE, SNR = 0, 3, 4, 6, 8  # columns of ``slots_no
 class TimelineRule(Heuristic):
     """Base class: what all rules read."""
 
-    needs: tuple[type[Capability], ...] = (UnequalSteps, TrackSlots)
+    needs: tuple[Shortcut[..., Any] | type, ...] = (UnequalSteps, TrackSlots, gain_per_second)
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
@@ -42,7 +43,7 @@ class TimelineRule(Heuristic):
     def most_promising_search(self, belief: Any, dwell: int) -> Array:
         """Searches, with one dwell, of the sectors where most is found per second, (env,)."""
         searches = self.dwells.search(np.arange(self.dwells.sectors), dwell)
-        gain = self.system.gain_per_second(belief)[:, searches]
+        gain = gain_per_second(self.system, belief)[:, searches]
         return searches[gain.argmax(axis=1)]
 
 
@@ -138,7 +139,7 @@ class GainPerSecond(TimelineRule):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        return greatest(self.system.gain_per_second(belief, self.ahead, self.worth), mask, self.durations)
+        return greatest(gain_per_second(self.system, belief, self.ahead, self.worth), mask, self.durations)
 
 
 class PriceOfTime(TimelineRule):
@@ -159,7 +160,7 @@ class PriceOfTime(TimelineRule):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        surplus = self.system.gain_per_second(belief, self.ahead, self.worth) - self.price * self.system.c0
+        surplus = gain_per_second(self.system, belief, self.ahead, self.worth) - self.price * self.system.c0
         allowed = surplus if mask is None else np.where(mask, surplus, -np.inf)
         is_worth_it = allowed.max(axis=1, keepdims=True) > 0.0
         return greatest(np.where(is_worth_it, surplus * self.durations, surplus), mask, self.durations)
@@ -181,8 +182,8 @@ class DelayIndex(TimelineRule):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        now = self.system.gain_per_second(belief, self.ahead, self.worth)
-        then = self.system.gain_per_second(belief._replace(time=belief.time + self.later), self.ahead, self.worth)
+        now = gain_per_second(self.system, belief, self.ahead, self.worth)
+        then = gain_per_second(self.system, belief._replace(time=belief.time + self.later), self.ahead, self.worth)
         return greatest(now - self.kappa * then, mask, self.durations)
 
 
@@ -190,11 +191,11 @@ class SearchedDwell(TimelineRule):
     """The dwell of the greatest score of a ``DwellRule``, whose constants a search on tuning worlds finds (CMA-ES)."""
 
     name = "searched-dwell"
-    needs = (*TimelineRule.needs, SimulatedFutures)
+    needs = (*TimelineRule.needs, scores, simulate)
 
     def __init__(self, **constants: float) -> None:
         self.rule = DwellRule(**constants)
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        return greatest(self.system.scores(belief, self.rule), mask, self.durations)
+        return greatest(scores(self.system, belief, self.rule), mask, self.durations)

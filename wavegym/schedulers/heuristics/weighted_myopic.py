@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, LinearCost, offers
+from wavegym.core.shortcuts import delay, linear_cost
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.heuristics.cma_search import Budget, minimised
@@ -84,9 +84,9 @@ def search_weights(system: System, worlds: Any, budget: Budget, seed: int = 0) -
 
 def own_weights(system: Any) -> Array:
     """The weights of the system's cost, (n,). Raises an InputError where the rule cannot replace them."""
-    require(WeightedMyopic.name, system, LinearCost)
-    given = np.asarray(system.weights, np.float64)
-    if offers(system, Delay):
+    require(WeightedMyopic.name, system, linear_cost)
+    given = np.asarray(linear_cost(system).weights, np.float64)
+    if delay.of(system):
         raise impossible(WeightedMyopic.name, system, "its looks have delays")
     if given.ndim != 1 or not is_dataclass(system) or "weights" not in [field.name for field in fields(system)]:
         raise impossible(WeightedMyopic.name, system, "its weights are not one number for each element of the state")

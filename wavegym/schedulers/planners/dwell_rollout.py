@@ -8,6 +8,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.core.shortcuts import scores, simulate
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.heuristics.timeline_rules import SearchedDwell
 
@@ -39,10 +40,10 @@ class DwellRollout(Heuristic):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        score = self.system.scores(belief, self.rule)
+        score = scores(self.system, belief, self.rule)
         if mask is not None:
             score = np.where(mask, score, -np.inf)
         best = np.argsort(-score, axis=1, kind="stable")[:, : self.tried]
-        cost = self.system.simulate(belief, best, self.rule, self.seconds, self.futures)
+        cost = simulate(self.system, belief, best, self.rule, self.seconds, self.futures)
         chosen: Array = best[np.arange(len(best)), cost.argmin(axis=1)]
         return chosen

@@ -10,6 +10,7 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
+from wavegym.core.shortcuts import spending
 from wavegym.schedulers.heuristics.price_policies import ample
 from wavegym.schedulers.planners.sampled_futures import SampledFutures
 
@@ -71,7 +72,7 @@ def _exchanged_one(
         return costs
 
     for _ in range(rounds):
-        single = _Singles(plan, options, steps, system.spending)
+        single = _Singles(plan, options, steps, spending(system))
         single.judge(partial(judged, rich))
         better = _traded(single, partial(judged, belief), float(belief.energy[0]))
         if better is None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Spending, offers
 from wavegym.core.errors import check_int
 from wavegym.core.policy import Policy
+from wavegym.core.shortcuts import spending
 from wavegym.core.system import System
 from wavegym.schedulers.planners.base import Planner
 from wavegym.schedulers.planners.pairwise_exchange import exchanged
@@ -70,7 +70,7 @@ def searched(
     In every round the best of ``MOVES`` neighbours is taken if it costs less. Where actions are paid from an account,
     ``exchanged`` comes first: random changes rarely both fit the account and save cost.
     """
-    if offers(futures.system, Spending):
+    if spending.of(futures.system):
         plan = exchanged(futures, belief, plan, options, prepared, draws, rounds)
     steps = np.maximum(futures.system.horizon - belief.step, 1)
     rows = np.arange(len(plan))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wavegym.systems.agile_clutter import shortcuts  # noqa: F401  (registers them)
 from wavegym.systems.agile_clutter.system import AgileClutter
 
 __all__ = ["AgileClutter"]

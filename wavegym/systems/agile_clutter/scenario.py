@@ -13,11 +13,12 @@ from pydantic import NonNegativeInt
 
 from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import TimedPulses
 from wavegym.core.errors import InputError, check_positive, check_within
+from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import System
+from wavegym.core.traits import TimedPulses
 from wavegym.sensors import gate_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
@@ -241,6 +242,11 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         law = (self.reference_range, self.nearest_range, math.log(self.false_alarm))
         gates = (self.clutter_density, self.gate, float(gate_probability(self.gate)))
         return (np.array(self.sensors), *law, *gates, self.carrier_hz, self.action_set.tables)
+
+    @cached_property
+    def linear_cost(self) -> LinearCost:
+        """The cost as a function of the covariance, and the targets' transition."""
+        return LinearCost(self.motion.F, self.weights)
 
     @cached_property
     def _weights(self) -> Array:

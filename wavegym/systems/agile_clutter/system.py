@@ -10,18 +10,11 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import (
-    BestAction,
-    DecisionMaker,
-    DecisionMakers,
-    FusedTransition,
-    LinearCost,
-    SensorBySensor,
-)
 from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import system_parameters
 from wavegym.core.system import ObservationField, State
+from wavegym.core.traits import DecisionMaker, DecisionMakers
 from wavegym.sensors import range_and_rate
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
@@ -51,7 +44,7 @@ LOST_AFTER = 5  # a track is lost after more returns of its target outside its g
 
 
 @system_parameters
-class AgileClutter(ClutterScenario, FusedTransition, BestAction, LinearCost, SensorBySensor, DecisionMakers):
+class AgileClutter(ClutterScenario, DecisionMakers):
     """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
 
     Description
@@ -111,10 +104,6 @@ class AgileClutter(ClutterScenario, FusedTransition, BestAction, LinearCost, Sen
         """Every combination of the sensors' waveforms."""
         return self.action_set.candidates
 
-    def constants(self) -> Array:
-        """One law, duration and sweep at all sensors, each sensor up or down."""
-        return self.action_set.constants
-
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
         S, H, sensors = len(self.starts), self.horizon, len(self.sensors)
@@ -154,31 +143,6 @@ class AgileClutter(ClutterScenario, FusedTransition, BestAction, LinearCost, Sen
     def first_states(self, world: World) -> Array:
         """The true states at birth, (target, 4) or (env, target, 4)."""
         return np.array(self.starts)
-
-    def fused_transition(self, state: State, action: Array, world: Any) -> State:
-        """One step: predict, transmit, detect, associate, update, sensor after sensor; by its parts where ``tracker``
-        is given.
-        """
-        if self._own_tracker:
-            return self.composed_transition(state, action, world)
-        return self._transmit(state, self.pulse(state.belief, action[:, None]), world)
-
-    def _transmit(self, state: State, pulse: Pulse, world: World) -> State:
-        """``fused_transition`` with any pulse: for systems that add a resource."""
-        truth, (step, mean, covariance, hypotheses) = state.truth, state.belief[:4]
-        x, P, true_states = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
-        outside, scan = truth.outside.copy(), np.zeros(truth.scan.shape)
-        given = kernel_hypotheses(hypotheses)
-        fresh = [trees.tree_map(np.empty_like, each) for each in given[:2]]
-        kernels.transition(
-            step, mean, covariance, *given, truth.path, truth.first, world.detection, world.error, world.key,
-            pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar, x, P, *fresh,
-            true_states, outside, scan, self.counts_every_sensor, NN
-        )  # fmt: skip
-        self._check_clutter_of_step(step, scan)
-        after = next((h for h in fresh if type(h) is type(hypotheses)), None)
-        belief = state.belief._replace(step=step + 1, mean=x, covariance=P, hypotheses=after)
-        return State(truth._replace(targets=true_states, outside=outside, scan=scan), belief)
 
     def _check_clutter_of_step(self, step: Array, scan: Array) -> None:
         """InputError where ``scan`` (env, ...) has a NaN: a gate with too much clutter."""
@@ -312,37 +276,6 @@ class AgileClutter(ClutterScenario, FusedTransition, BestAction, LinearCost, Sen
         pulse = self.pulse(belief, action[:, None]).rows((len(belief.step), 1))
         kernels.assume(sensor, belief.step, *predicted[:2], pulse, self._targets, self._radar, lit, noise, pd, NN)
         return lit, noise
-
-    def sensor_costs(self, predicted: PredictedTargets, sensor: int, C: Array, windows: Array) -> Array:
-        """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR and
-        receive windows (env or 1, candidate, 10).
-        """
-        cost = np.empty((len(predicted.mean), C.shape[1]))
-        prediction.sensor_costs(
-            sensor, *predicted, C, for_kernel(windows), self._weights, self._radar, reduction_table(), cost, NN
-        )
-        return cost
-
-    def after_sensor(self, predicted: PredictedTargets, sensor: int, C: Array, windows: Array) -> PredictedTargets:
-        """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR and receive windows (env, 10), before the
-        next sensor's pulse.
-        """
-        P = np.empty(predicted.covariance.shape)
-        prediction.after_sensor(sensor, *predicted, C, for_kernel(windows), self._radar, reduction_table(), P, NN)
-        return predicted._replace(covariance=P)
-
-    def best_action(self, belief: Belief) -> Array:
-        """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1).
-
-        The choice is not always the best joint one: a later sensor's pulse may favour another pulse of an earlier one.
-        """
-        predicted, choices = self.predicted_targets(belief), []
-        C, windows = self.action_set.sensor_covariances, self.action_set.sensor_windows
-        for i in range(len(self.sensors)):
-            choices.append(self.sensor_costs(predicted, i, C[None], windows[None]).argmin(axis=1))
-            if i + 1 < len(self.sensors):
-                predicted = self.after_sensor(predicted, i, C[choices[-1]], windows[choices[-1]])
-        return self.action_set.encode(np.stack(choices, axis=1))
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavegym.core.shortcuts import target_of_action
 from wavegym.rendering.looks import Looks, draw_looks, prepare_looks
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import wipe
@@ -32,6 +33,6 @@ class BeamScene(TargetScene):
         """See ``TargetScene``."""
         wipe(self._beams)
         visible = moment.states[-1].belief.visible[0]
-        rows = [self.system.target_of_action[int(action[0])] for action in moment.actions]
+        rows = [target_of_action(self.system)[int(action[0])] for action in moment.actions]
         target = np.array(rows, np.int64).reshape(len(rows), len(self.system.sensors))
         draw_looks(self._beams, visible, Looks(target, visible[np.arange(len(target))[:, None], target]))

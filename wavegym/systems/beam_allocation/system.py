@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import NonNegativeInt
 
-from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import Delay, GainByTarget
+from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
 from wavegym.systems.agile_clutter.state import (
-    NN,
     NonNegativeState,
     PlanarState,
     PositiveState,
@@ -24,17 +22,15 @@ from wavegym.systems.agile_clutter.state import (
     target_fields,
 )
 from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.systems.beam_allocation import kernels
 from wavegym.systems.beam_allocation.actions import BeamActions
 from wavegym.systems.beam_allocation.state import SOON, Belief, World, window_fields
 from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
-from wavegym.trackers.information_reduction import reduction_table
 
 MOST_ACTIONS = 10_000
 
 
 @system_parameters
-class BeamAllocation(AgileClutter, GainByTarget, Delay):
+class BeamAllocation(AgileClutter):
     """Two radars with one beam each share three targets, which hide at times known from the beginning.
 
     Description
@@ -64,10 +60,6 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter" (motion, measurements, tracker). The beams and the delayed cost are this suite's own.
     """
-
-    # Sensor after sensor is no shortcut here: a beam costs the other targets their look.
-    best_action: ClassVar[None] = None  # type: ignore[assignment]
-    sensor_costs: ClassVar[None] = None  # type: ignore[assignment]
 
     horizon: int = changed_default(AgileClutter, "horizon", 60)
     dt: float = changed_default(AgileClutter, "dt", 1.0)
@@ -168,37 +160,6 @@ class BeamAllocation(AgileClutter, GainByTarget, Delay):
         if after.step.ndim == 2:
             visible = np.broadcast_to(visible[:, None], after.step.shape + visible.shape[1:])
         return Belief(*after[:3], None, visible)
-
-    def delay(self, belief: Belief) -> Array:
-        """Steps before each candidate's pulse, (env, candidate): 0, because beams turn at once."""
-        return np.zeros((len(belief.step), len(self.action_set.joint)), np.int64)
-
-    @property
-    def target_of_action(self) -> Array:
-        """The target of each radar's beam, (candidate, radar)."""
-        return self.action_set.illuminated.argmax(axis=2)
-
-    def gain(self, belief: Belief, wait: Array | int, ahead: Array | int) -> Array:
-        """Reduction of the summed cost of ``ahead`` steps by each candidate's pulses.
-
-        Args:
-            belief: the belief.
-            wait: steps without any measurement before the pulses, int or (env or 1, candidate or 1).
-            ahead: steps that count, the pulses' own included, int or one for each target, (env or 1, target); steps
-                beyond the horizon do not count.
-
-        Returns:
-            Expected over detections, (env, candidate); 0 if the targets are hidden then or the episode is over.
-        """
-        out = np.empty((len(belief.step), len(self.action_set.joint)))
-        waits, counted = np.empty(out.shape, np.int64), np.empty(belief.mean.shape[:2], np.int64)
-        waits[...], counted[...] = wait, ahead
-        M, visible = self.weights_ahead(int(counted.max())), for_kernel(belief.visible)
-        kernels.gain(
-            *belief[:3], visible, waits, counted, *self.action_set.chirp_codes, self.action_set.chirp_covariances,
-            self.action_set.library_windows, M, *self._model, self._radar, reduction_table(), out, NN
-        )  # fmt: skip
-        return out
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:

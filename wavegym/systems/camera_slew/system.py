@@ -12,18 +12,12 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import (
-    Delay,
-    FusedTransition,
-    Gain,
-    LinearCost,
-    MeasurementObservation,
-    TimedPulses,
-)
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import check_ordered
+from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.core.traits import TimedPulses
 from wavegym.sensors.penalties import KINDS
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
@@ -56,7 +50,6 @@ from wavegym.systems.rf_eo.scenario import (
     TurnRate,
     ranges_of_moving_targets,
 )
-from wavegym.systems.rf_eo.state import received_fields, received_values
 from wavegym.systems.rf_eo.system import NN, RfEo
 from wavegym.systems.rf_eo.weights import StateWeights
 from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
@@ -72,9 +65,7 @@ Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
 @system_parameters
-class CameraSlew(
-    System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation, PlaysRecordings, TimedPulses
-):
+class CameraSlew(System, PlaysRecordings, TimedPulses):
     """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
 
     Description
@@ -252,6 +243,11 @@ class CameraSlew(
         return np.stack(transitions), np.stack(noises)
 
     @cached_property
+    def linear_cost(self) -> LinearCost:
+        """The cost as a function of the covariance, and the targets' transition."""
+        return LinearCost(self.motion.F, self.weights)
+
+    @cached_property
     def _weights(self) -> Array:
         return np.array(self.weights)
 
@@ -336,21 +332,6 @@ class CameraSlew(
         cartesian, polar = ((np.empty(mean), np.empty(covariance)) for _ in range(2))
         return *cartesian, *polar, np.empty(shape), np.empty(shape, np.int64)
 
-    def fused_transition(self, state: State, action: Array, world: World) -> State:
-        """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
-        if self.truth_model._recorded:
-            return self.composed_transition(state, action, world)
-        truth, belief = state
-        shape, fresh = truth.unseen.shape, self._empty(belief.step.shape)
-        received, unseen, seen = np.empty(shape, np.int64), np.empty(shape, np.int64), np.empty(shape, np.bool_)
-        moved = np.empty(truth.targets.shape)
-        kernels.transition(
-            *belief, truth.targets, truth.unseen, truth.q, world.process, world.error, world.found, action,
-            *self._true_motion, self._world, *self._scene, *fresh, moved, received, unseen, seen, NN
-        )  # fmt: skip
-        after = Belief(belief.step + 1, *fresh, belief.q, belief.visible)
-        return State(Truth(moved, received, unseen, seen, truth.q), after)
-
     @property
     def _recorded_shape(self) -> tuple[int, int]:
         """Targets, and steps."""
@@ -424,42 +405,6 @@ class CameraSlew(
         )  # fmt: skip
         return delay, off
 
-    def delay(self, belief: Belief) -> Array:
-        """Steps without sight before the camera sees each target, if it turns to it from now on, (env, candidate) int.
-
-        They last until the camera has turned and settled and the target has come out of cover.
-        """
-        return self._turns(belief)[0]
-
-    @property
-    def target_of_action(self) -> Array:
-        """The target that each candidate turns the camera to, (candidate, 1)."""
-        return self.candidates()[:, None]
-
-    def gain(self, belief: Belief, wait: Array | int, ahead: int) -> Array:
-        """Reduction of the summed cost by one look at each target after ``wait`` steps.
-
-        The sum runs over ``ahead`` steps from the look on, and over all targets in the image then, each weighted with
-        the probability of being found. The radars' measurements before the look count as if taken with it: without
-        them, a look at a distant target would seem worth more than it is. Their measurements after it are left out.
-
-        Args:
-            belief: the belief.
-            wait: steps before the look, (env, candidate) or a number.
-            ahead: steps, including that of the look; fewer at the episode's end.
-
-        Returns:
-            (env, candidate), 0 where the look would come after the episode's end.
-        """
-        out = np.empty(belief.mean.shape[:2])
-        waits = for_kernel(np.broadcast_to(wait, out.shape), np.int64)
-        _, _, *scene = self._scene
-        kernels.gain(
-            belief.step, belief.mean, belief.covariance, belief.q, belief.visible, waits, *self._powers,
-            self.weights_ahead(ahead), *scene, out, NN
-        )  # fmt: skip
-        return out
-
     def cost(self, belief: Belief) -> Array:
         """trace(W P) summed over the targets."""
         return trace_cost(belief.covariance, self._weights)
@@ -479,27 +424,6 @@ class CameraSlew(
         for i, values in enumerate((off, delay, delay == 0, now, changes, np.log10(belief.q)), first + 2):
             out[:, i::6] = values
         return out
-
-    @property
-    def measurement_fields(self) -> tuple[ObservationField, ...]:
-        """What the platforms reported last of each target."""
-        return received_fields(self.targets, len(self.platforms))
-
-    def measured(self, measurements: Measurements) -> Array:
-        """See ``measurement_fields``."""
-        return received_values(measurements.z, measurements.variance)
-
-    @property
-    def setting_fields(self) -> tuple[ObservationField, ...]:
-        """Where the camera points, and whether it has settled."""
-        return (
-            ObservationField("pointing", "rad", 0.0, 1.8, "azimuth to which the camera points"),
-            ObservationField("settling", "1", 0.5, 1.0, "steps to settle that are left after the camera's turn"),
-        )
-
-    def settings_of(self, belief: Belief) -> Array:
-        """See ``setting_fields``."""
-        return np.stack([belief.pointing, belief.settling], axis=1)
 
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the camera.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wavegym.systems.energy_budget import shortcuts  # noqa: F401  (registers them)
 from wavegym.systems.energy_budget.system import EnergyBudget
 
 __all__ = ["EnergyBudget"]

@@ -10,12 +10,10 @@ from pydantic import NonNegativeInt
 
 from wavegym.core import trees
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import Delay, Gain, Spending
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
 from wavegym.systems.agile_clutter.state import (
-    NN,
     NonNegativeState,
     PlanarState,
     PositiveState,
@@ -24,17 +22,15 @@ from wavegym.systems.agile_clutter.state import (
     drawn_around,
 )
 from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget.actions import PulseActions
 from wavegym.systems.energy_budget.state import Belief, Measurements, Truth, World, account_fields, spells
-from wavegym.trackers.information_reduction import reduction_table
 
 ROUND = 1.0 + 1e-12  # a budget short of whole quanta by rounding only is not short
 WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
 
 
 @system_parameters
-class EnergyBudget(AgileClutter, Gain, Delay, Spending):
+class EnergyBudget(AgileClutter):
     """Two radars share an energy budget for a whole episode while a jammer comes and goes.
 
     Description
@@ -67,9 +63,6 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     """
 
     strict: ClassVar[bool] = False
-    # Sensor after sensor is no shortcut here: it cannot see the account.
-    best_action: ClassVar[None] = None  # type: ignore[assignment]
-    sensor_costs: ClassVar[None] = None  # type: ignore[assignment]
 
     horizon: int = changed_default(AgileClutter, "horizon", 72)
     dt: float = changed_default(AgileClutter, "dt", 0.25)
@@ -184,15 +177,6 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
         """AgileClutter's belief with the energy left and the field of the occlusion."""
         return Belief(base.step, base.mean, base.covariance, base.hypotheses, energy, occlusion)
 
-    def fused_transition(self, state: State, action: Array, world: Any) -> State:
-        """One step: pay, transmit, detect unless the slot is occluded, update."""
-        if self._own_tracker:
-            return self.composed_transition(state, action, world)
-        used, left, is_clear = self._slot(state.belief, action, world)
-        truth, belief = self._transmit(state, self._in_slot(used, is_clear), world)
-        own = {"spent": self.spending[used], "occluded": ~is_clear, "replaced": used != action}
-        return State(truth._replace(**own), self._belief(belief, left, self._occlusion_after(state.belief, is_clear)))
-
     def measure(self, truth: Truth, belief: Any, action: Array, world: Any) -> Measurements:
         """AgileClutter's, of the pulses that the account pays; none in an occluded slot."""
         used, _, is_clear = self._slot(belief, action, world)
@@ -305,34 +289,6 @@ class EnergyBudget(AgileClutter, Gain, Delay, Spending):
     def _by_sensor(self, draws: Array) -> Array:
         """Draws (..., sensor * target) as (..., sensor, target)."""
         return draws.reshape(*draws.shape[:-1], len(self.sensors), len(self.starts))
-
-    def delay(self, belief: Any) -> Array:
-        """Steps before a candidate's pulses, (env, candidate): 0."""
-        return np.zeros((len(belief.step), len(self.action_set.action_quanta)), np.int64)
-
-    def gain(self, belief: Any, wait: Array | int, ahead: int) -> Array:
-        """Expected reduction of the summed cost of ``ahead`` steps by a candidate's pulses, (env, candidate).
-
-        trace(M (P without - P with)), M of ``horizon_weights``. Steps beyond the episode's end do not count.
-
-        Args:
-            belief: the belief.
-            wait: steps without any measurement before the pulses; one number, or (env, candidate).
-            ahead: steps that count, the pulses' own included.
-        """
-        later = np.array(np.broadcast_to(wait, (len(belief.step), len(self.action_set.action_quanta))), np.int64)
-        left = self.horizon - belief.step[:, None] - later
-        clear = np.where(left > 0, self._later_clear_probability(belief, later), 0.0)
-        out = np.empty(later.shape)
-        kernels.gain(
-            *belief[:3], later, clear, left, self.weights_ahead(ahead), self._candidate_pulses,
-            self.action_set.actions.indices, self._targets, *self._model, self._radar, reduction_table(), out, NN
-        )  # fmt: skip
-        return out
-
-    def constants(self) -> Array:
-        """Actions in which all transmitting radars send the same pulse; silence included."""
-        return self.action_set.constants
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:

@@ -12,6 +12,7 @@ from wavegym.rendering.drawings import CROSS, KILO, SIGMAS, TRUTH, draw_pulse, e
 from wavegym.rendering.moment import Moment
 from wavegym.rendering.panels import caption, few_ticks, legend, steps_along, wipe
 from wavegym.sensors import range_law_snr
+from wavegym.systems.kershaw_evans.shortcuts import next_pulse
 from wavegym.systems.kershaw_evans.system import MEASURED, KershawEvans
 from wavegym.waveforms import GaussianChirp, Waveform, chirp_rate_for_sweep
 
@@ -99,7 +100,7 @@ class LineOfSightScene:
         updated = now.belief.covariance[0, :MEASURED, :MEASURED]
         predicted = updated
         if moment.actions:
-            predicted = system.predicted(moment.states[-2].belief)[0][0, :MEASURED, :MEASURED]
+            predicted = next_pulse(system, moment.states[-2].belief)[0][0, :MEASURED, :MEASURED]
             R = system.unit_covariance(moment.actions[-1])[0] / self._snr(moment)
             axes.plot(*ellipse(predicted), "--", color=PREDICTED, linewidth=1.2)
             axes.plot(*ellipse(R), color=PULSE, linewidth=1.2)

@@ -5,7 +5,6 @@ The paper leaves carrier, library and scenario open; the values here are proposa
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -15,26 +14,15 @@ import numpy as np
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import (
-    BestSequence,
-    ClosedForm,
-    DeterministicRecursion,
-    FusedTransition,
-    InnovationCovariance,
-    LinearCost,
-    MeasurementObservation,
-    RecordedTargets,
-    TimedPulses,
-)
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Interval, NonNegative, Positive, changed_default, parameter, system_parameters
-from wavegym.core.recursion import Recursion
 from wavegym.core.system import ObservationField, State, System
+from wavegym.core.traits import RecordedTargets, TimedPulses
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
-from wavegym.systems.kershaw_evans.actions import GaussianActions, Pulses
+from wavegym.systems.kershaw_evans.actions import GaussianActions
 from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
 from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
 from wavegym.systems.precision import check_precision
@@ -52,7 +40,7 @@ from wavegym.targets import (
     constant_velocity,
 )
 from wavegym.targets.recorded_paths import recorded_paths
-from wavegym.trackers import predict, predict_covariance, update_covariance
+from wavegym.trackers import predict_covariance, update_covariance
 from wavegym.trackers.imm_tracker import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
 from wavegym.waveforms import PulseTiming, check_time_on_target, pulse_timings
@@ -67,18 +55,7 @@ _shared_actions = lru_cache(maxsize=64)(GaussianActions)
 
 
 @system_parameters
-class KershawEvans(
-    System,
-    FusedTransition,
-    BestSequence,
-    DeterministicRecursion,
-    LinearCost,
-    InnovationCovariance,
-    ClosedForm,
-    MeasurementObservation,
-    RecordedTargets,
-    TimedPulses,
-):
+class KershawEvans(System, RecordedTargets, TimedPulses):
     """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
 
     Description
@@ -292,7 +269,7 @@ class KershawEvans(
         n = len(self.weights)
         return self.motion.F[None].copy(), self.motion.Q[None].copy(), np.eye(MEASURED, n)[None]
 
-    @property
+    @cached_property
     def _snr_law(self) -> tuple[float, float]:
         """The range at which eta = 1, and the range below which the SNR grows no further."""
         return self.reference_range, self.nearest_range
@@ -302,13 +279,18 @@ class KershawEvans(
         """Kernel arguments: range law, and n as a tuple."""
         return *self._snr_law, (0,) * len(self.weights)
 
+    @cached_property
+    def _assumed(self) -> tuple[Any, ...]:
+        """Kernel arguments: the model, range law, and the two sizes as tuples."""
+        return *self._model, *self._law, (0,) * MEASURED
+
     def _radar(self, belief: Belief) -> tuple[Any, ...]:
-        """Kernel arguments: the model that the tracker believes in, range law, and the two sizes as tuples."""
-        F, Q, M = self._model
-        if belief.process_noise is not None:
-            Q = for_kernel(belief.process_noise)
-            F = F.repeat(len(Q), axis=0)
-        return F, Q, M, *self._law, (0,) * MEASURED
+        """``_assumed``, with the process noise that the tracker believes in."""
+        if belief.process_noise is None:
+            return self._assumed
+        F, _, *others = self._assumed
+        Q = for_kernel(belief.process_noise)
+        return F.repeat(len(Q), axis=0), Q, *others
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
@@ -332,27 +314,6 @@ class KershawEvans(
             return np.repeat(self.steady_covariance[None], len(world.uniform), axis=0)
         variance = np.asarray(self.prior_variance) * np.power(10.0, 2.0 * world.uniform[:, 1] - 1.0)
         return variance[:, :, None] * np.eye(len(self.weights))
-
-    def fused_transition(self, state: State, action: Array, world: World) -> State:
-        """One pulse: predict, measure at the true range, update; by its parts without the compiled Kalman filter."""
-        if self._own_tracker:
-            return self.composed_transition(state, action, world)
-        (_, path), (step, mean, covariance, *_) = state
-        pulses = self._sent(action, path, step)
-        x, P, truth, ahead = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape), np.empty_like(step)
-        kernels.transition(
-            mean, covariance, step, path, world.normal, *pulses, self.truth_model._snr_law, *self._radar(state.belief),
-            x, P, truth, ahead
-        )  # fmt: skip
-        return State(Truth(truth, path), Belief(ahead, x, P))
-
-    def _sent(self, action: Array, path: Array, step: Array) -> Pulses:
-        """The pulses of a step; of pulses that are cut by tables, what the receiver sees of them."""
-        if not (self.library and self.eclipsing):
-            return self.action_set.pulses(action)
-        each = np.arange(len(step))
-        ahead = np.minimum(step + 1, self.horizon)  # past the end of an episode nobody uses the result
-        return Pulses(self._received(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The target one step along its path."""
@@ -395,25 +356,6 @@ class KershawEvans(
             return Belief(step[:, 0], x[:, 0], P[:, 0], process_noise=Q)
         return Belief(step, x, P, process_noise=None if Q is None else Q[:, None].repeat(x.shape[1], axis=1))
 
-    def predicted(self, belief: Belief) -> tuple[Array, Array]:
-        """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
-        F, Q, *_ = self._radar(belief)
-        mean, P = predict(belief.mean, belief.covariance, F, Q)
-        return P, range_law_snr(abs(mean[:, 0]), self.reference_range, self.nearest_range)
-
-    def innovation_covariance(self, belief: Belief, actions: Array) -> Array:
-        """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
-        P, eta = self.predicted(belief)
-        return P[:, None, :MEASURED, :MEASURED] + self._expected(belief, actions) / eta[:, None, None, None]
-
-    def best_sequence(self, belief: Belief, depth: int) -> tuple[Array, Array]:
-        """Fused search over all sequences of ``depth`` candidates: first candidate (env,) and total cost (env,)."""
-        ranges = self._ranges_ahead(belief, depth)
-        C = self._covariances_along(ranges)
-        return kernels.lookahead(
-            belief.mean, belief.covariance, C, ranges, belief.step, self.horizon, self._weights, *self._radar(belief)
-        )
-
     def _received(self, action: Array, ranges: Array) -> Array:
         """C (env, 2, 2) of the pulses of actions (env,) or (env, 2) as received from ranges (env,)."""
         return self.action_set.received_covariance(action[:, None], ranges)[:, 0]
@@ -422,30 +364,10 @@ class KershawEvans(
         """C (env or 1, candidate, 2, 2) of actions (env or 1, candidate) as received from the predicted range."""
         return self.action_set.received_covariance(actions, self._ranges_ahead(belief, 1)[:, 0])
 
-    def _covariances_along(self, ranges: Array) -> Array:
-        """C of all candidates at ranges (env, step), (env or 1, step or 1, candidate, 2, 2)."""
-        C = self.action_set.received_covariance(self.candidates()[None], ranges.reshape(-1))
-        return C.reshape(*(ranges.shape if len(C) > 1 else (1, 1)), *C.shape[1:])
-
     def _ranges_ahead(self, belief: Belief, steps: int) -> Array:
         """Ranges predicted 1 ... ``steps`` steps ahead, (env, steps)."""
         F, *_, n, _ = self._radar(belief)
         return kernels.ranges_ahead(belief.mean, F, steps, n)
-
-    def deterministic_recursion(self, world: World) -> Recursion:
-        """The covariance recursion of whole episodes: with eta at the true range it depends on actions alone.
-
-        Raises:
-            NotImplementedError: another tracker than the Kalman filter.
-        """
-        if self._own_tracker:
-            raise NotImplementedError
-        state = self.initial(world)
-        ranges = state.truth.path[:, 1:, 0]
-        eta = range_law_snr(abs(ranges), *self._snr_law)[..., None, None, None]
-        F, Q, M = self._model
-        R = self._covariances_along(ranges) * (1.0 / eta)
-        return Recursion(state.belief.covariance, F[0], Q[0], M[0], R, self._weights)
 
     def cost(self, belief: Belief) -> Array:
         """trace(Lambda P)."""
@@ -470,22 +392,6 @@ class KershawEvans(
         out = np.empty((len(belief.step), len(self.observation_fields)))
         kernels.observe(belief.mean, belief.covariance, belief.step, self.horizon, *self._law, out)
         return out
-
-    @property
-    def measurement_fields(self) -> tuple[ObservationField, ...]:
-        """Range and range-rate of the last pulse."""
-        near, far = self.start_range
-        return (
-            ObservationField("range", "m", 0.5 * (near + far), max(0.5 * (far - near), 1.0), "last measured range"),
-            ObservationField(
-                "signed_log10_rate", "log10(m/s)", 0.0, 1.5, "sign(v) log10(1 + |v|), v the last measured range-rate"
-            ),
-        )
-
-    def measured(self, measurements: Measurements) -> Array:
-        """See ``measurement_fields``."""
-        rate = measurements.z[:, 1]  # short pulses err by kilometres a second
-        return np.stack([measurements.z[:, 0], np.sign(rate) * np.log10(1.0 + abs(rate))], axis=1)
 
     def state_info(self, state: State) -> dict[str, Array]:
         """``position_error`` (m) and ``velocity_error`` (m/s), absolute; ``nees`` of both (expected: 2);

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import CONFIRMED
+from wavegym.core.traits import CONFIRMED
 from wavegym.systems.multifunction_radar.dwell_kernels import Area, weight_at
 from wavegym.systems.multifunction_radar.state import Belief, Truth
 from wavegym.systems.multifunction_radar.step_kernels import estimate_slots

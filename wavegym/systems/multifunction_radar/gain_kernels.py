@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.copy_kernels import copy_matrices
 from wavegym.core.kernels import inlined, kernel
+from wavegym.core.traits import CONFIRMED
 from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection, mean_inverse_power
 from wavegym.systems.multifunction_radar.dwell_kernels import middle_of, reported_cost, weight_at
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, slots_of

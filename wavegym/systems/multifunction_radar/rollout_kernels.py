@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
+from wavegym.core.traits import CONFIRMED
 from wavegym.systems.multifunction_radar.dwell_kernels import drop_tracks, rate_of_slot, thin
 from wavegym.systems.multifunction_radar.gain_kernels import expected_to_find, scores_of_row
 from wavegym.systems.multifunction_radar.step_kernels import (

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import CONFIRMED
 from wavegym.core.system import State
+from wavegym.core.traits import CONFIRMED
 from wavegym.rendering.drawings import CROSS, KILO, ellipse, fill
 from wavegym.rendering.maps import direction, sector, to_scale
 from wavegym.rendering.moment import Moment

@@ -7,23 +7,20 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field
 
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import DwellRule, SimulatedFutures, TimedPulses, TrackSlots, UnequalSteps
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.core.traits import TimedPulses, TrackSlots, UnequalSteps
 from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.actions import Dwells
 from wavegym.systems.multifunction_radar.beam_kernels import Beam, coverage
 from wavegym.systems.multifunction_radar.dwell_kernels import Area, middle_of, usual_number
 from wavegym.systems.multifunction_radar.figures import take_figures
-from wavegym.systems.multifunction_radar.gain_kernels import gains, scores
-from wavegym.systems.multifunction_radar.rollout_kernels import simulate
 from wavegym.systems.multifunction_radar.state import Belief, Truth, World
 from wavegym.systems.multifunction_radar.target_kernels import Flight, fly_all
 from wavegym.systems.multifunction_radar.track_kernels import Modes
@@ -44,7 +41,7 @@ Spread = Annotated[float, Field(ge=1e-3, le=1e4)]
 
 
 @system_parameters
-class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, TimedPulses):
+class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     """One agile-beam radar tracks dozens of targets while it searches for more, a dwell at a time.
 
     Description
@@ -364,46 +361,6 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
         """Length of the last dwell, s."""
         return belief.duration
 
-    def gain_per_second(self, belief: Belief, ahead: ArrayLike = 1.0, worth: float = 1.0) -> Array:
-        """What each dwell takes off the expected cost of the time after it, over its duration.
-
-        Args:
-            belief: the belief.
-            ahead: seconds that count after an update, in which nothing else is done; a number, or several (h,).
-            worth: of a target that a search finds, as a number of seconds of c0.
-
-        Returns:
-            (env, action), or (env, action, h), m^2.
-        """
-        aheads = np.atleast_1d(np.asarray(ahead, np.float64))
-        out = np.empty((len(belief.step), len(self.actions), len(aheads)))
-        gains(belief, self.menu, self.thresholds, self.laws, aheads, worth, out)
-        return out if np.ndim(ahead) else out[..., 0]
-
-    def scores(self, belief: Belief, rule: DwellRule) -> Array:
-        """See ``SimulatedFutures``; gains in m^2."""
-        out = np.empty((len(belief.step), len(self.actions)))
-        scores(belief, self.menu, self.thresholds, self.laws, rule, out)
-        return out
-
-    def simulate(self, belief: Belief, actions: Array, rule: DwellRule, seconds: float, futures: int) -> Array:
-        """See ``SimulatedFutures``; m^2 s, less what the searches are worth (``rollout_kernels``)."""
-        envs, count = actions.shape
-        rows = trees.repeated(belief, count * futures)
-        first = np.ascontiguousarray(actions.repeat(futures, axis=1).reshape(-1))
-        keys = (belief.step[:, None] * futures + np.arange(futures)).astype(np.uint64)
-        keys = keys.repeat(count, axis=0).reshape(-1)
-        value = np.zeros(len(first))
-        simulate(rows, first, keys, seconds, self.menu, self.thresholds, self.laws, rule, value)
-        mean: Array = value.reshape(envs, count, futures).mean(axis=2)
-        return mean
-
-    def outlook(self, belief: Belief, seconds: float) -> Array:
-        """See ``TrackSlots``, m^2 s."""
-        out = np.empty(len(belief.step))
-        kernels.rest(belief, seconds, self.laws, out)
-        return out
-
     def slots_now(self, belief: Belief) -> Array:
         """See ``TrackSlots``."""
         out = np.empty((*belief.existence.shape, COLUMNS))
@@ -418,10 +375,6 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, SimulatedFutures, Tim
     def mask(self, belief: Belief) -> Array:
         """Updates of slots with a track, all searches, and the wait, (env, action) bool."""
         return self.dwells.mask(belief.existence > 0.0)
-
-    def constants(self) -> Array:
-        """Searches of any sector and the wait: what is always allowed."""
-        return np.arange(self.slots * len(self.pulses), len(self.actions))
 
     # --- what agents observe and what evaluation reads ---
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,8 +68,9 @@ def received_fields(targets: int, platforms: int) -> tuple[ObservationField, ...
     return tuple(listed)
 
 
-def received_values(z: Array, variance: Array) -> Array:
-    """Values of ``received_fields``, (env, fields), of z and variance (env, target, 3 platforms)."""
+def received_values(measurements: Any) -> Array:
+    """Values of ``received_fields``, (env, fields), of measurements with z and variance (env, target, 3 platforms)."""
+    z, variance = measurements[:2]
     received = np.isfinite(variance).reshape(*z.shape[:2], -1, 3)
     values = z.reshape(received.shape).copy()
     values[..., 0] = np.where(received[..., 0], np.log10(np.maximum(values[..., 0], 1.0)), QUANTITIES[0][2])

@@ -9,23 +9,11 @@ import numpy as np
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.capabilities import (
-    BestAction,
-    DecisionMaker,
-    DecisionMakers,
-    FusedTransition,
-    LinearCost,
-    Margin,
-    MeasurementObservation,
-    MostInformation,
-    SequencePlan,
-    TimedPulses,
-)
 from wavegym.core.decision_makers import makers_by_form
-from wavegym.core.errors import InputError
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import system_parameters
 from wavegym.core.system import ObservationField, State
+from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.sensors import platform_measurement
 from wavegym.sensors.penalties import SHARPNESS
 from wavegym.systems.recorded_targets import (
@@ -33,11 +21,8 @@ from wavegym.systems.recorded_targets import (
 )
 from wavegym.systems.rf_eo import kernels
 from wavegym.systems.rf_eo import prediction_kernels as prediction
-from wavegym.systems.rf_eo.information_kernels import most_information
 from wavegym.systems.rf_eo.look_kernels import Scene
-from wavegym.systems.rf_eo.plan_kernels import plan
 from wavegym.systems.rf_eo.scenario import PlatformScenario, ranges_of_moving_targets
-from wavegym.systems.rf_eo.search_kernels import best_settings
 from wavegym.systems.rf_eo.state import (
     SOON,
     Belief,
@@ -48,28 +33,14 @@ from wavegym.systems.rf_eo.state import (
     own_fields,
     platform_fields,
     presence_fields,
-    received_fields,
-    received_values,
 )
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
-PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 
 
 @system_parameters
-class RfEo(
-    PlatformScenario,
-    FusedTransition,
-    BestAction,
-    SequencePlan,
-    LinearCost,
-    MostInformation,
-    Margin,
-    DecisionMakers,
-    MeasurementObservation,
-    TimedPulses,
-):
+class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
     Description
@@ -133,16 +104,6 @@ class RfEo(
     def candidates(self) -> Array:
         """See ``PlatformActions.candidates``."""
         return self.action_set.candidates
-
-    def named_constants(self) -> dict[str, Array]:
-        """``proposed``: the non-adaptive settings, where the box contains them and no platform turns."""
-        if self.action != "box" or self.slew_rate > 0.0 or len(self.platforms) != len(PROPOSED):
-            return {}
-        settings = np.array(PROPOSED)
-        inside = all(
-            low <= v <= high for row in PROPOSED for v, (low, high) in zip(row, self.action_set.ranges, strict=True)
-        )
-        return {"proposed": self.action_set.encode(settings)} if inside else {}
 
     def aimed_settings(self, belief: Belief, actions: Array) -> Array:
         """PRF, bandwidth, pixel angle and look direction after the turn, (env[, candidate], platform, 4)."""
@@ -209,20 +170,6 @@ class RfEo(
         folded[..., 0] += np.where(off[..., 0] < 0.0, widths[..., 0], 0.0)
         return folded, (np.abs(off) >= half).all(axis=-1)
 
-    def fused_transition(self, state: State, action: Array, world: World) -> State:
-        """One step: targets move, platforms take their settings and measure, the filter updates."""
-        if self.truth_model._recorded:
-            return self.composed_transition(state, action, world)
-        (true_states, _, unseen, *_), (step, mean, covariance, _) = state
-        settings = self.aimed_settings(state.belief, action)
-        x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
-        received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
-        kernels.transition(
-            step, mean, covariance, true_states, unseen, world.process, world.error, settings,
-            self._true_motion, self.truth_model._rules, self._scene, x, P, moved, received, missed, share, NN
-        )  # fmt: skip
-        return State(Truth(moved, received, missed, share), Belief(step + 1, x, P, settings[..., 3].copy()))
-
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
         """The targets one step on."""
         recorded = self.truth_model._recorded
@@ -284,71 +231,6 @@ class RfEo(
         several = actions.ndim == (2 if self.action == "joint" else 3)
         return several, self.aimed_settings(belief, actions if several else actions[:, None])
 
-    def best_action(self, belief: Belief) -> Array:
-        """The one-step scheduler's choice, platform after platform until none changes; for a box, on a fine grid."""
-        chosen = np.empty((len(belief.step), len(self.platforms), 2), np.int64)
-        best_settings(
-            belief.step,
-            belief.mean,
-            belief.covariance,
-            belief.looks,
-            self.action_set.axes,
-            self.action_set.sizes,
-            self._weights,
-            *self._scene,
-            chosen,
-            NN,
-        )
-        return self.action_set.choose(chosen[..., 0], chosen[..., 1])
-
-    def most_information(self, belief: Belief, threshold: float | None = None) -> tuple[Array, Array]:
-        """The paper's choice on the same grid: the greatest total information that gives every target at least t.
-
-        Args:
-            belief: the belief.
-            threshold: t; None for the system's ``threshold``.
-
-        Returns:
-            Actions (env, ...), and whether t was reached, (env,) bool. Where it was not, the choice maximises the
-            information of the worst-off target.
-
-        Raises:
-            InputError: a threshold that is negative or not a number.
-        """
-        feasible = np.empty(len(belief.step), np.bool_)
-        chosen = np.empty((len(feasible), len(self.platforms), 2), np.int64)
-        least = self.threshold if threshold is None else threshold
-        if not least >= 0.0:
-            raise InputError(f"threshold is {least}, expected a number >= 0")
-        most_information(
-            belief.step,
-            belief.mean,
-            belief.covariance,
-            belief.looks,
-            self.action_set.axes,
-            self.action_set.sizes,
-            least,
-            *self._scene,
-            chosen,
-            feasible,
-            NN,
-        )
-        return self.action_set.choose(chosen[..., 0], chosen[..., 1]), feasible
-
-    def plan(self, belief: Belief, depth: int) -> tuple[Array, Array]:
-        """A good sequence of ``depth`` choices: the one-step scheduler's, improved by one grid point at a time.
-
-        Returns:
-            The first actions (env, ...), and the predicted cost of the whole sequence (env,).
-        """
-        cost = np.empty(len(belief.step))
-        chosen = np.empty((len(cost), depth, len(self.platforms), 2), np.int64)
-        plan(
-            belief.step, belief.mean, belief.covariance, belief.looks, self.horizon, self.action_set.axes,
-            self.action_set.sizes, self._weights, *self._scene, chosen, cost, NN
-        )  # fmt: skip
-        return self.action_set.choose(chosen[:, 0, :, 0], chosen[:, 0, :, 1]), cost
-
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: each target's uncertainty, and the predicted measurements of it at each platform."""
@@ -388,26 +270,6 @@ class RfEo(
     def _log_fields(self) -> tuple[ObservationField, ...]:
         """The observation fields that ``kernels.observe`` fills, before the logarithm."""
         return platform_fields(len(self.starts), len(self.platforms))
-
-    @property
-    def setting_fields(self) -> tuple[ObservationField, ...]:
-        """Where the platforms look, if they turn."""
-        looked = "azimuth, clockwise from +y, to which platform {} looks"
-        numbers = range(1, len(self.platforms) + 1) if self.slew_rate > 0.0 else ()
-        return tuple(ObservationField(f"look_{j}", "rad", 0.0, 1.8, looked.format(j)) for j in numbers)
-
-    def settings_of(self, belief: Belief) -> Array:
-        """See ``setting_fields``."""
-        return belief.looks[:, : len(self.setting_fields)]
-
-    @property
-    def measurement_fields(self) -> tuple[ObservationField, ...]:
-        """What the platforms reported last of each target."""
-        return received_fields(len(self.starts), len(self.platforms))
-
-    def measured(self, measurements: Measurements) -> Array:
-        """See ``measurement_fields``."""
-        return received_values(measurements.z, measurements.variance)
 
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the last settings.

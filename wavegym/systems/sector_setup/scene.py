@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.shortcuts import target_of_action
 from wavegym.rendering.drawings import KILO
 from wavegym.rendering.looks import HIT, MISS, PLANE, Looks, LookScene
 from wavegym.rendering.maps import Trails, draw_city, draw_trails, to_scale, trails_of
@@ -77,7 +78,7 @@ class SectorScene(LookScene):
 
     def looks(self, moment: Moment) -> Looks:
         """The target of each step, and whether a receiver detected it; nobody does during a set-up."""
-        target = np.array([self.system.target_of_action[int(action[0]), 0] for action in moment.actions], np.int64)
+        target = np.array([target_of_action(self.system)[int(action[0]), 0] for action in moment.actions], np.int64)
         detected = np.array([state.truth.detections[0] > 0 for state in moment.states[1:]], np.bool_)
         return Looks(target[:, None], detected[:, None])
 

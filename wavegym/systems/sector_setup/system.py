@@ -12,9 +12,9 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import Delay, FusedTransition, Gain, LinearCost, MeasurementObservation
 from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
+from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors.sight_kernels import SightTable
@@ -35,9 +35,6 @@ from wavegym.systems.sector_setup.state import (
     Measurements,
     Truth,
     World,
-    illuminator_fields,
-    report_fields,
-    report_values,
     sector_fields,
 )
 from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
@@ -50,7 +47,7 @@ Point = tuple[Coordinate, Coordinate]
 
 
 @system_parameters
-class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementObservation, PlaysRecordings):
+class SectorSetup(System, PlaysRecordings):
     """One illuminator serves several targets; setting it up for another target costs steps without sensing.
 
     Description
@@ -187,6 +184,11 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         return SightTable(0.0, 0.0, 1.0, np.empty((0, 1), np.bool_)), np.empty((0, 2)), np.empty((0, 2))
 
     @cached_property
+    def linear_cost(self) -> LinearCost:
+        """The cost as a function of the covariance, and the targets' transition."""
+        return LinearCost(self.motion.F, self.weights)
+
+    @cached_property
     def _weights(self) -> Array:
         return np.array(self.weights)
 
@@ -241,19 +243,6 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
     def _split(self, actions: Array) -> tuple[Array, Array]:
         """Target and waveform of each action."""
         return np.divmod(np.asarray(actions, np.int64), len(self.waveforms))
-
-    def fused_transition(self, state: State, action: Array, world: World) -> State:
-        """One step: move, set up or look, track."""
-        if self.truth_model._recorded:
-            return self.composed_transition(state, action, world)
-        truth, belief = state
-        targets, report, fresh = np.empty(truth.targets.shape), self._report(belief), self._fresh(belief)
-        kernels.transition(
-            *belief[:6], belief.looked, *truth[:3], *self._split(action), world.process, world.detection, world.error,
-            self.motion.noise_factor, self.truth_model._radar, self._radar, targets, *report, *fresh, NN
-        )  # fmt: skip
-        measurements = self._measurements(*report)
-        return State(self.note(truth._replace(targets=targets), measurements), self._following(belief, *fresh))
 
     @property
     def _recorded_shape(self) -> tuple[int, int]:
@@ -336,37 +325,6 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         """Target and waveform of each candidate."""
         return self._split(self.candidates())
 
-    @property
-    def target_of_action(self) -> Array:
-        """The illuminated target of each candidate, (candidate, 1)."""
-        return self._target_and_waveform[0][:, None]
-
-    def delay(self, belief: Belief) -> Array:
-        """Steps without sensing before the pulse of each candidate, (env, candidate)."""
-        target = self._target_and_waveform[0]
-        return np.where(target == belief.pointed[:, None], belief.dead[:, None], self.dead_steps)
-
-    def gain(self, belief: Belief, wait: Array | int, ahead: int) -> Array:
-        """Decrease of the summed cost over ``ahead`` steps from the look on, for each candidate.
-
-        Args:
-            belief: the belief.
-            wait: steps without measurements before the look, int or (env or 1, candidate or 1).
-            ahead: steps counted, the step of the look included; steps beyond the horizon count 0.
-
-        Returns:
-            Expected value over detections, (env, candidate); 0 where the target is hidden or the episode over.
-        """
-        out = np.empty((len(belief.step), len(self.actions)))
-        later = np.atleast_2d(np.asarray(wait, np.int64))
-        step, mean, covariance, pointed, _, q, visible, looked = belief
-        target, waveform = self._target_and_waveform
-        M, rows = self.weights_ahead(ahead), (0,) * (2 * len(self.receivers))
-        prediction.gain(
-            step, mean, covariance, pointed, q, visible, looked, target, waveform, later, M, self._radar, out, NN, rows
-        )
-        return out
-
     def cost(self, belief: Belief) -> Array:
         """trace(Lambda P) summed over the targets."""
         return trace_cost(belief.covariance, self._weights)
@@ -390,24 +348,6 @@ class SectorSetup(System, FusedTransition, LinearCost, Gain, Delay, MeasurementO
         return np.array(
             [next((f for n, f in factors.items() if e.name.startswith(n)), 0.0) for e in self.observation_fields]
         )
-
-    @property
-    def measurement_fields(self) -> tuple[ObservationField, ...]:
-        """What each receiver reported last."""
-        return report_fields(len(self.receivers), self.reference_range, self.speed[1])
-
-    def measured(self, measurements: Measurements) -> Array:
-        """See ``measurement_fields``."""
-        return report_values(measurements, self.reference_range)
-
-    @property
-    def setting_fields(self) -> tuple[ObservationField, ...]:
-        """The target that is illuminated, and the steps that its set-up still takes."""
-        return illuminator_fields(self.targets, self.dead_steps)
-
-    def settings_of(self, belief: Belief) -> Array:
-        """See ``setting_fields``."""
-        return np.column_stack([belief.pointed[:, None] == np.arange(self.targets), belief.dead])
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost``: the

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wavegym.systems.urban import shortcuts  # noqa: F401  (registers them)
 from wavegym.systems.urban.system import Urban
 
 __all__ = ["Urban"]

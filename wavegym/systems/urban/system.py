@@ -11,11 +11,11 @@ import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.capabilities import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.sensors import Antenna, Multistatic, range_and_rate
 from wavegym.sensors.fluctuation import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
@@ -339,10 +339,6 @@ class Urban(System, DecisionMakers, TimedPulses):
     def _most(self) -> int:
         """Room for the measurements of a pair in a scan."""
         return room_for(self.clutter_density * self.reach * 2.0 * self.ambiguity)
-
-    def baselines(self) -> dict[str, tuple[str, dict[str, Any]]]:
-        """The baseline of the paper: round robin with one nearly-constant-velocity model."""
-        return {"open-loop": ("round-robin", {"tracker": "ncv"})}
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """The key of all random draws of one episode."""

@@ -30,6 +30,7 @@ from research.papers.agile_clutter.study import (
 )
 from research.papers.agile_clutter.table import markdown
 from research.papers.estimates import share_estimate
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
@@ -117,7 +118,7 @@ def test_the_best_constant_is_tuned_on_worlds_of_its_own(study):
     for case, (index, waveforms) in study.fixed.items():
         system = scene(case)
         assert index == best_fixed(system, draw_worlds(system, world_seeds(SEED, "tune", 2)))
-        assert list(waveforms) == [system.action_set.library.labels[i] for i in system.constants()[index]]
+        assert list(waveforms) == [system.action_set.library.labels[i] for i in shortcuts.constants(system)[index]]
 
 
 @pytest.mark.slow
@@ -131,7 +132,7 @@ def test_with_particles_the_constants_best_with_jpda_are_tuned(both, policy):
         return rollout(system, Fixed(index), draw_worlds(system, seeds)).mean_cost.mean()
 
     quick, slow = (Case(tracker, "no clutter", policy) for tracker in ("jpda", "particle"))
-    short = sorted(range(len(scene(quick).constants())), key=lambda k: cost(quick, k))[:4]
+    short = sorted(range(len(shortcuts.constants(scene(quick)))), key=lambda k: cost(quick, k))[:4]
     assert both.fixed[quick][0] == short[0]
     assert both.fixed[slow][0] == min(short, key=lambda k: cost(slow, k))
 

@@ -30,12 +30,13 @@ from research.papers.rf_eo.study import (
     play,
     system,
 )
+from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation import make_task
 from wavegym.evaluation import play as shell
 from wavegym.schedulers.registry import make_policy
-from wavegym.systems.rf_eo.system import PROPOSED as SETTINGS
+from wavegym.systems.rf_eo.shortcuts import PROPOSED as SETTINGS
 
 C = 299_792_458.0
 
@@ -84,7 +85,7 @@ def test_far_targets_are_beyond_what_the_proposed_settings_see():
     loop = system(Case(FAR, ADAPTIVE))
     world = draw_worlds(loop, world_seeds(0, "test", 20))
     state, nearest = loop.initial(world), math.inf
-    action = np.broadcast_to(loop.constants()[0], (20, 6))
+    action = np.broadcast_to(shortcuts.constants(loop)[0], (20, 6))
     for _ in range(loop.horizon):
         state = loop.transition(state, action, world)
         offset = state.truth.targets[:, :, None, ::2] - np.array(loop.platforms)
@@ -161,7 +162,7 @@ def test_the_rival_chooses_by_information_of_the_same_belief(rf_eo_study, rf_eo_
     for scene in SCENES:
         runs, loop = rf_eo_study.of(scene, ADAPTIVE), system(Case(scene, ADAPTIVE, horizon=STEPS))
         first = loop.initial(draw_worlds(loop, world_seeds(SEED, "test", RUNS))).belief
-        chosen = loop.action_set.settings(loop.most_information(first)[0])
+        chosen = loop.action_set.settings(shortcuts.most_information(loop, first)[0])
         np.testing.assert_allclose(runs.rival[:, 0], chosen, rtol=1e-12)
         np.testing.assert_allclose(rf_eo_study.of(scene, INFORMATION).settings[:, 0], chosen, rtol=1e-12)
         same = np.array(

@@ -1,0 +1,98 @@
+"""What schedulers can do faster with a turning camera, and a step in compiled form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core import shortcuts
+from wavegym.core.arrays import Array, for_kernel
+from wavegym.core.horizon_weights import LinearCost
+from wavegym.core.shortcuts import MeasuredFields
+from wavegym.core.system import ObservationField, State
+from wavegym.systems.camera_slew import kernels
+from wavegym.systems.camera_slew.state import Belief, Truth, World
+from wavegym.systems.camera_slew.system import CameraSlew
+from wavegym.systems.rf_eo.state import received_fields, received_values
+from wavegym.systems.rf_eo.system import NN
+
+
+@shortcuts.fused_transition.register(CameraSlew)
+def fused_transition(system: CameraSlew, state: State, action: Array, world: World) -> State:
+    """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
+    if system.truth_model._recorded:
+        return system.composed_transition(state, action, world)
+    truth, belief = state
+    shape, fresh = truth.unseen.shape, system._empty(belief.step.shape)
+    received, unseen, seen = np.empty(shape, np.int64), np.empty(shape, np.int64), np.empty(shape, np.bool_)
+    moved = np.empty(truth.targets.shape)
+    kernels.transition(
+        *belief, truth.targets, truth.unseen, truth.q, world.process, world.error, world.found, action,
+        *system._true_motion, system._world, *system._scene, *fresh, moved, received, unseen, seen, NN
+    )  # fmt: skip
+    after = Belief(belief.step + 1, *fresh, belief.q, belief.visible)
+    return State(Truth(moved, received, unseen, seen, truth.q), after)
+
+
+@shortcuts.linear_cost.register(CameraSlew)
+def linear_cost(system: CameraSlew) -> LinearCost:
+    """All targets move alike but for their process noise."""
+    return system.linear_cost
+
+
+@shortcuts.delay.register(CameraSlew)
+def delay(system: CameraSlew, belief: Belief) -> Array:
+    """Steps without sight before the camera sees each target, if it turns to it from now on, (env, candidate) int.
+
+    They last until the camera has turned and settled and the target has come out of cover.
+    """
+    return system._turns(belief)[0]
+
+
+@shortcuts.gain.register(CameraSlew)
+def gain(system: CameraSlew, belief: Belief, wait: Array | int, ahead: int) -> Array:
+    """Reduction of the summed cost by one look at each target after ``wait`` steps.
+
+    The sum runs over ``ahead`` steps from the look on, and over all targets in the image then, each weighted with
+    the probability of being found. The radars' measurements before the look count as if taken with it: without
+    them, a look at a distant target would seem worth more than it is. Their measurements after it are left out.
+
+    Args:
+        belief: the belief.
+        wait: steps before the look, (env, candidate) or a number.
+        ahead: steps, including that of the look; fewer at the episode's end.
+
+    Returns:
+        (env, candidate), 0 where the look would come after the episode's end.
+    """
+    out = np.empty(belief.mean.shape[:2])
+    waits = for_kernel(np.broadcast_to(wait, out.shape), np.int64)
+    _, _, *scene = system._scene
+    kernels.gain(
+        belief.step, belief.mean, belief.covariance, belief.q, belief.visible, waits, *system._powers,
+        system.linear_cost.weights_ahead(ahead), *scene, out, NN
+    )  # fmt: skip
+    return out
+
+
+@shortcuts.measured_fields.register(CameraSlew)
+def measured_fields(system: CameraSlew) -> MeasuredFields:
+    """What the platforms reported last of each target; where the camera points, and whether it has settled."""
+    return MeasuredFields(
+        received_fields(system.targets, len(system.platforms)),
+        received_values,
+        (
+            ObservationField("pointing", "rad", 0.0, 1.8, "azimuth to which the camera points"),
+            ObservationField("settling", "1", 0.5, 1.0, "steps to settle that are left after the camera's turn"),
+        ),
+        _camera,
+    )
+
+
+def _camera(belief: Belief) -> Array:
+    return np.stack([belief.pointing, belief.settling], axis=1)
+
+
+@shortcuts.target_of_action.register(CameraSlew)
+def target_of_action(system: CameraSlew) -> Array:
+    """The target that each candidate turns the camera to, (candidate, 1)."""
+    return system.candidates()[:, None]
