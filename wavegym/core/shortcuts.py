@@ -97,9 +97,10 @@ class Shortcut(Generic[P, R]):
 
     def _find(self, cls: type) -> tuple[Callable[..., R] | None, str]:
         """The function for a class, and why there is none."""
-        if cls not in self._found:
-            self._found[cls] = self._searched(cls)
-        return self._found[cls]
+        found = self._found.get(cls)
+        if found is None:
+            found = self._found[cls] = self._searched(cls)
+        return found
 
     def _searched(self, cls: type) -> tuple[Callable[..., R] | None, str]:
         level = next((i for i, base in enumerate(cls.__mro__) if base in self.registered), None)
