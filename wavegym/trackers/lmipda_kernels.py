@@ -1,6 +1,6 @@
 """LMIPDA in compiled form: one receiver's scan, several tracks with existence probabilities, several models each.
 
-``lmipda.py`` holds the public function; arrays hold the tracks of one environment.
+``association.py`` holds the public function; arrays hold the tracks of one environment.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False

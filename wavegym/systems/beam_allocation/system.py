@@ -28,7 +28,7 @@ from wavegym.systems.beam_allocation import kernels
 from wavegym.systems.beam_allocation.actions import BeamActions
 from wavegym.systems.beam_allocation.state import SOON, Belief, World, window_fields
 from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
-from wavegym.trackers.information_reduction import reduction_table
+from wavegym.trackers.jpda import reduction_table
 
 MOST_ACTIONS = 10_000
 

@@ -27,7 +27,7 @@ from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget.actions import PulseActions
 from wavegym.systems.energy_budget.state import Belief, Measurements, Truth, World, account_fields, spells
-from wavegym.trackers.information_reduction import reduction_table
+from wavegym.trackers.jpda import reduction_table
 
 ROUND = 1.0 + 1e-12  # a budget short of whole quanta by rounding only is not short
 WEAK = 5.0  # dB, an ordinary SNR of the longest pulse

@@ -36,7 +36,7 @@ from wavegym.systems.urban.state import (
 )
 from wavegym.targets import ScriptedPath, Segment
 from wavegym.trackers import Tracks, UrbanTracker
-from wavegym.trackers.gospa import MOST_TARGETS
+from wavegym.trackers.track_metrics import MOST_TARGETS
 from wavegym.trackers.urban.tracker import EMPTY, MODELS
 from wavegym.waveforms import (
     GaussianChirp,

@@ -6,7 +6,7 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.trackers import posterior_linearisation_kernels as kernels
+from wavegym.trackers import sigma_point_kernels as kernels
 from wavegym.trackers.sigma_point_kernels import sigma_points_one
 
 NN = (0, 0, 0, 0)
