@@ -27,7 +27,6 @@ from wavegym.trackers.kalman import (
 from wavegym.trackers.multilateration import multilaterate
 from wavegym.trackers.rbpf import Particles, RbpfUpdate, rbpf_update, systematic_resample
 from wavegym.trackers.track_metrics import Gospa, Siap, gospa, ospa, siap
-from wavegym.trackers.urban.tracker import Tracks, UrbanTracker
 
 __all__ = [
     "Association",
@@ -38,8 +37,6 @@ __all__ = [
     "Particles",
     "RbpfUpdate",
     "Siap",
-    "Tracks",
-    "UrbanTracker",
     "check_positive_definite",
     "ekf_predict",
     "ekf_update",

@@ -12,7 +12,7 @@ from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import snr_of_errors, tabulated
 from wavegym.sensors.geometry_kernels import multistatic_range_and_rate
 from wavegym.sensors.multistatic_kernels import direction_cosine, direction_variance, folded, noise, snr_at
-from wavegym.trackers.urban.kernels import CONFIRMED, EMPTY
+from wavegym.systems.urban.tracker_kernels import CONFIRMED, EMPTY
 
 CLUTTER = 10_000  # number of the random stream of clutter, beyond those of all paths
 DRIVERS = 40_000  # number of the stream of the targets' random accelerations

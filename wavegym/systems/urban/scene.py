@@ -14,8 +14,7 @@ from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, leg
 from wavegym.sensors import multistatic_kernels, multistatic_range_and_rate
 from wavegym.systems.urban.map import RECEIVER, SURE, TRANSMITTER, UNSURE, draw_urban_map
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, MODELS, TENTATIVE
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, MODELS, TENTATIVE, Tracks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -34,10 +34,9 @@ from wavegym.systems.urban.state import (
     urban_fields,
     urban_info,
 )
+from wavegym.systems.urban.tracker import EMPTY, MODELS, Tracks, UrbanTracker
 from wavegym.targets import ScriptedPath, Segment
-from wavegym.trackers import Tracks, UrbanTracker
 from wavegym.trackers.track_metrics import MOST_TARGETS
-from wavegym.trackers.urban.tracker import EMPTY, MODELS
 from wavegym.waveforms import (
     GaussianChirp,
     PulseTiming,

@@ -11,10 +11,10 @@ from wavegym.core.parameters import make_checked
 from wavegym.sensors import Road, UrbanMap, mean_inverse_detected_snr, multistatic_range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic
+from wavegym.systems.urban import scan_kernels
+from wavegym.systems.urban.ghost_kernels import claim_ghosts
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks, UrbanTracker
 from wavegym.trackers import imm_combine, predict, ukf_update
-from wavegym.trackers.urban import scan_kernels
-from wavegym.trackers.urban.ghost_kernels import claim_ghosts
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks, UrbanTracker
 
 CROSSING = UrbanMap.load("intersection")
 TX, RX = (2085.0, 1470.5), ((2088.0, 1475.0), (2078.0, 1467.0))

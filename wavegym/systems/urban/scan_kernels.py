@@ -9,12 +9,20 @@ import numpy as np
 
 from wavegym.core.kernels import kernel
 from wavegym.sensors.multistatic_kernels import snr_at
+from wavegym.systems.urban.ghost_kernels import claim_ghosts, end_ghosts
+from wavegym.systems.urban.track_management_kernels import initiate, update_status
+from wavegym.systems.urban.tracker_kernels import (
+    EMPTY,
+    covariance_at,
+    factor_sum,
+    predict_measurements,
+    predict_tracks,
+    shrink,
+    update_one,
+    weigh_scan,
+    whiten_gain,
+)
 from wavegym.trackers.lmipda_kernels import lmipda_one
-from wavegym.trackers.urban.ghost_kernels import claim_ghosts, end_ghosts
-from wavegym.trackers.urban.initiation_kernels import initiate
-from wavegym.trackers.urban.kernels import EMPTY, predict_measurements, predict_tracks, weigh_scan
-from wavegym.trackers.urban.track_management_kernels import update_status
-from wavegym.trackers.urban.update_kernels import covariance_at, factor_sum, shrink, update_one, whiten_gain
 
 
 class TrackerConstants(NamedTuple):

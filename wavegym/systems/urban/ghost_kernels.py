@@ -10,9 +10,16 @@ from wavegym.sensors.detection_kernels import tabulated
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.multipath_kernels import MOST_WALLS
 from wavegym.sensors.multistatic_kernels import snr_at
+from wavegym.systems.urban.tracker_kernels import (
+    EMPTY,
+    TENTATIVE,
+    cell_of,
+    covariance_at,
+    factor_sum,
+    log_density,
+    whiten,
+)
 from wavegym.trackers.imm_kernels import combine_one
-from wavegym.trackers.urban.kernels import EMPTY, TENTATIVE, cell_of
-from wavegym.trackers.urban.update_kernels import covariance_at, factor_sum, log_density, whiten
 
 
 @kernel

@@ -39,14 +39,14 @@ from wavegym.sensors.fluctuation import detection_table, effective_snr_table
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.sensors.visibility import Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
+from wavegym.systems.urban import scan_kernels, tracker_kernels
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers import imm_kernels
 from wavegym.trackers.imm import variable_structure
 from wavegym.trackers.multilateration import check_triangle
-from wavegym.trackers.urban import kernels, scan_kernels
 
-EMPTY, TENTATIVE, CONFIRMED = kernels.EMPTY, kernels.TENTATIVE, kernels.CONFIRMED
+EMPTY, TENTATIVE, CONFIRMED = tracker_kernels.EMPTY, tracker_kernels.TENTATIVE, tracker_kernels.CONFIRMED
 MODELS = ("NCV", "NCA", "CT left", "CT right")
 TRANSITION = np.array([[0.99, 0.01, 0.0, 0.0], [0.1, 0.7, 0.1, 0.1], [0.0, 0.01, 0.99, 0.0], [0.0, 0.01, 0.0, 0.99]])
 """From row to column. The paper prints 0.1 instead of 0.01 and exchanges rows and columns; rows then sum to 1.09."""
