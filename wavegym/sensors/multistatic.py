@@ -1,4 +1,7 @@
-"""Multistatic measurements in an urban map: echoes of targets over up to two walls, and static echoes."""
+"""Range and range-rate in the plane, of one sensor or of a transmitter and a receiver, and the echoes in an urban map.
+
+Echoes of targets arrive over up to two walls; static echoes come from walls and small scatterers.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,33 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.core.array_checks import check_elements, check_finite
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_within
-from wavegym.sensors.geometry import range_and_rate
+from wavegym.sensors import geometry_kernels as kernels
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multipath_kernels import MOST_WALLS
 from wavegym.sensors.receiver_kernels import path_delays
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
+
+
+def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
+    """h(x) = (r, rdot): r = |p - s| and rdot = v'(p - s) / r, positive when the target recedes.
+
+    Args:
+        state: x = (x, y, xdot, ydot) in m and m/s, (..., 4).
+        sensor: position s = (x, y) in m, (..., 2); leading axes broadcast with those of ``state``.
+
+    Returns:
+        (r in m, rdot in m/s), (..., 2). r is at least 1e-9 m. At the sensor itself, where no direction is defined, rdot
+        is 0.
+
+    Raises:
+        InputError: shapes that do not fit, or numbers that are not finite.
+    """
+    return kernels.measure(check_finite("state", state, 4), check_finite("sensor", sensor, 2))
+
+
+def range_and_rate_jacobian(state: ArrayLike, sensor: ArrayLike) -> Array:
+    """H = dh/dx of ``range_and_rate``, (..., 2, 4): rows r, rdot; columns x, y, xdot, ydot. Same arguments."""
+    return kernels.jacobian(check_finite("state", state, 4), check_finite("sensor", sensor, 2))
 
 
 def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receiver: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.gate_kernels import reach_one
+from wavegym.sensors.clutter_kernels import reach_one
 from wavegym.trackers.joint_association_kernels import associate_one
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.gate_kernels import squared_distance
+from wavegym.sensors.clutter_kernels import squared_distance
 from wavegym.trackers.joint_association_kernels import associate_one
 
 

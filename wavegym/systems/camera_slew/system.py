@@ -24,7 +24,7 @@ from wavegym.core.costs import trace_cost
 from wavegym.core.errors import check_ordered
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors.penalties import KINDS
+from wavegym.sensors.platform import KINDS
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
 from wavegym.systems.camera_slew.state import (

@@ -17,7 +17,7 @@ from wavegym.core.costs import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors.sight_kernels import SightTable
+from wavegym.sensors.multipath_kernels import SightTable
 from wavegym.systems.recorded_targets import (
     PlaysRecordings,
     drawn_windows,

@@ -7,9 +7,8 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import tabulated
-from wavegym.sensors.geometry_kernels import range_and_rate
+from wavegym.sensors.geometry_kernels import range_and_rate, snr_at
 from wavegym.sensors.multipath_kernels import MOST_WALLS
-from wavegym.sensors.multistatic_kernels import snr_at
 from wavegym.systems.urban.tracker_kernels import (
     EMPTY,
     TENTATIVE,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.sensors.multistatic_kernels import snr_at
+from wavegym.sensors.geometry_kernels import snr_at
 from wavegym.systems.urban.ghost_kernels import claim_ghosts, end_ghosts
 from wavegym.systems.urban.track_management_kernels import initiate, update_status
 from wavegym.systems.urban.tracker_kernels import (
@@ -53,8 +53,8 @@ class TrackerConstants(NamedTuple):
     start_gate: float  # squared, of a new track
     gate_probability: float
     log_false_alarm: float
-    detection_table: Any  # of fluctuation.detection_table
-    effective_table: Any  # of fluctuation.effective_snr_table; empty: covariances at the mean SNR
+    detection_table: Any  # of detection.detection_table
+    effective_table: Any  # of detection.effective_snr_table; empty: covariances at the mean SNR
     rate_floor: float
     reach: float
     survival: float

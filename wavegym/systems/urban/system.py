@@ -17,7 +17,7 @@ from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.sensors import Antenna, Multistatic, range_and_rate
-from wavegym.sensors.fluctuation import detected_snr_table, detection_table
+from wavegym.sensors.detection import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import figure_kernels, kernels

@@ -35,10 +35,9 @@ from wavegym.core.errors import (
     check_within,
 )
 from wavegym.core.parameters import in_one_line
-from wavegym.sensors.fluctuation import detection_table, effective_snr_table
-from wavegym.sensors.multipath import Antenna
+from wavegym.sensors.detection import detection_table, effective_snr_table
+from wavegym.sensors.multipath import Antenna, Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
 from wavegym.sensors.urban_map import Point, UrbanMap
-from wavegym.sensors.visibility import Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
 from wavegym.systems.urban import scan_kernels, tracker_kernels
 from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.targets.motion import MotionModel
@@ -94,7 +93,7 @@ class UrbanTracker:
         clutter_density: expected false returns in a scan of a receiver, per (m x m/s).
         gate_probability: Pg, probability that a gate holds the measurement of a detected target.
         false_alarm: Pfa, which relates SNR and detection probability.
-        fluctuation: of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.fluctuation``.
+        fluctuation: of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.detection``.
         error_snr: SNR that sets measurement covariances. "mean": the mean eta. "realised": 1 / E[1 / max(eta, 1)] of an
             echo that is detected, for errors at the SNR of the scan. Pd is that of the mean eta in both.
         searched: quantities over which receivers take the greatest value about an echo, see ``detection_probability``.

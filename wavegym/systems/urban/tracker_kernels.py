@@ -13,7 +13,7 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import effective_snr, tabulated
-from wavegym.sensors.multistatic_kernels import direction_variance, folded, noise, snr_at
+from wavegym.sensors.geometry_kernels import direction_variance, folded, noise, snr_at
 from wavegym.trackers.imm_kernels import mix_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.ukf_kernels import predict_direction_one, predict_multistatic_one
