@@ -9,7 +9,7 @@ from filterpy.kalman import IMMEstimator, JulierSigmaPoints, KalmanFilter, Unsce
 from tests.oracles import random_covariance
 from wavegym.core.errors import InputError
 from wavegym.targets import constant_acceleration, constant_velocity
-from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
+from wavegym.targets.motion import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.trackers import (
     imm_combine,
     imm_mix,

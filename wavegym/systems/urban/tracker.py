@@ -39,8 +39,7 @@ from wavegym.sensors.detection import detection_table, effective_snr_table
 from wavegym.sensors.multipath import Antenna, Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import scan_kernels, tracker_kernels
-from wavegym.targets.manoeuvres import coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
-from wavegym.targets.motion import MotionModel
+from wavegym.targets.motion import MotionModel, coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.trackers import imm_kernels
 from wavegym.trackers.imm import variable_structure
 from wavegym.trackers.multilateration import check_triangle
