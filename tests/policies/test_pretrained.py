@@ -9,20 +9,18 @@ import wavegym
 from agents.package import sources
 from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.policy import Policy
-from wavegym.policies.pretrained import FILES, FOLDER, pretrained_folder
-from wavegym.policies.records import read_run
-from wavegym.policies.runs import RUN
+from wavegym.policies.runs import PRETRAINED, PRETRAINED_FILES, RUN, pretrained_folder, read_run
 
-PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(FOLDER.glob(f"*/*/{RUN}")))]
+PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(PRETRAINED.glob(f"*/*/{RUN}")))]
 
 
 def test_they_are_seed_0_of_every_run_in_the_results() -> None:
-    copied = {file for folder in sources() for file in (folder / name for name in FILES)}
-    assert {file for file in FOLDER.glob("*/*/*") if file.suffix not in (".py", ".pyc")} == copied
+    copied = {file for folder in sources() for file in (folder / name for name in PRETRAINED_FILES)}
+    assert {file for file in PRETRAINED.glob("*/*/*") if file.suffix not in (".py", ".pyc")} == copied
     assert len(copied) == 2 * len(PACKAGED) == 50
     for packaged, run in sources().items():
         assert read_run(packaged / RUN)["seed"] == 0
-        for name in FILES:
+        for name in PRETRAINED_FILES:
             assert (packaged / name).read_bytes() == (run / name).read_bytes()
 
 

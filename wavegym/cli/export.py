@@ -22,7 +22,7 @@ def parser() -> Parser:
 def export(arguments: Sequence[str]) -> None:
     """Export and print the path of the file."""
     options = parser().read(arguments)
-    from wavegym.policies.onnx_export import export_onnx
+    from wavegym.policies.onnx_files import export_onnx
 
     export_onnx(_folder(options.policy), options.onnx)
     print(f"written to {options.onnx}")
@@ -31,7 +31,7 @@ def export(arguments: Sequence[str]) -> None:
 def _folder(policy: str) -> Path:
     if Path(policy).is_dir():
         return Path(policy)
-    from wavegym.policies.pretrained import pretrained_folder
+    from wavegym.policies.runs import pretrained_folder
 
     env_id, _, algo = policy.removeprefix(NAMESPACE).rpartition("/")
     folder = pretrained_folder(NAMESPACE + env_id, algo)

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.rendering.drawings import CROSS, SIGMAS
-from wavegym.rendering.maps import TREE, colour, cross
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.rendering.maps import CROSS, SIGMAS, TREE, colour, cross
+from wavegym.rendering.panels import LINE, SMALL, Moment, caption, few_ticks, fit_y, legend, steps_along, wipe
 from wavegym.sensors import geometry_kernels, multistatic_range_and_rate
 from wavegym.systems.urban.map import RECEIVER, SURE, TRANSMITTER, UNSURE, draw_urban_map
 from wavegym.systems.urban.system import Urban
