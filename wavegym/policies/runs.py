@@ -11,7 +11,8 @@
     run.json       the record of the finished run and its CPU time, written last: without it no run is finished
 
 The package comes with training seed 0 of PPO and DQN in each environment that has them:
-``pretrained/ENVIRONMENT/ALGORITHM/`` holds policy.npz and run.json. ``python -m agents.package`` copies them from results/runs.
+``pretrained/ENVIRONMENT/ALGORITHM/`` holds policy.npz and run.json. ``python -m agents.package`` copies them from
+results/runs.
 """
 
 from __future__ import annotations
