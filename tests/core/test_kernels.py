@@ -110,7 +110,7 @@ def test_a_cache_folder_covers_the_kernel_files_that_a_module_imports():
         "core/kernels.py",
         "trackers/gaussian_mixture_kernels.py",
         "trackers/jpda_kernels.py",  # imported by it
-        "trackers/joint_association_kernels.py",  # imported by the former
+        "trackers/association_kernels.py",  # imported by the former
     }
     assert not any(name.startswith("systems/") for name in found)
     assert kernels._sources("wavegym.systems") == frozenset()

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
+from wavegym.trackers import association_kernels as kernels
 from wavegym.trackers import joint_association, lmipda
-from wavegym.trackers import joint_association_kernels as kernels
 
 
 def enumerate_associations(W):

@@ -9,6 +9,7 @@
 (3, 2, 2)
 """
 
+from wavegym.sensors.multistatic import multilaterate
 from wavegym.trackers.association import Association, LmipdaUpdate, joint_association, lmipda
 from wavegym.trackers.gaussian_mixture import GaussianMixture, MixtureUpdate, mixture_update, single_gaussian
 from wavegym.trackers.imm import imm_combine, imm_mix, imm_reweigh, imm_ukf_scan, ukf_update, variable_structure
@@ -24,7 +25,6 @@ from wavegym.trackers.kalman import (
     update,
     update_covariance,
 )
-from wavegym.trackers.multilateration import multilaterate
 from wavegym.trackers.rbpf import Particles, RbpfUpdate, rbpf_update, systematic_resample
 from wavegym.trackers.track_metrics import Gospa, Siap, gospa, ospa, siap
 

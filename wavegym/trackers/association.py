@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike
 from wavegym.core.array_checks import check_each, check_finite, flatten_lead
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError
-from wavegym.trackers import lmipda_kernels
-from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT, associate, largest_cluster
+from wavegym.trackers import association_kernels
+from wavegym.trackers.association_kernels import CLUSTER_LIMIT, associate, largest_cluster
 
 
 def check_association_terms(
@@ -212,7 +212,7 @@ def lmipda(
     mu, psi = flatten_lead(mu, lead, T, r), flatten_lead(psi, lead, T)
     seen = flatten_lead(Pd * gate_probability, lead, T)
     beta = np.empty((len(mu), T * r, 1 + M))
-    lmipda_kernels.lmipda(flatten_lead(p, lead, T, r, M), mu, seen, psi, flatten_lead(rho, lead, T, M), beta)
+    association_kernels.lmipda(flatten_lead(p, lead, T, r, M), mu, seen, psi, flatten_lead(rho, lead, T, M), beta)
     if not np.isfinite(psi).all():
         raise InputError(
             f"likelihood goes up to {p.max():g}, expected numbers whose ratio to clutter_density is finite"

@@ -27,7 +27,7 @@ from wavegym.core.covariance_checks import check_covariance, check_positive_defi
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.trackers import jpda_kernels
 from wavegym.trackers.association import check_association_terms
-from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
+from wavegym.trackers.association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.jpda_kernels import GATE, LIMIT, reduction
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.clutter_kernels import squared_distance
-from wavegym.trackers.joint_association_kernels import associate_one
+from wavegym.trackers.association_kernels import associate_one
 
 
 @kernel

@@ -19,7 +19,7 @@ import numpy as np
 
 from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined
-from wavegym.trackers.rank_one_kernels import absorb_rows_one
+from wavegym.trackers.kernels import absorb_rows_one
 
 
 @inlined

@@ -12,7 +12,7 @@ from wavegym.sensors import Road, UrbanMap, mean_inverse_detected_snr, multistat
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.systems.urban import scan_kernels
-from wavegym.systems.urban.ghost_kernels import claim_ghosts
+from wavegym.systems.urban.scan_kernels import claim_ghosts
 from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks, UrbanTracker
 from wavegym.trackers import imm_combine, predict, ukf_update
 

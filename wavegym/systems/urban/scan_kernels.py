@@ -1,4 +1,7 @@
-"""Kernels of ``tracker.py``: one scan of all tracks, and the expected effect of a scan."""
+"""Kernels of ``tracker.py``: one scan of all tracks, the expected effect of a scan, and the ghosts of confirmed tracks.
+
+A ghost is where the map predicts the returns of a track over walls.
+"""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -7,22 +10,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.kernels import kernel
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.detection_kernels import tabulated
 from wavegym.sensors.geometry_kernels import snr_at
-from wavegym.systems.urban.ghost_kernels import claim_ghosts, end_ghosts
+from wavegym.sensors.multipath_kernels import MOST_WALLS
 from wavegym.systems.urban.track_management_kernels import initiate, update_status
 from wavegym.systems.urban.tracker_kernels import (
     EMPTY,
+    TENTATIVE,
+    cell_of,
     covariance_at,
     factor_sum,
+    linearise_path,
+    log_density,
     predict_measurements,
     predict_tracks,
     shrink,
     update_one,
     weigh_scan,
+    whiten,
     whiten_gain,
 )
-from wavegym.trackers.lmipda_kernels import lmipda_one
+from wavegym.trackers.association_kernels import lmipda_one
+from wavegym.trackers.imm_kernels import combine_one
 
 
 class TrackerConstants(NamedTuple):
@@ -250,3 +260,124 @@ def expect(x, P, mu, existence, status, age, constants, wave, reference, nn, mm,
                     factor_sum(predicted.S[row], scratch.R, scratch.L, ll)
                     whiten_gain(row, predicted.G, scratch.L, scratch.W, nn, ll)
                     shrink(row, tracks.P, scratch.W, predicted.pd[t], nn, ll)
+
+
+@kernel
+def claim_ghosts(tracks, constants, pair, wave, reference, z, count, ghosts, claims, scratch, nn, mm, ll):
+    """ghosts[i] += density of ghost returns at measurement i: paths of confirmed tracks over walls.
+
+    As another track does in LMIPDA, a path acts as clutter around its predicted return, with the detection probability
+    that its walls leave. The innovation covariance is linearised at the mean of the track. claims (measurement,) is
+    scratch space.
+    """
+    mean, P = scratch.x, scratch.P
+    for t in range(len(tracks.mu)):
+        if tracks.status[t] == EMPTY:
+            continue
+        combine_one(t, tracks.x, tracks.P, tracks.mu, mean, P, nn, mm)
+        i, j = cell_of(mean[t, 0], mean[t, 1], constants)
+        if i < 0:
+            continue
+        for a in range(len(constants.out_images[pair])):
+            if not constants.out_visible[pair, i, j, a]:
+                continue
+            for b in range(len(constants.back_images[pair])):
+                walls = constants.out_order[pair, a] + constants.back_order[pair, b]
+                if 1 <= walls <= MOST_WALLS and constants.back_visible[pair, i, j, b]:
+                    claim_path(
+                        t, mean, P, pair, a, b, tracks.existence[t], constants, wave, reference, z, count, ghosts,
+                        claims, scratch, ll,
+                    )  # fmt: skip
+
+
+@inlined
+def claim_path(
+    t, mean, P, pair, a, b, existence, constants, wave, reference, z, count, ghosts, claims, scratch, ll
+):  # fmt: skip
+    """``claim_ghosts`` for the path from image a of the transmitter to image b of the receiver."""
+    reflected = constants.out_reflected[pair, a] * constants.back_reflected[pair, b]
+    h, H, R, S, L = scratch.h, scratch.H, scratch.R, scratch.spread, scratch.L
+    linearise_path(
+        mean[t], constants.out_images[pair, a], constants.back_images[pair, b], constants.back_axes[pair, b], h, H, ll
+    )
+    if h[0] > constants.reach:
+        return
+    eta = snr_at(h[0], reference, reflected)
+    covariance_at(eta, wave, constants.rate_floor, constants, R, ll)
+    project(P[t], H, S, ll)
+    log_determinant = factor_sum(S, R, L, ll)
+    total = 0.0
+    for n in range(count):
+        squared = whiten(z[n], h, L, scratch.w, ll)
+        near = np.exp(log_density(squared, log_determinant, ll)) / constants.gate_probability
+        claims[n] = near if squared <= constants.gate else 0.0
+        total += claims[n] / constants.density
+    chance = tabulated(eta, constants.log_false_alarm, constants.detection_table)
+    chance = constants.gate_probability * chance * existence
+    for n in range(count):
+        if claims[n] > 0.0:
+            mine = chance * claims[n] / constants.density / total
+            ghosts[n] += claims[n] * mine / (1.0 - mine)
+
+
+@inlined
+def project(P, H, S, ll):
+    """S (m, m) = H P H', H (m, 4): the covariance of a predicted measurement without its errors."""
+    for i in range(len(ll)):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(4):
+                for m in range(4):
+                    total += H[i, k] * P[k, m] * H[j, m]
+            S[i, j] = S[j, i] = total
+
+
+@kernel
+def end_ghosts(tracks, constants, wave, reference, scratch, nn, mm, ll):
+    """Set the existence of each tentative track to 0 that all receivers would see as a ghost of another track.
+
+    Existence probabilities alone are slow: a ghost whose target is found a scan later is as certain as its target.
+    """
+    for s in range(len(tracks.mu)):
+        if tracks.status[s] == TENTATIVE:
+            combine_one(s, tracks.x, tracks.P, tracks.mu, scratch.x, scratch.P, nn, mm)
+            for t in range(len(tracks.mu)):
+                if t != s and tracks.existence[t] > 0.0:
+                    combine_one(t, tracks.x, tracks.P, tracks.mu, scratch.x, scratch.P, nn, mm)
+                    seen = True
+                    for pair in range(len(constants.receivers)):
+                        seen = seen and is_ghost(s, t, pair, constants, wave[pair], reference[pair], scratch, ll)
+                    if seen:
+                        tracks.existence[s] = 0.0
+
+
+@inlined
+def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
+    """Whether the direct return of track s lies within the gate of a return of track t over walls."""
+    mean, P, h, H, L = scratch.x, scratch.P, scratch.h, scratch.H, scratch.L
+    i, j = cell_of(mean[t, 0], mean[t, 1], constants)
+    if i < 0:
+        return False
+    direct = scratch.total
+    linearise_path(mean[s], constants.transmitters[pair], constants.receivers[pair], constants.axes[pair], h, H, ll)
+    for k in range(len(ll)):
+        direct[k] = h[k]
+    project(P[s], H, scratch.spread, ll)
+    covariance_at(snr_at(h[0], reference, 1.0), wave, constants.rate_floor, constants, scratch.R, ll)
+    for k in range(len(ll)):
+        for m in range(len(ll)):
+            scratch.R[k, m] += scratch.spread[k, m]
+    for a in range(len(constants.out_images[pair])):
+        for b in range(len(constants.back_images[pair])):
+            walls = constants.out_order[pair, a] + constants.back_order[pair, b]
+            visible = constants.out_visible[pair, i, j, a] and constants.back_visible[pair, i, j, b]
+            if visible and 1 <= walls <= MOST_WALLS:
+                linearise_path(
+                    mean[t], constants.out_images[pair, a], constants.back_images[pair, b],
+                    constants.back_axes[pair, b], h, H, ll,
+                )  # fmt: skip
+                project(P[t], H, scratch.spread, ll)
+                factor_sum(scratch.spread, scratch.R, L, ll)
+                if whiten(direct, h, L, scratch.w, ll) <= constants.gate:
+                    return True
+    return False

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.systems.urban.ghost_kernels import linearise_path
+from wavegym.sensors.geometry_kernels import locate_one
 from wavegym.systems.urban.tracker_kernels import (
     CONFIRMED,
     ELSEWHERE,
@@ -19,11 +19,11 @@ from wavegym.systems.urban.tracker_kernels import (
     TENTATIVE,
     cell_of,
     factor_sum,
+    linearise_path,
     place_of,
     whiten,
 )
-from wavegym.trackers.multilateration_kernels import locate_one
-from wavegym.trackers.rank_one_kernels import shrink_one
+from wavegym.trackers.kernels import shrink_one
 from wavegym.trackers.ukf_kernels import cholesky_columns_one
 
 ROUNDS = 3  # Gauss-Newton steps of the fit of a new track

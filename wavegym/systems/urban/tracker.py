@@ -37,12 +37,12 @@ from wavegym.core.errors import (
 from wavegym.core.parameters import in_one_line
 from wavegym.sensors.detection import detection_table, effective_snr_table
 from wavegym.sensors.multipath import Antenna, Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
+from wavegym.sensors.multistatic import check_triangle
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import scan_kernels, tracker_kernels
 from wavegym.targets.motion import MotionModel, coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
 from wavegym.trackers import imm_kernels
 from wavegym.trackers.imm import variable_structure
-from wavegym.trackers.multilateration import check_triangle
 
 EMPTY, TENTATIVE, CONFIRMED = tracker_kernels.EMPTY, tracker_kernels.TENTATIVE, tracker_kernels.CONFIRMED
 MODELS = ("NCV", "NCA", "CT left", "CT right")

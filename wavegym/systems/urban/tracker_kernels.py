@@ -13,7 +13,7 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import effective_snr, tabulated
-from wavegym.sensors.geometry_kernels import direction_variance, folded, noise, snr_at
+from wavegym.sensors.geometry_kernels import direction_variance, folded, noise, range_and_rate, snr_at
 from wavegym.trackers.imm_kernels import mix_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.ukf_kernels import predict_direction_one, predict_multistatic_one
@@ -243,3 +243,19 @@ def weigh_scan(tracks, constants, z, R, count, predicted, scratch, p, taken, mm,
             taken[i] |= inside
             for m in range(0 if inside else len(mm)):
                 p[t, m, i] = 0.0
+
+
+@inlined
+def linearise_path(state, out, back, axis, h, H, ll):
+    """Measurement h (m,) of (x, y, xdot, ydot, ...) over the path between two images, and its Jacobian H (m, 4)."""
+    x, y, u, v = state[0], state[1], state[2], state[3]
+    r0, v0 = range_and_rate(x, y, u, v, out[0], out[1])
+    r1, v1 = range_and_rate(x, y, u, v, back[0], back[1])
+    a0, b0, a1, b1 = (x - out[0]) / r0, (y - out[1]) / r0, (x - back[0]) / r1, (y - back[1]) / r1
+    h[0], h[1] = 0.5 * (r0 + r1), 0.5 * (v0 + v1)
+    H[0, 0], H[0, 1], H[0, 2], H[0, 3] = 0.5 * (a0 + a1), 0.5 * (b0 + b1), 0.0, 0.0
+    H[1, 0], H[1, 2] = 0.5 * ((u - v0 * a0) / r0 + (u - v1 * a1) / r1), H[0, 0]
+    H[1, 1], H[1, 3] = 0.5 * ((v - v0 * b0) / r0 + (v - v1 * b1) / r1), H[0, 1]
+    if len(ll) == 3:
+        h[2] = axis[0] * a1 + axis[1] * b1
+        H[2, 0], H[2, 1], H[2, 2], H[2, 3] = (axis[0] - h[2] * a1) / r1, (axis[1] - h[2] * b1) / r1, 0.0, 0.0
