@@ -34,8 +34,8 @@ def read_environment(env: str, pairs: Sequence[str]) -> tuple[str, dict[str, Any
     return named, {"scenario": env, **given}
 
 
-def parser(name: str, description: str, takes_environment: bool = True) -> Parser:
-    """The options of one of these subcommands."""
+def environment_parser(name: str, description: str, takes_environment: bool = True) -> Parser:
+    """The options of a subcommand of one environment."""
     options = Parser(prog=f"wavegym {name}", description=description)
     if takes_environment:
         options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
@@ -46,13 +46,13 @@ def parser(name: str, description: str, takes_environment: bool = True) -> Parse
 
 def list_ids(arguments: Sequence[str]) -> None:
     """Print every id, one a line."""
-    parser("list", "List the ids of all environments.", takes_environment=False).read(arguments)
+    environment_parser("list", "List the ids of all environments.", takes_environment=False).read(arguments)
     print("\n".join(list_envs()))
 
 
 def describe(arguments: Sequence[str]) -> None:
     """Print the page of an environment, Markdown, or its scenario file, TOML."""
-    read = parser("describe", "Show actions, observations and parameters of an environment.")
+    read = environment_parser("describe", "Show actions, observations and parameters of an environment.")
     read.add_argument("--toml", action="store_true", help="write all parameters as a scenario file instead")
     options = read.read(arguments)
     env_id, given = read_environment(options.env, options.set)
@@ -69,7 +69,7 @@ def describe(arguments: Sequence[str]) -> None:
 def check(arguments: Sequence[str]) -> None:
     """Check an environment; the first defect is an error."""
     text = "Check that the native vector environment does exactly what Gymnasium's SyncVectorEnv does."
-    options = parser("check", text).read(arguments)
+    options = environment_parser("check", text).read(arguments)
     from wavegym.testing import check_vector_env
 
     env_id, given = read_environment(options.env, options.set)
@@ -91,7 +91,8 @@ run (or of several runs, one for each seed); an ONNX file (FILE.onnx); with --tr
 
 def policies(arguments: Sequence[str]) -> None:
     """Print the policies of an environment: name, meaning, and whether it applies."""
-    read = parser("policies", "List the policies that evaluate and play take in an environment.").read(arguments)
+    text = "List the policies that evaluate and play take in an environment."
+    read = environment_parser("policies", text).read(arguments)
     from wavegym.evaluation import make_task
 
     task = make_task(*read_environment(read.env, read.set))

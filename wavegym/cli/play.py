@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.cli.environments import ENVIRONMENT, read_environment
+from wavegym.cli.environments import environment_parser, read_environment
 from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Clairvoyant
@@ -18,15 +18,12 @@ FRAME_MS = 200  # how long a GIF shows each step
 
 def play_parser() -> Parser:
     """The options of ``play``."""
-    options = Parser(prog="wavegym play", description="Play one episode with a policy and print its cost.")
-    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
+    options = environment_parser("play", "Play one episode with a policy and print its cost.")
     options.add_argument(
         "--policy", default="myopic", metavar="NAME", help="one that wavegym policies ENV lists (default: %(default)s)"
     )
     options.add_argument("--seed", type=int, default=0, metavar="S", help="of the world (default: %(default)s)")
     options.add_argument("--gif", type=Path, metavar="FILE", help="write a picture of every step")
-    help = "parameters of the environment other than its defaults"
-    options.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=help)
     return options
 
 
@@ -102,8 +99,7 @@ def _write(frames: list[Any], file: Path) -> None:
 
 def dataset_parser() -> Parser:
     """The options of ``dataset``."""
-    options = Parser(prog="wavegym dataset", description="Write episodes of a policy as a Minari dataset.")
-    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
+    options = environment_parser("dataset", "Write episodes of a policy as a Minari dataset.")
     known = "a policy as `wavegym evaluate --policies` takes it (default: %(default)s)"
     options.add_argument("--policy", default="myopic", metavar="NAME", help=known)
     options.add_argument("--episodes", type=int, default=100, metavar="N", help="(default: %(default)s)")
@@ -116,7 +112,6 @@ def dataset_parser() -> Parser:
     returns = "also play every other action of every step, and record its return"
     options.add_argument("--all-returns", action="store_true", help=returns)
     options.add_argument("--seed", type=int, default=0, metavar="S", help="episode i plays reset(seed=S + i)")
-    options.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the environment")
     return options
 
 
