@@ -15,6 +15,16 @@ if TYPE_CHECKING:
     from wavegym.evaluation.task import Task
 
 ENVIRONMENT = "id of the environment, with or without wavegym/; or a scenario file, FILE.toml, that names its id"
+EXAMPLES = {"K": "0", "H": "2", "L": "2", "W": "2", "N": "1", "M": "1"}  # for the capital letters of the names
+TUNED = ("best-fixed", "tuned-constant", "tuned-cycle")  # on tuning worlds, as soon as they are made
+WHY = re.compile(
+    r"policy '\S+' (?:cannot be computed|is not) for \w+(?: in this form| with action=\S+)?[:,] (.*)"
+    r"|.* (?:counts steps|cannot score the actions of \w+), (expected .*)"
+)
+SETTING = re.compile(r"nearest: the settings? (.*) of its training")
+BESIDE = """A planner takes another base policy after an @: rollout:20@myopic. Further policies: the folder of a trained
+run (or of several runs, one for each seed); an ONNX file (FILE.onnx); with --trust, a model of Stable-Baselines3
+(FILE.zip) or package.module:factory."""
 
 
 def read_environment(env: str, pairs: Sequence[str]) -> tuple[str, dict[str, Any]]:
@@ -77,18 +87,6 @@ def check(arguments: Sequence[str]) -> None:
     print(f"{env_id} passed all checks")
 
 
-EXAMPLES = {"K": "0", "H": "2", "L": "2", "W": "2", "N": "1", "M": "1"}  # for the capital letters of the names
-TUNED = ("best-fixed", "tuned-constant", "tuned-cycle")  # on tuning worlds, as soon as they are made
-WHY = re.compile(
-    r"policy '\S+' (?:cannot be computed|is not) for \w+(?: in this form| with action=\S+)?[:,] (.*)"
-    r"|.* (?:counts steps|cannot score the actions of \w+), (expected .*)"
-)
-SETTING = re.compile(r"nearest: the settings? (.*) of its training")
-BESIDE = """A planner takes another base policy after an @: rollout:20@myopic. Further policies: the folder of a trained
-run (or of several runs, one for each seed); an ONNX file (FILE.onnx); with --trust, a model of Stable-Baselines3
-(FILE.zip) or package.module:factory."""
-
-
 def policies(arguments: Sequence[str]) -> None:
     """Print the policies of an environment: name, meaning, and whether it applies."""
     text = "List the policies that evaluate and play take in an environment."
@@ -128,7 +126,6 @@ def why_not(name: str, system: System) -> str:
         name: one of ``MEANINGS``.
         system: the closed loop.
     """
-    from wavegym.core.errors import InputError
     from wavegym.core.worlds import draw_worlds, world_seeds
 
     try:
@@ -151,7 +148,6 @@ def _try(name: str, system: System, tape: Any) -> None:
     """Raise an InputError or NotImplementedError where the scheduler cannot be had."""
     import numpy as np
 
-    from wavegym.core.errors import InputError
     from wavegym.core.policy import Clairvoyant
     from wavegym.schedulers.heuristics.registry import HEURISTICS, check
     from wavegym.schedulers.myopic import Myopic
@@ -181,7 +177,6 @@ def _try(name: str, system: System, tape: Any) -> None:
 
 def _no_agent(name: str, task: Task) -> str:
     """Why the environment's trained agent cannot play here; "" if it can."""
-    from wavegym.core.errors import InputError
     from wavegym.evaluation.adapters import as_policies
 
     try:

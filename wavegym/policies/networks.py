@@ -20,6 +20,9 @@ from wavegym.observations.forecasts import PRESENT, Forecasts
 MARGIN = 0.1  # of the range, on both sides: the extremes of a few episodes are not those of all
 RANGE_KEY = "observed"  # in run.json
 DIGITS = 4  # of an observation, which is within +-10
+KINDS, ACTIVATIONS = ("mlp", "mixture", "scorer"), ("tanh", "relu")
+LIMIT = 1 << 26  # bytes of all arrays of a network
+WIDEST = 8192  # of an axis: a decision then needs less than 1 GB
 
 
 class TrainingRange(NamedTuple):
@@ -73,11 +76,6 @@ def _extremes(observation: Array, own: int, elements: int) -> tuple[Array, Array
     if not own:
         return low, high
     return np.concatenate([observation[:, :own], low], axis=1), np.concatenate([observation[:, :own], high], axis=1)
-
-
-KINDS, ACTIVATIONS = ("mlp", "mixture", "scorer"), ("tanh", "relu")
-LIMIT = 1 << 26  # bytes of all arrays of a network
-WIDEST = 8192  # of an axis: a decision then needs less than 1 GB
 
 
 class Network(NamedTuple):

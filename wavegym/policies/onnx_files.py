@@ -21,6 +21,7 @@ from wavegym.policies.runs import RUN, read_network, read_run
 
 OPSET, IR = 18, 10  # of ONNX: old enough for runtimes of 2024
 ACTIVATIONS = {"tanh": "Tanh", "relu": "Relu"}
+OBSERVATION, MASK, ACTION = "observation", "mask", "action"
 
 
 def export_onnx(folder: Path, file: Path) -> None:
@@ -212,9 +213,6 @@ class _Graph:
             outputs = self._add("GatherND", means, mode, batch_dims=1)
         bounds = (self._constant(np.float32(bound)) for bound in (-1.0, 1.0))
         self._add("Clip", outputs, *bounds, to="action")
-
-
-OBSERVATION, MASK, ACTION = "observation", "mask", "action"
 
 
 class OnnxPolicy:

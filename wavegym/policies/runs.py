@@ -56,6 +56,16 @@ RUN_FIELDS: dict[str, type] = {
     "actions.sha256": str,
     "policy_sha256": str,
 }
+SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
+CHECKPOINTS, BOARD, LOCK = "checkpoints", "tensorboard", ".lock"
+CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
+LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one learner
+ABSENT = object()  # stands for a parameter that a system does not have
+ALIKE = "alike"  # form of actions that a scorer tells apart by their forecasts only
+OF_ANY_SIZE = ("slots", "horizon")  # parameters that mean nothing to such a scorer
+PRETRAINED = Path(__file__).parent / "pretrained"
+ALGORITHMS = ("ppo", "dqn")
+PRETRAINED_FILES = (POLICY, RUN)
 
 
 class Unlike(NamedTuple):
@@ -121,15 +131,6 @@ def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     for key, value in record.items():
         flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
     return flat
-
-
-SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
-CHECKPOINTS, BOARD, LOCK = "checkpoints", "tensorboard", ".lock"
-CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
-LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one learner
-ABSENT = object()  # stands for a parameter that a system does not have
-ALIKE = "alike"  # form of actions that a scorer tells apart by their forecasts only
-OF_ANY_SIZE = ("slots", "horizon")  # parameters that mean nothing to such a scorer
 
 
 def signature(system: System, policy: str = "mlp") -> dict[str, Any]:
@@ -354,11 +355,6 @@ def _equal(first: Any, second: Any) -> bool:
 def _shown(value: Any) -> str:
     value = str(value) if isinstance(value, Path) else value
     return "none" if value is ABSENT else " ".join(repr(value).split())
-
-
-PRETRAINED = Path(__file__).parent / "pretrained"
-ALGORITHMS = ("ppo", "dqn")
-PRETRAINED_FILES = (POLICY, RUN)
 
 
 def pretrained_folder(env_id: str, algo: str) -> Path | None:

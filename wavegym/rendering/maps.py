@@ -21,6 +21,15 @@ SIGMAS = 2.0
 CELLS = np.linspace(-3.0, 3.0, 25)  # delays and Dopplers of an ambiguity function, in resolution cells of its cuts
 TRUTH = "black"
 CROSS: dict[str, Any] = {"marker": "x", "color": TRUTH, "markersize": 6, "markeredgewidth": 1.4, "linestyle": ""}
+PLANE = slice(0, 2)  # x and y among [x y xdot ydot]
+# of targets; C0, C1, ... are sensors
+COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")
+PARTICLE: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 2.5, "markeredgewidth": 0, "alpha": 0.2}
+POINTS = 181  # of a circle
+ROAD: dict[str, Any] = {"color": "0.93", "linewidth": 0}
+BUILDING: dict[str, Any] = {"facecolor": "0.72", "edgecolor": "0.45", "linewidth": 0.8}
+TREE: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "yellowgreen", "markersize": 3, "markeredgewidth": 0}
+SPARE = 1.2  # extent of the map over that of its points, with room for names
 
 
 def ellipse(covariance: Array, radius: float = SIGMAS) -> Array:
@@ -47,17 +56,6 @@ def draw_pulse(axes: Axes, pulse: Waveform, title: str, small: bool = False) -> 
         for text in list(axes.texts):
             text.remove()
     caption(axes, title, "delay τ [µs]", "Doppler ν [kHz]")
-
-
-PLANE = slice(0, 2)  # x and y among [x y xdot ydot]
-# of targets; C0, C1, ... are sensors
-COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")
-PARTICLE: dict[str, Any] = {"linestyle": "", "marker": ".", "markersize": 2.5, "markeredgewidth": 0, "alpha": 0.2}
-POINTS = 181  # of a circle
-ROAD: dict[str, Any] = {"color": "0.93", "linewidth": 0}
-BUILDING: dict[str, Any] = {"facecolor": "0.72", "edgecolor": "0.45", "linewidth": 0.8}
-TREE: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "yellowgreen", "markersize": 3, "markeredgewidth": 0}
-SPARE = 1.2  # extent of the map over that of its points, with room for names
 
 
 def colour(target: int) -> str:

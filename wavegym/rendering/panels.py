@@ -17,6 +17,9 @@ from wavegym.core.system import State, System
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SMALL = 7.5  # font size in points
+LINE = 13.0  # pixels between lines of small text
+
 
 class Moment(NamedTuple):
     """One environment's episode so far; arrays of states and actions have a leading axis of one."""
@@ -36,10 +39,6 @@ class Scene(Protocol):
 
     def draw(self, moment: Moment) -> None:
         """Draw ``moment``; nothing of an earlier frame remains."""
-
-
-SMALL = 7.5  # font size in points
-LINE = 13.0  # pixels between lines of small text
 
 
 def caption(axes: Axes, title: str, x: str = "", y: str = "") -> None:

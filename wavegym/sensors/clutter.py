@@ -16,6 +16,9 @@ from wavegym.core.covariance_checks import check_positive_definite
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.sensors import clutter_kernels as kernels
 
+MOST_POINTS = 1e7
+"""Greatest expected number of clutter points in one call."""
+
 
 def gate_probability(gate: ArrayLike) -> Array:
     """Pg = 1 - exp(-g^2 / 2), the probability that a detected target's return lies in its gate of size g > 0."""
@@ -51,10 +54,6 @@ def cholesky(S: ArrayLike) -> Array:
     L[..., 1, 0] = S[..., 1, 0] / L[..., 0, 0]
     L[..., 1, 1] = np.sqrt(np.maximum(S[..., 1, 1] - L[..., 1, 0] * L[..., 1, 0], 0.0))
     return L
-
-
-MOST_POINTS = 1e7
-"""Greatest expected number of clutter points in one call."""
 
 
 def union_clutter(key: int, centre: ArrayLike, S: ArrayLike, gate: float, density: float) -> Array:

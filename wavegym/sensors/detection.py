@@ -49,6 +49,15 @@ from wavegym.core.errors import (
 from wavegym.sensors import detection_kernels
 from wavegym.sensors.detection_kernels import CELL, FIRST, LAST, LOGIT
 
+FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
+"""The names of the laws of fluctuation."""
+MOST_PULSES = 1000
+STEPS = 50  # halvings of the interval in which a quantile lies
+LAWS = 8  # whose tables are kept: a table takes up to a second, and every environment of the law needs it
+TABLE = 4001  # values of a table over ln eta
+ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
+RATIOS = 541  # values of eta over its mean from which a row is interpolated
+
 
 def range_law_snr(
     range_m: ArrayLike, reference_range: float = 50e3, nearest_range: float = 100.0
@@ -105,16 +114,6 @@ def energy_detection_probability(energy_ratio: ArrayLike, false_alarm: ArrayLike
     """
     ratio = check_elements(check_positive, "energy_ratio", energy_ratio)
     return detection_kernels.probability(ratio, np.log(check_elements(check_probability, "false_alarm", false_alarm)))
-
-
-FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
-"""The names of the laws of fluctuation."""
-MOST_PULSES = 1000
-STEPS = 50  # halvings of the interval in which a quantile lies
-LAWS = 8  # whose tables are kept: a table takes up to a second, and every environment of the law needs it
-TABLE = 4001  # values of a table over ln eta
-ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
-RATIOS = 541  # values of eta over its mean from which a row is interpolated
 
 
 def realised_snr(uniform: ArrayLike, snr: ArrayLike, fluctuation: str = "swerling1", pulses: int = 1) -> Array:

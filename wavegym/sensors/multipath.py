@@ -21,6 +21,10 @@ from wavegym.sensors import multipath_kernels as kernels
 from wavegym.sensors.multipath_kernels import SightTable
 from wavegym.sensors.urban_map import Point, UrbanMap
 
+MOST_CELLS = 10_000_000
+BEYOND = 10.0  # m, margin of a grid around everything on the map
+FINE, MANY = 0.5, 1_000_000  # m, cells: a sight table has wider cells only where it would have more of them
+
 
 @dataclass(frozen=True)
 class Antenna:
@@ -141,11 +145,6 @@ def mirrored(points: ArrayLike, wall: ArrayLike) -> Array:
 def _flat(points: ArrayLike) -> tuple[Array, tuple[int, ...]]:
     points = check_finite("points", points, 2)
     return np.array(points.reshape(-1, 2), order="C"), points.shape[:-1]
-
-
-MOST_CELLS = 10_000_000
-BEYOND = 10.0  # m, margin of a grid around everything on the map
-FINE, MANY = 0.5, 1_000_000  # m, cells: a sight table has wider cells only where it would have more of them
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,17 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_int, check_non_negative, check_positive
 from wavegym.sensors import platform_kernels as kernels
 
+Penalty = Literal["logistic", "hard", "deadzone", "huber", "log-barrier"]
+PENALTIES: tuple[str, ...] = get_args(Penalty)
+KINDS = {
+    "logistic": kernels.LOGISTIC,
+    "hard": kernels.HARD,
+    "deadzone": kernels.DEADZONE,
+    "huber": kernels.HUBER,
+    "log-barrier": kernels.LOG_BARRIER,
+}
+SHARPNESS = {"logistic": 100.0, "hard": 100.0, "deadzone": 100.0, "huber": 100.0, "log-barrier": 1e8}
+
 
 def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool = False) -> Array:
     """c(x) = (r, rdot, azimuth): eqs. (4) and (5) of O'Rourke and Swindlehurst, and the azimuth that follows them.
@@ -86,18 +97,6 @@ def platform_view(
     check_positive("wavelength", wavelength, "m")
     lengths = check_int("fft_length", fft_length, 1), check_int("pixels", pixels, 1)
     return View(*kernels.view(settings, wavelength, *lengths, float(as_printed)))
-
-
-Penalty = Literal["logistic", "hard", "deadzone", "huber", "log-barrier"]
-PENALTIES: tuple[str, ...] = get_args(Penalty)
-KINDS = {
-    "logistic": kernels.LOGISTIC,
-    "hard": kernels.HARD,
-    "deadzone": kernels.DEADZONE,
-    "huber": kernels.HUBER,
-    "log-barrier": kernels.LOG_BARRIER,
-}
-SHARPNESS = {"logistic": 100.0, "hard": 100.0, "deadzone": 100.0, "huber": 100.0, "log-barrier": 1e8}
 
 
 def fov_penalty(

@@ -23,6 +23,7 @@ from wavegym.core.errors import InputError, check_choice, check_int, check_non_n
 from wavegym.targets.kernels import scan, scan_batch
 
 SUFFIXES = ("", "dot", "ddot")
+MANOEUVRE_NAMES = ("x", "y", "xdot", "ydot", "xddot", "yddot")
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +178,6 @@ def _semidefinite_cholesky(Q: FloatArray) -> FloatArray:
         if column[0] > 1e-12 * Q[j, j]:
             L[j:, j] = column / np.sqrt(column[0])
     return L
-
-
-MANOEUVRE_NAMES = ("x", "y", "xdot", "ydot", "xddot", "yddot")
 
 
 def nearly_constant_velocity(dt: float, sigma: float, acceleration: float = 0.5) -> MotionModel:

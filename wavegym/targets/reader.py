@@ -27,6 +27,12 @@ from wavegym.targets.recorded import RecordedTrack
 
 Mask = NDArray[np.bool_]
 POSITION_TOLERANCE = 25.0  # m: quantisation and noise of position reports
+SEMI_MAJOR = 6378137.0  # m, WGS-84 (NIMA TR8350.2, table 3.1)
+FLATTENING = 1 / 298.257223563
+ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
+AIRCRAFT_ACCELERATION = 8.0  # m/s²: airliners stay below 6 (bank of 30°); late reports at 10 s intervals give 9 to 16
+GREATEST_ACCELERATION = 1000.0  # m/s²: no target accelerates more; several targets in one track seem to
+MOST_IMPOSSIBLE = 0.5  # share of a file's reports: if more contradict the others, its columns are misread
 
 
 def last_of_each_time(times: FloatArray) -> Mask:
@@ -143,11 +149,6 @@ def _suspicion(times: FloatArray, positions: FloatArray, max_acceleration: float
     return np.linalg.norm(positions[1:-1] - chord, axis=1) / allowed
 
 
-SEMI_MAJOR = 6378137.0  # m, WGS-84 (NIMA TR8350.2, table 3.1)
-FLATTENING = 1 / 298.257223563
-ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
-
-
 def geodetic_to_ecef(latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike) -> FloatArray:
     """Earth-centred, earth-fixed points [m], (..., 3), of latitude, longitude [deg] and ellipsoidal height [m]."""
     phi, lam = np.radians(latitude), np.radians(longitude)
@@ -172,11 +173,6 @@ def mean_direction(latitude: ArrayLike, longitude: ArrayLike) -> tuple[float, fl
     phi, lam = np.radians(latitude), np.radians(longitude)
     x, y, z = (float(np.mean(c)) for c in (np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)))
     return float(np.degrees(np.arctan2(z, np.hypot(x, y)))), float(np.degrees(np.arctan2(y, x)))
-
-
-AIRCRAFT_ACCELERATION = 8.0  # m/s²: airliners stay below 6 (bank of 30°); late reports at 10 s intervals give 9 to 16
-GREATEST_ACCELERATION = 1000.0  # m/s²: no target accelerates more; several targets in one track seem to
-MOST_IMPOSSIBLE = 0.5  # share of a file's reports: if more contradict the others, its columns are misread
 
 
 class _Cleaned(NamedTuple):

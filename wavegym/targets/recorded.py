@@ -24,6 +24,9 @@ BLOCK = 48  # reports of a stretch that are tried together
 MOST_BLOCKS = 8  # of a track, spread over its whole length
 NEGLIGIBLE = 1e-3  # m
 ENDS = 2  # reports at either end of a block that do not count: their prediction is an extrapolation
+MOST_SAMPLES = 10_000_000
+SHORTEST_GAP = 30.0  # s
+GAP = 3.0  # a longer gap, in usual times between the reports of a track, where that is more than SHORTEST_GAP
 
 
 def smoothed(times: FloatArray, positions: FloatArray, tau: float) -> FloatArray:
@@ -106,11 +109,6 @@ def _blocks(stretches: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[Fl
     if len(blocks) > MOST_BLOCKS:
         blocks = [blocks[i] for i in np.linspace(0, len(blocks) - 1, MOST_BLOCKS).round().astype(int)]
     return blocks
-
-
-MOST_SAMPLES = 10_000_000
-SHORTEST_GAP = 30.0  # s
-GAP = 3.0  # a longer gap, in usual times between the reports of a track, where that is more than SHORTEST_GAP
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,9 @@ from wavegym.core.errors import InputError, check_int
 from wavegym.targets.reader import read_tracks
 from wavegym.targets.recorded import Piece, RecordedTrack
 
+LINE_OF_SIGHT = ("r", "rdot", "rddot")
+FEW_FILES = 4  # recordings kept in memory: a comparison makes the same system several times
+
 
 @dataclass(frozen=True, eq=False)
 class Windows:
@@ -163,10 +166,6 @@ def _too_short(tracks: Sequence[RecordedTrack], dt: float, steps: int, max_gap: 
         f"tracks are cut where reports lie more than {longest.longest_gap(max_gap):g} s apart"
         + (f"; reports left out: {left_out}" if left_out else "")
     )
-
-
-LINE_OF_SIGHT = ("r", "rdot", "rddot")
-FEW_FILES = 4  # recordings kept in memory: a comparison makes the same system several times
 
 
 @dataclass(frozen=True, eq=False)

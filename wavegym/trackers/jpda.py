@@ -30,6 +30,9 @@ from wavegym.trackers.association import check_association_terms
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.jpda_kernels import GATE, LIMIT, reduction
 
+TABLE = Path(__file__).with_name("information_reduction_table.csv")
+FAINTEST = np.log(LIMIT / 2 / (1 - (1 + GATE**2) * np.exp(-(GATE**2))))  # log f at Pd = 0
+
 
 def jpda_update(
     mean: ArrayLike,
@@ -110,10 +113,6 @@ def _copy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     fresh = np.empty(shape)
     fresh[...] = array
     return fresh
-
-
-TABLE = Path(__file__).with_name("information_reduction_table.csv")
-FAINTEST = np.log(LIMIT / 2 / (1 - (1 + GATE**2) * np.exp(-(GATE**2))))  # log f at Pd = 0
 
 
 def information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArray:

@@ -21,6 +21,7 @@ from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.trackers import gospa_kernels as kernels
 
 Mask = NDArray[np.bool_]
+MOST_TARGETS = 12  # the assignment goes through all 2^targets subsets
 
 
 class Pictures(NamedTuple):
@@ -72,9 +73,6 @@ def flat_pictures(
     for name, positions, counted in (("targets", *flat[:2]), ("tracks", *flat[2:])):
         check_finite(f"{name} that count", np.where(counted[..., None], positions, 0.0))
     return flat, lead
-
-
-MOST_TARGETS = 12  # the assignment goes through all 2^targets subsets
 
 
 class Gospa(NamedTuple):

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 ComplexArray = NDArray[np.complex128]
+_POINTS = 241
+_REACH = 5.0  # half the window, in resolution cells of the cuts
+_HALF_POWER = float(np.sqrt(0.5))
+_MICRO, _KILO = 1e6, 1e-3  # s -> us, Hz -> kHz
 
 
 def ambiguity(waveform: Waveform, delays: ArrayLike, dopplers: ArrayLike) -> ComplexArray:
@@ -61,12 +65,6 @@ def _check_axis(name: str, values: ArrayLike) -> FloatArray:
     if axis.ndim != 1:
         raise InputError(f"{name} has shape {axis.shape}, expected one axis")
     return check_finite(name, axis)
-
-
-_POINTS = 241
-_REACH = 5.0  # half the window, in resolution cells of the cuts
-_HALF_POWER = float(np.sqrt(0.5))
-_MICRO, _KILO = 1e6, 1e-3  # s -> us, Hz -> kHz
 
 
 def plot_ambiguity(

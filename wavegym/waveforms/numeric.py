@@ -40,6 +40,10 @@ _DERIVATIVE = _VALUES_TO_COEFFICIENTS @ _SLOPES  # (node, node)
 # Integrates a polynomial of degree < 32 times exp(-j z x) to rounding for every |z| <= 32.
 _FINE_X, _FINE_W = legendre.leggauss(2 * NODES)
 _FINE_POLYNOMIALS = _FINE_W[:, None] * legendre.legvander(_FINE_X, NODES - 1)  # (fine node, order)
+_ENERGY_TOLERANCE = 1e-9
+_INSET = 1e-9  # of a piece's length
+_JUMP = 1e-5  # of the peak: far above a taper's value at the inset, far below a relevant jump
+_CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements per chunk: about 30 MB
 
 
 @dataclass(frozen=True)
@@ -138,12 +142,6 @@ def legendre_moments(z: FloatArray) -> ComplexArray:
 
 def _nodes(centres: FloatArray, half: FloatArray) -> FloatArray:
     return centres[..., None] + half[:, None, None] * _X
-
-
-_ENERGY_TOLERANCE = 1e-9
-_INSET = 1e-9  # of a piece's length
-_JUMP = 1e-5  # of the peak: far above a taper's value at the inset, far below a relevant jump
-_CHUNK = 2**19  # (order, Doppler) and (panel, Doppler) table elements per chunk: about 30 MB
 
 
 class _Pulse(Protocol):
