@@ -39,8 +39,7 @@ from wavegym.evaluation.submission import (
     table,
 )
 from wavegym.evaluation.table import estimated, interval, tabulated
-from wavegym.policies.records import read_run
-from wavegym.policies.runs import RUN
+from wavegym.policies.runs import RUN, read_run
 
 FOLDER, PAGE, PICTURE = ROOT / "results" / "board", ROOT / "docs" / "board.md", ROOT / "docs" / "images" / "board.png"
 RELEASE = "release.json"  # version, root and worlds

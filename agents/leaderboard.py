@@ -42,8 +42,7 @@ from wavegym.evaluation.table import (
     tabulated,
 )
 from wavegym.policies import runs
-from wavegym.policies.records import read_run
-from wavegym.policies.runs import RUN, load_policy
+from wavegym.policies.runs import RUN, load_policy, read_run
 from wavegym.registration import SYSTEMS, stem
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE, recorded
 

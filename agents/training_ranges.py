@@ -14,10 +14,8 @@ from agents.leaderboard import ROOT
 from wavegym.core.command_line import Parser, guarded
 from wavegym.evaluation.files import write_whole
 from wavegym.learning.observed import range_in_training
-from wavegym.policies.networks import LearnedPolicy
-from wavegym.policies.records import read_run
-from wavegym.policies.runs import RUN, read_network
-from wavegym.policies.training_range import KEY
+from wavegym.policies.networks import RANGE_KEY, LearnedPolicy
+from wavegym.policies.runs import RUN, read_network, read_run
 
 FOLDER = ROOT / "results" / "runs"
 
@@ -28,7 +26,7 @@ def note(folder: Path) -> None:
     settings = run["settings"]
     policy = LearnedPolicy(read_network(folder, run), bool(settings.get("forecasts", False)))
     found = range_in_training(policy, run["env"], run["seed"], settings["environment"], settings.get("variants", ()))
-    write_whole(folder, {RUN: (json.dumps({**run, KEY: found.record()}, indent=2) + "\n").encode()})
+    write_whole(folder, {RUN: (json.dumps({**run, RANGE_KEY: found.record()}, indent=2) + "\n").encode()})
 
 
 def main() -> None:
@@ -37,7 +35,7 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="also where it is known")
     again = parser.read(None).again
     for file in sorted(FOLDER.glob(f"*/*/*/{RUN}")):
-        if again or KEY not in read_run(file):
+        if again or RANGE_KEY not in read_run(file):
             note(file.parent)
             print(file.parent.relative_to(FOLDER), flush=True)
 

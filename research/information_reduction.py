@@ -29,8 +29,8 @@ from scipy import special
 
 from research.information_reduction_kernels import simulated_reduction
 from wavegym.core.arrays import FloatArray
-from wavegym.trackers.information_reduction import TABLE
-from wavegym.trackers.information_reduction_kernels import GATE
+from wavegym.trackers.jpda import TABLE
+from wavegym.trackers.jpda_kernels import GATE
 
 PD = np.append(np.round(special.expit(np.linspace(-9.0, 7.0, 65)), 6), 1.0)  # as dense near 0 as near 1
 CLUTTER = 10.0 ** np.linspace(-3.0, 5.0, 65)

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from wavegym import sensors, targets, trackers, waveforms
 from wavegym.core.errors import InputError
+from wavegym.systems import urban
 
 NAN, INF = math.nan, math.inf
 SCALARS = {  # kind: values that no element may have
@@ -330,7 +331,7 @@ GOOD: dict[str, dict[str, Argument]] = {
 ALIASES = {  # how messages call an argument
     "covariance": "P", "matrix": "P", "measurement": "innovation", "sigma_acceleration": "sigma",
 }  # fmt: skip
-ROOMS = (trackers, sensors, targets, waveforms)
+ROOMS = (trackers, sensors, targets, waveforms, urban)
 NO_NUMBERS = {
     # results, which functions of this package make
     "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
@@ -339,7 +340,7 @@ NO_NUMBERS = {
     # made of objects that are checked themselves, of text or of files, which have tests of their own
     "EclipsedLibrary", "EclipsePulses", "EclipseTables", "eclipse_tables",
     "Multistatic", "Waveform", "FrequencyLaw", "parse_law", "read_tracks", "numeric_fisher_information",
-    "plot_ambiguity", "SPEED_OF_LIGHT", "FLUCTUATIONS",
+    "plot_ambiguity", "SPEED_OF_LIGHT", "FLUCTUATIONS", "Urban",
 }  # fmt: skip
 CASES = [
     (function, name) for function, arguments in GOOD.items() for name, argument in arguments.items() if argument.kind

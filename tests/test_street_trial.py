@@ -10,7 +10,7 @@ import pytest
 
 from wavegym.core import shortcuts
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.trackers.urban.scan_kernels import expect
+from wavegym.systems.urban.scan_kernels import expect
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "street"))
 from street import LIVE, Street

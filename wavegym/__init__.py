@@ -61,7 +61,7 @@ def load_agent(id: str, /, algo: str, **parameters: Any) -> Policy:
         InputError: no such agent, or one that does not fit the environment.
     """
     from wavegym.evaluation.task import make_task
-    from wavegym.policies.pretrained import load_pretrained
+    from wavegym.policies.runs import load_pretrained
 
     task = make_task(id, parameters)
     return load_pretrained(task.env_id, algo, task.system)

@@ -17,13 +17,13 @@ from wavegym.core.action_sets import Library
 from wavegym.core.parameters import changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
 from wavegym.systems.urban import kernels
+from wavegym.systems.urban.scan_kernels import scan
 from wavegym.systems.urban.state import Belief as UrbanBelief
 from wavegym.systems.urban.state import Measurements, make_scene
 from wavegym.systems.urban.system import Urban
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, Tracks
 from wavegym.targets import ScriptedPath, Segment
-from wavegym.trackers import Tracks, gospa
-from wavegym.trackers.urban.scan_kernels import scan
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+from wavegym.trackers import gospa
 from wavegym.waveforms import PulseTrain, measurement_covariances
 
 LANES, SPEEDS, ENTRIES = (70.0, -70.0), (6.0, 8.0, 10.0), (-140.0, -110.0, -80.0)  # m, m/s, m: of the drawn routes

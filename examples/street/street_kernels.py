@@ -7,12 +7,28 @@ import numpy as np
 from wavegym.core.counter_rng_kernels import normal, stream, uniform
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import snr_of_errors, tabulated
-from wavegym.sensors.geometry_kernels import multistatic_range_and_rate
-from wavegym.sensors.multistatic_kernels import direction_cosine, direction_variance, folded, noise, snr_at
+from wavegym.sensors.geometry_kernels import (
+    direction_cosine,
+    direction_variance,
+    folded,
+    multistatic_range_and_rate,
+    noise,
+    snr_at,
+)
 from wavegym.systems.urban.kernels import DRIVERS, measure_clutter
-from wavegym.trackers.urban.kernels import EMPTY, HIDDEN, cell_of, place_of, predict_measurements, predict_tracks
-from wavegym.trackers.urban.scan_kernels import predicted_for, scratch_for, slots_of
-from wavegym.trackers.urban.update_kernels import covariance_at, factor_sum, shrink, whiten_gain
+from wavegym.systems.urban.scan_kernels import predicted_for, scratch_for, slots_of
+from wavegym.systems.urban.tracker_kernels import (
+    EMPTY,
+    HIDDEN,
+    cell_of,
+    covariance_at,
+    factor_sum,
+    place_of,
+    predict_measurements,
+    predict_tracks,
+    shrink,
+    whiten_gain,
+)
 
 SPACING = 0.6  # standard deviations between places of ``share_lit`` along the first axis
 

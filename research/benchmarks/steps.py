@@ -23,8 +23,7 @@ from research.benchmarks.figures import read_rows, renew_rows
 from wavegym.core.command_line import Parser, guarded
 from wavegym.evaluation.saved import SAVED
 from wavegym.evaluation.table import tabulated
-from wavegym.policies.records import read_run
-from wavegym.policies.runs import RUN, environment_of
+from wavegym.policies.runs import RUN, environment_of, read_run
 from wavegym.registration import SYSTEMS, full_id, stem
 from wavegym.schedulers.tuned_constants import SIMPLE
 

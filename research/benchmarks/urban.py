@@ -14,8 +14,8 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.sensors import multistatic_range_and_rate
 from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks, imm_ukf_scan
-from wavegym.trackers.urban.tracker import TRANSITION
+from wavegym.systems.urban.tracker import TRANSITION, Tracks
+from wavegym.trackers import imm_ukf_scan
 from wavegym.waveforms import measurement_covariances
 
 BATCH, LONG_UP = 256, 0

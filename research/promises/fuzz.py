@@ -30,8 +30,7 @@ from wavegym.envs.scenario import scenario_differences, scenario_toml
 from wavegym.evaluation import compare, make_task
 from wavegym.evaluation.page import page
 from wavegym.evaluation.summary import summarise
-from wavegym.policies.pretrained import FOLDER
-from wavegym.policies.runs import POLICY, RUN, load_policy
+from wavegym.policies.runs import POLICY, PRETRAINED, RUN, load_policy
 from wavegym.registration import SYSTEMS
 from wavegym.sensors.urban_map import MAPS, UrbanMap
 from wavegym.targets.reader import read_tracks
@@ -117,7 +116,7 @@ def changed_arrays(draw: st.DrawFn, content: bytes) -> bytes:
 @cache
 def agents() -> list[Path]:
     """The folders of the agents in the package."""
-    return sorted(file.parent for file in FOLDER.glob(f"*/*/{RUN}"))
+    return sorted(file.parent for file in PRETRAINED.glob(f"*/*/{RUN}"))
 
 
 def policies(draw: Callable[[Any], Any], folder: Path) -> None:

@@ -17,7 +17,7 @@ from wavegym.core.command_line import guarded
 from wavegym.core.version import VERSION
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.play import play
-from wavegym.policies.pretrained import FOLDER
+from wavegym.policies.runs import PRETRAINED
 from wavegym.schedulers import Fixed
 
 SHORT = ["--set", "horizon=4"]
@@ -156,7 +156,7 @@ def test_play_writes_a_frame_before_and_after_each_step(tmp_path, capsys):
 
 
 def test_a_policy_trained_elsewhere_is_played_with_a_line_of_warning(capsys):
-    folder = FOLDER / "RfEoFar" / "ppo"
+    folder = PRETRAINED / "RfEoFar" / "ppo"
     assert main(["play", "RfEo-v0", "--policy", str(folder), "--set", "horizon=3", "--set", "prf=(2e3, 1e5)"]) == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
     (line,) = lines
@@ -164,7 +164,7 @@ def test_a_policy_trained_elsewhere_is_played_with_a_line_of_warning(capsys):
 
 
 def test_export_takes_a_folder_or_an_agent_of_the_package(tmp_path, capsys):
-    for n, policy in enumerate(["KershawEvans-v0/dqn", str(FOLDER / "KershawEvans" / "dqn")]):
+    for n, policy in enumerate(["KershawEvans-v0/dqn", str(PRETRAINED / "KershawEvans" / "dqn")]):
         assert main(["export", policy, "--onnx", str(tmp_path / f"{n}.onnx")]) == 0
     assert (tmp_path / "0.onnx").read_bytes() == (tmp_path / "1.onnx").read_bytes()
     assert onnx.load(tmp_path / "0.onnx").producer_name == "wavegym"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import wavegym
+from wavegym.cli.environments import listed, why_not
 from wavegym.cli.main import main
-from wavegym.cli.policies import listed, why_not
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import tuning_tapes
 from wavegym.evaluation import make_task

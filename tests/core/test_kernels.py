@@ -109,8 +109,8 @@ def test_a_cache_folder_covers_the_kernel_files_that_a_module_imports():
     assert found >= {
         "core/kernels.py",
         "trackers/gaussian_mixture_kernels.py",
-        "trackers/joint_association_kernels.py",  # imported by it
-        "trackers/subset_kernels.py",  # imported by the former
+        "trackers/jpda_kernels.py",  # imported by it
+        "trackers/association_kernels.py",  # imported by the former
     }
     assert not any(name.startswith("systems/") for name in found)
     assert kernels._sources("wavegym.systems") == frozenset()

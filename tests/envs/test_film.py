@@ -17,7 +17,7 @@ from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.film import Film, headline
 from wavegym.envs.scenes import ObservationScene, make_scene
 from wavegym.registration import RECORDS
-from wavegym.rendering.drawings import ellipse
+from wavegym.rendering.maps import ellipse
 from wavegym.rendering.timelines import Timelines, draw_choices, draw_predicted
 from wavegym.schedulers import Myopic
 from wavegym.systems.kershaw_evans.scene import transmitted

@@ -14,8 +14,8 @@ from wavegym.cli.main import main
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, submission
 from wavegym.evaluation.submission import play_submission, read_record, read_submission, suite
-from wavegym.policies.onnx_export import export_onnx
-from wavegym.policies.pretrained import FOLDER
+from wavegym.policies.onnx_files import export_onnx
+from wavegym.policies.runs import PRETRAINED
 
 ID = "wavegym/KershawEvansPosition-v0"
 FILE = """
@@ -36,8 +36,8 @@ settings = { action = "joint" }
 def folder(tmp_path: Path) -> Path:
     own = tmp_path / "submission"
     own.mkdir()
-    export_onnx(FOLDER / "KershawEvansPosition" / "ppo", own / "position.onnx")
-    shutil.copytree(FOLDER / "AgileClutter" / "ppo", own / "agile")
+    export_onnx(PRETRAINED / "KershawEvansPosition" / "ppo", own / "position.onnx")
+    shutil.copytree(PRETRAINED / "AgileClutter" / "ppo", own / "agile")
     (own / "submission.toml").write_text(FILE)
     return own
 

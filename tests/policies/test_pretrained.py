@@ -11,16 +11,14 @@ import wavegym
 from agents.package import move, sources
 from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.policy import Policy
-from wavegym.policies.pretrained import FILES, FOLDER, pretrained_folder
-from wavegym.policies.records import read_run
-from wavegym.policies.runs import RUN
+from wavegym.policies.runs import PRETRAINED, PRETRAINED_FILES, RUN, pretrained_folder, read_run
 
-PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(FOLDER.glob(f"*/*/{RUN}")))]
+PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(PRETRAINED.glob(f"*/*/{RUN}")))]
 
 
 def test_they_are_seed_0_of_every_run_in_the_results() -> None:
-    copied = {file for folder in sources() for file in (folder / name for name in FILES)}
-    assert {file for file in FOLDER.glob("*/*/*") if file.suffix not in (".py", ".pyc")} == copied
+    copied = {file for folder in sources() for file in (folder / name for name in PRETRAINED_FILES)}
+    assert {file for file in PRETRAINED.glob("*/*/*") if file.suffix not in (".py", ".pyc")} == copied
     assert len(copied) == 2 * len(PACKAGED) == 50
     for packaged, run in sources().items():
         assert read_run(packaged / RUN)["seed"] == 0
@@ -30,11 +28,11 @@ def test_they_are_seed_0_of_every_run_in_the_results() -> None:
 def test_a_new_agent_is_moved_and_linked(tmp_path: Path) -> None:
     run, packaged = tmp_path / "runs" / "ppo" / "seed0", tmp_path / "pretrained" / "ppo"
     run.mkdir(parents=True)
-    for name in (*FILES, "curve.csv"):
+    for name in (*PRETRAINED_FILES, "curve.csv"):
         (run / name).write_text(name)
     move(run, packaged)
     assert run.resolve() == packaged.resolve()
-    assert {file.name: file.read_text() for file in run.iterdir()} == {name: name for name in FILES}
+    assert {file.name: file.read_text() for file in run.iterdir()} == {name: name for name in PRETRAINED_FILES}
 
 
 @pytest.mark.parametrize(("env_id", "algo"), PACKAGED)

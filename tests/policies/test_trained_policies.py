@@ -28,8 +28,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.play import play
 from wavegym.learning.train import train
-from wavegym.policies.pretrained import pretrained_folder
-from wavegym.policies.runs import load_policy, signature
+from wavegym.policies.runs import load_policy, pretrained_folder, signature
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 SYSTEM = make_task(ID, {"horizon": ENVIRONMENT["horizon"]}).system  # that of the small runs

@@ -10,7 +10,7 @@ from wavegym.schedulers import Myopic, rollout
 from wavegym.schedulers.myopic import mean_trace
 from wavegym.systems.kershaw_evans.system import KershawEvans
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers.urban.tracker import EMPTY
+from wavegym.systems.urban.tracker import EMPTY
 
 SYSTEM = Urban(durations=(0.5e-6, 1.375e-6))
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from wavegym.core.errors import InputError
 from wavegym.sensors import Antenna, ArrayReceiver, Multistatic, UrbanMap
-from wavegym.sensors.multistatic_kernels import direction_variance
+from wavegym.sensors.geometry_kernels import direction_variance
 from wavegym.sensors.receiver import noise_law
 from wavegym.waveforms import SPEED_OF_LIGHT, GaussianChirp, PulseTrain
 

@@ -11,8 +11,7 @@ from wavegym.evaluation import draw_worlds, make_task, world_seeds
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.rollout import allowed
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED
+from wavegym.systems.urban.tracker import CONFIRMED, Tracks
 
 URBAN = ("wavegym/Urban-v0", "wavegym/UrbanSignal-v0")  # their tracks belong to no target
 SLOTS = ("wavegym/MultifunctionRadar-v0",)  # as do these; tests of its own

@@ -1,11 +1,14 @@
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from scipy.special import spherical_jn
 from waveform_cases import KinkedChirp, chirps, trains
 
 from wavegym.core.errors import InputError
 from wavegym.waveforms import GaussianChirp, PulseTrain, Waveform, ambiguity, numeric_fisher_information
-from wavegym.waveforms.numeric import numeric_fisher_factors
+from wavegym.waveforms.numeric import NODES, legendre_moments, numeric_fisher_factors, resolve
 
 
 def normalised(J, waveform):
@@ -157,3 +160,31 @@ class Rectangle(Waveform):
 def test_an_envelope_with_jumps_is_refused():
     with pytest.raises(InputError, match="envelope of rectangle jumps by 1 of its peak"):
         Rectangle().fisher_information()
+
+
+def test_moments_are_spherical_bessel_functions():
+    z = np.concatenate([[0.0, 1e-12, -1e-3], np.linspace(-80, 80, 321), [1e3, -1e5]])[None]
+    order = np.arange(NODES)[:, None]
+    expected = 2 * (-1j) ** order * spherical_jn(order, z)
+    np.testing.assert_allclose(legendre_moments(z)[0], expected, atol=5e-14)
+
+
+def test_a_resolved_function_is_integrated_and_differentiated_to_rounding():
+    def wave(t):
+        return np.stack([np.sin(40 * t), np.exp(-t)])
+
+    expansion = resolve(wave, np.array([0.0, 2.0]), np.array([1.0, 2.5]), np.ones(2), "wave")
+    area = (expansion.values * expansion.weights).sum(axis=(1, 2, 3))
+    sine = (1 - np.cos(40) + np.cos(80) - np.cos(100)) / 40
+    decay = 1 - np.exp(-1) + np.exp(-2) - np.exp(-2.5)
+    np.testing.assert_allclose(area, [sine, decay], atol=1e-14)
+    slopes = [40 * np.cos(40 * expansion.times), -np.exp(-expansion.times)]
+    np.testing.assert_allclose(expansion.derivative(), slopes, atol=1e-9)
+
+
+@pytest.mark.parametrize("omega", [0.0, 3.0, -50.0, 4e4])
+def test_fourier_integral(omega):
+    expansion = resolve(lambda t: np.exp(-t)[None], np.array([-1.0, 1.0]), np.array([0.5, 2.0]), np.ones(1), "decay")
+    exponent = -(1 + 1j * omega)
+    exact = sum((np.exp(exponent * b) - np.exp(exponent * a)) / exponent for a, b in ((-1, 0.5), (1, 2)))
+    assert expansion.fourier(np.array([omega]))[0, 0] == pytest.approx(exact, abs=2e-14)

@@ -29,15 +29,15 @@ class Command(NamedTuple):
 COMMANDS = {
     "list": Command("list the ids of all environments", "environments", "list_ids"),
     "describe": Command("show actions, observations and parameters of an environment", "environments", "describe"),
-    "policies": Command("list the policies that evaluate and play take", "policies", "policies"),
+    "policies": Command("list the policies that evaluate and play take", "environments", "policies"),
     "warm-up": Command("compile the kernels of environments before they are needed", "warm_up", "warm_up"),
     "check": Command("check that an environment conforms to Gymnasium", "environments", "check"),
     "play": Command("play one episode with a policy; optionally write a GIF", "play", "play"),
     "train": Command("train an agent (extra: agents)", "train", "train"),
     "evaluate": Command("compare policies on the same worlds", "evaluate", "evaluate"),
-    "submit": Command("play a submission to the board", "submit", "submit"),
+    "submit": Command("play a submission to the board", "export", "submit"),
     "tracks": Command("show what is in a recording of targets", "tracks", "tracks"),
-    "dataset": Command("write episodes of a policy as a Minari dataset (extra: minari)", "dataset", "dataset"),
+    "dataset": Command("write episodes of a policy as a Minari dataset (extra: minari)", "play", "dataset"),
     "export": Command("write a trained policy as an ONNX file (extra: onnx)", "export", "export"),
 }
 

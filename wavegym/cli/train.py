@@ -71,8 +71,7 @@ def train(arguments: Sequence[str] | None) -> None:
     # These imports take seconds; a misspelt option is reported before them.
     from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
-    from wavegym.policies.records import read_run
-    from wavegym.policies.runs import RUN, environment_of
+    from wavegym.policies.runs import RUN, environment_of, read_run
 
     try:
         from wavegym.learning.train import train as run

@@ -14,7 +14,7 @@ from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.system import State, System
 from wavegym.envs.scenes import make_scene
-from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import Moment
 
 SIZE = (9.6, 6.4)  # inches; even numbers of pixels, as video encoders require
 DPI = 100

@@ -13,8 +13,7 @@ import numpy as np
 from wavegym.core.loading import load_object
 from wavegym.core.system import System
 from wavegym.registration import scene_of
-from wavegym.rendering.moment import Moment, Scene
-from wavegym.rendering.panels import caption, few_ticks, wipe
+from wavegym.rendering.panels import Moment, Scene, caption, few_ticks, wipe
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure

@@ -12,7 +12,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.loading import load_object
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.policies.pretrained import pretrained_folder
+from wavegym.policies.runs import pretrained_folder
 from wavegym.registration import stem
 
 SAVED = Path(__file__).parents[2] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.experiment makes them
@@ -59,7 +59,7 @@ def is_onnx(source: str) -> bool:
 
 def load_onnx(path: Path) -> Policy:
     """The policy in an ONNX file; runs no code of it. Raises an InputError for any other file."""
-    from wavegym.policies.onnx_policy import OnnxPolicy
+    from wavegym.policies.onnx_files import OnnxPolicy
 
     return OnnxPolicy(path)
 

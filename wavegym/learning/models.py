@@ -26,8 +26,7 @@ from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
 from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
-from wavegym.policies.records import difference
-from wavegym.policies.runs import signature
+from wavegym.policies.runs import difference, signature
 
 ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}

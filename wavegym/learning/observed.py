@@ -1,4 +1,4 @@
-"""What a finished policy observes in the environment of its training, for ``policies.training_range``."""
+"""What a finished policy observes in the environment of its training, for ``policies.networks``."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from wavegym.evaluation import make_task, training_seeds
 from wavegym.evaluation.play import play
 from wavegym.learning.models import ROOT
 from wavegym.observations.forecasts import Forecasts
-from wavegym.policies.networks import LearnedPolicy
-from wavegym.policies.training_range import TrainingRange
+from wavegym.policies.networks import LearnedPolicy, TrainingRange
 
 ENVS = 128  # episodes, in equal parts of all variants
 LEAST = 4  # episodes of each variant

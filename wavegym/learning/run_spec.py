@@ -12,8 +12,7 @@ from typing import Any
 from wavegym.core.errors import InputError
 from wavegym.core.version import VERSION
 from wavegym.learning.settings import Settings
-from wavegym.policies.records import difference, read_record
-from wavegym.policies.runs import CONTENTS, SPEC
+from wavegym.policies.runs import CONTENTS, SPEC, difference, read_record
 
 PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3", "sb3-contrib")
 

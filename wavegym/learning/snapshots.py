@@ -21,7 +21,7 @@ from wavegym.core.errors import InputError
 from wavegym.learning.curve import LearningCurve
 from wavegym.learning.models import build_model
 from wavegym.learning.run_spec import RunSpec
-from wavegym.policies.records import difference
+from wavegym.policies.runs import difference
 
 # Of a model of Stable-Baselines3: what a training changes, but for weights, optimiser and buffers.
 COUNTERS = (

@@ -28,10 +28,8 @@ from wavegym.learning.observed import range_in_training
 from wavegym.learning.run_spec import RunSpec, check_resumable, check_unused, planned_steps
 from wavegym.learning.snapshots import restore
 from wavegym.learning.time_discount import NoteDurations
-from wavegym.policies.networks import LearnedPolicy
-from wavegym.policies.records import read_run
-from wavegym.policies.runs import CHECKPOINTS, CURVE, LOCK, MODEL, POLICY, RUN, SPEC, read_policy, signature
-from wavegym.policies.training_range import KEY
+from wavegym.policies.networks import RANGE_KEY, LearnedPolicy
+from wavegym.policies.runs import CHECKPOINTS, CURVE, LOCK, MODEL, POLICY, RUN, SPEC, read_policy, read_run, signature
 
 
 def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = False, progress: bool = True) -> None:
@@ -141,7 +139,7 @@ def _learn(
         "cpu_seconds": round(curve.cpu_seconds, 1),
         "policy_sha256": hashlib.sha256(policy).hexdigest(),
         **signature(systems_of(env)[0], settings.policy),
-        KEY: observed.record(),
+        RANGE_KEY: observed.record(),
     }
     write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(run)})
 

@@ -1,10 +1,12 @@
 """Trained networks in plain NumPy: a decision takes some ten microseconds and needs no torch.
 
-A network is a kind and its float32 arrays. ``learning.export`` converts Stable-Baselines3's policies.
+A network is a kind and its float32 arrays, and knows the range of what it observed in its training: outside it, nobody
+knows what the policy does. ``learning.export`` converts Stable-Baselines3's policies.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,11 +16,66 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.observations.forecasts import PRESENT, Forecasts
-from wavegym.policies.training_range import TrainingRange
 
+MARGIN = 0.1  # of the range, on both sides: the extremes of a few episodes are not those of all
+RANGE_KEY = "observed"  # in run.json
+DIGITS = 4  # of an observation, which is within +-10
 KINDS, ACTIVATIONS = ("mlp", "mixture", "scorer"), ("tanh", "relu")
 LIMIT = 1 << 26  # bytes of all arrays of a network
 WIDEST = 8192  # of an axis: a decision then needs less than 1 GB
+
+
+class TrainingRange(NamedTuple):
+    """Least and greatest values of the elements of a network's observation.
+
+    The forecasts of all candidates have one range, because a policy scores candidates alike.
+
+    Attributes:
+        own: number of elements before the forecasts.
+        low: of these elements and of the forecasts of one candidate, (element,).
+        high: the same.
+    """
+
+    own: int
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, observation: Array, own: int, forecasts: int) -> TrainingRange:
+        """The range of observations (env, element), with so many forecasts of each candidate."""
+        low, high = _extremes(observation, own, own + forecasts)
+        return cls(own, low.min(axis=0), high.max(axis=0))
+
+    @classmethod
+    def from_record(cls, found: Mapping[str, Any]) -> TrainingRange:
+        """The range of ``record``. Raises KeyError, TypeError or ValueError for anything else."""
+        return cls(int(found["own"]), np.array(found["low"], np.float64), np.array(found["high"], np.float64))
+
+    def record(self) -> dict[str, Any]:
+        """The range as JSON, rounded."""
+        low, high = (np.round(values.astype(np.float64), DIGITS).tolist() for values in (self.low, self.high))
+        return {"own": self.own, "low": low, "high": high}
+
+    def joined(self, other: TrainingRange) -> TrainingRange:
+        """The range of both."""
+        return self._replace(low=np.minimum(self.low, other.low), high=np.maximum(self.high, other.high))
+
+    def is_left(self, observation: Array) -> Array:
+        """Whether an element is farther outside than ``MARGIN``, (env,) bool, of observations (env, element)."""
+        low, high = _extremes(observation, self.own, len(self.low))
+        margin = MARGIN * (self.high - self.low) + 10.0**-DIGITS
+        return np.asarray(((low < self.low - margin) | (high > self.high + margin)).any(axis=1))
+
+
+def _extremes(observation: Array, own: int, elements: int) -> tuple[Array, Array]:
+    """Least and greatest values, (env, element) each: of the forecasts, over the candidates."""
+    if elements == own:
+        return observation, observation
+    forecasts = observation[:, own:].reshape(len(observation), -1, elements - own)
+    low, high = forecasts.min(axis=1), forecasts.max(axis=1)
+    if not own:
+        return low, high
+    return np.concatenate([observation[:, :own], low], axis=1), np.concatenate([observation[:, :own], high], axis=1)
 
 
 class Network(NamedTuple):

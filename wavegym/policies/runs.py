@@ -9,34 +9,53 @@
     policy.npz     the trained network in plain NumPy: evaluation plays this file
     model.zip      Stable-Baselines3's own file, for further training: it can hold code, so load only trusted ones
     run.json       the record of the finished run and its CPU time, written last: without it no run is finished
+
+The package comes with training seed 0 of PPO and DQN in each environment that has them:
+``pretrained/ENVIRONMENT/ALGORITHM/`` holds policy.npz and run.json. ``python -m agents.package`` moves them from
+results/runs.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import json
 import shlex
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
 from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.errors import InputError, InputWarning, check_choice
+from wavegym.core.errors import InputError, InputWarning, check_choice, nearest
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import make_checked
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.traits import TrackSlots
 from wavegym.observations.forecasts import Forecasts
-from wavegym.policies.networks import LearnedPolicy, Network
-from wavegym.policies.records import difference, read_run
-from wavegym.policies.training_range import KEY, TrainingRange
-from wavegym.registration import registered_system
+from wavegym.policies.networks import RANGE_KEY, LearnedPolicy, Network, TrainingRange
+from wavegym.registration import registered_system, stem
 
+# Entries of run.json that evaluation needs.
+RUN_FIELDS: dict[str, type] = {
+    "env": str,
+    "algo": str,
+    "seed": int,
+    "settings": dict,
+    "settings.environment": dict,
+    "observation": list,
+    "scaling": list,
+    "actions": dict,
+    "actions.form": str,
+    "actions.count": int,
+    "actions.sha256": str,
+    "policy_sha256": str,
+}
 SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
 CHECKPOINTS, BOARD, LOCK = "checkpoints", "tensorboard", ".lock"
 CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
@@ -44,6 +63,74 @@ LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one lear
 ABSENT = object()  # stands for a parameter that a system does not have
 ALIKE = "alike"  # form of actions that a scorer tells apart by their forecasts only
 OF_ANY_SIZE = ("slots", "horizon")  # parameters that mean nothing to such a scorer
+PRETRAINED = Path(__file__).parent / "pretrained"
+ALGORITHMS = ("ppo", "dqn")
+PRETRAINED_FILES = (POLICY, RUN)
+
+
+class Unlike(NamedTuple):
+    """An entry in which two records differ; a record without the entry has None."""
+
+    name: str
+    here: Any
+    there: Any
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """A JSON object that a training run wrote.
+
+    Raises:
+        InputError: the file is missing or holds no JSON object.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {error}") from None
+    if not isinstance(record, dict):
+        raise InputError(f"{path} holds no JSON object, expected a record of wavegym train")
+    return record
+
+
+def read_run(path: Path) -> dict[str, Any]:
+    """The record of a finished run, with every entry that evaluation needs.
+
+    Raises:
+        InputError: the file is missing or no JSON object, or an entry is missing or of another type (named).
+    """
+    run = read_record(path)
+    for name, kind in RUN_FIELDS.items():
+        value: Any = run
+        for key in name.split("."):
+            if key not in value:
+                raise InputError(f"{path} is no record of wavegym train: {name!r} is missing")
+            value = value[key]
+        if not isinstance(value, kind):
+            raise InputError(f"{path} is no record of wavegym train: {name!r} is {value!r}, expected {kind.__name__}")
+    variants = run["settings"].get("variants", [])
+    if not isinstance(variants, list) or not all(isinstance(variant, dict) for variant in variants):
+        raise InputError(f"{path} is no record of wavegym train: 'settings.variants' is {variants!r}, expected tables")
+    if not all(isinstance(element, str) for element in run["observation"]):
+        raise InputError(
+            f"{path} is no record of wavegym train: 'observation' is {run['observation']!r}, expected names"
+        )
+    return run
+
+
+def difference(here: Mapping[str, Any], there: Mapping[str, Any]) -> Unlike | None:
+    """The first entry, in alphabetical order, in which two records differ, such as ``settings.gamma``; or None."""
+    mine, other = _flat(here), _flat(there)
+    for name in sorted({*mine, *other}):
+        if mine.get(name) != other.get(name):
+            return Unlike(name, mine.get(name), other.get(name))
+    return None
+
+
+def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """{"settings.gamma": 0.9, ...} of a nested record."""
+    flat: dict[str, Any] = {}
+    for key, value in record.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return flat
 
 
 def signature(system: System, policy: str = "mlp") -> dict[str, Any]:
@@ -131,16 +218,16 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
 
 def _training_range(folder: Path, run: dict[str, Any], own: int, forecasts: int) -> TrainingRange | None:
     """The range on record, None where there is none. Raises an InputError if it is not one of so many elements."""
-    if KEY not in run:
+    if RANGE_KEY not in run:
         return None
     try:
-        found = TrainingRange.from_record(run[KEY])
+        found = TrainingRange.from_record(run[RANGE_KEY])
         if (found.own, found.low.shape, found.high.shape) == (own, (own + forecasts,), (own + forecasts,)):
             return found
     except (KeyError, TypeError, ValueError):
         pass
     wanted = f"own = {own} and low and high of {own + forecasts} numbers"
-    raise InputError(f"{folder / RUN} is no record of wavegym train: {KEY!r} is no range, expected {wanted}")
+    raise InputError(f"{folder / RUN} is no record of wavegym train: {RANGE_KEY!r} is no range, expected {wanted}")
 
 
 def read_network(folder: Path, run: dict[str, Any]) -> Network:
@@ -268,3 +355,32 @@ def _equal(first: Any, second: Any) -> bool:
 def _shown(value: Any) -> str:
     value = str(value) if isinstance(value, Path) else value
     return "none" if value is ABSENT else " ".join(repr(value).split())
+
+
+def pretrained_folder(env_id: str, algo: str) -> Path | None:
+    """The folder of the agent that comes with an environment, for ``load_policy``; None if there is none.
+
+    Args:
+        env_id: the full id.
+        algo: "ppo" or "dqn".
+    """
+    folder = PRETRAINED / stem(env_id) / algo
+    if algo not in ALGORITHMS or not (folder / RUN).is_file() or read_run(folder / RUN)["env"] != env_id:
+        return None
+    return folder
+
+
+def load_pretrained(env_id: str, algo: str, system: System) -> Policy:
+    """The agent that comes with an environment.
+
+    Raises:
+        InputError: no such agent, or one that does not fit ``system``.
+    """
+    check_choice("agent", algo, ALGORITHMS)
+    folder = pretrained_folder(env_id, algo)
+    if folder is None:
+        known = sorted({read_run(path)["env"] for path in PRETRAINED.glob(f"*/*/{RUN}")})
+        wanted = f"expected one of {', '.join(map(repr, known))}{nearest(env_id, known)}"
+        raise InputError(f"environment is {env_id!r}, which comes without a trained agent, {wanted}")
+    (policy,) = load_policy(folder, env_id, system)
+    return policy

@@ -9,10 +9,8 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import System
-from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH
-from wavegym.rendering.maps import colour
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.rendering.maps import CROSS, SIGMAS, TRUTH, colour
+from wavegym.rendering.panels import LINE, SMALL, Moment, caption, few_ticks, fit_y, legend, steps_along, wipe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

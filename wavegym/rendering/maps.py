@@ -1,4 +1,4 @@
-"""Elements of target maps: colours, tracks, particles, and axis limits with equal scales in x and y."""
+"""Elements of pictures that several scenes share: targets on maps, error ellipses, transmitted pulses, cities."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import State
-from wavegym.rendering.drawings import CROSS, ellipse, fill
-from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import Moment, caption, few_ticks
 from wavegym.sensors.urban_map import UrbanMap
 from wavegym.trackers import GaussianMixture
+from wavegym.waveforms import Waveform, plot_ambiguity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
+KILO = 1e-3  # m -> km
+SIGMAS = 2.0
+CELLS = np.linspace(-3.0, 3.0, 25)  # delays and Dopplers of an ambiguity function, in resolution cells of its cuts
+TRUTH = "black"
+CROSS: dict[str, Any] = {"marker": "x", "color": TRUTH, "markersize": 6, "markeredgewidth": 1.4, "linestyle": ""}
 PLANE = slice(0, 2)  # x and y among [x y xdot ydot]
 # of targets; C0, C1, ... are sensors
 COLOURS = ("teal", "darkmagenta", "saddlebrown", "navy", "darkolivegreen", "crimson")
@@ -26,6 +30,32 @@ ROAD: dict[str, Any] = {"color": "0.93", "linewidth": 0}
 BUILDING: dict[str, Any] = {"facecolor": "0.72", "edgecolor": "0.45", "linewidth": 0.8}
 TREE: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "yellowgreen", "markersize": 3, "markeredgewidth": 0}
 SPARE = 1.2  # extent of the map over that of its points, with room for names
+
+
+def ellipse(covariance: Array, radius: float = SIGMAS) -> Array:
+    """Points of the error ellipse of ``radius`` standard deviations, (2, point)."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 121)
+    return radius * np.linalg.cholesky(covariance) @ np.stack([np.cos(angle), np.sin(angle)])
+
+
+def fill(axes: Axes, points: Array, **style: Any) -> None:
+    """Fill the outline ``points`` (2, point); ``axes.fill`` is slower, because it also computes axis limits."""
+    from matplotlib.patches import Polygon
+
+    axes.add_artist(Polygon(points.T, **style))
+
+
+def draw_pulse(axes: Axes, pulse: Waveform, title: str, small: bool = False) -> None:
+    """Draw the ambiguity function of a transmitted pulse; ``small`` axes get few ticks and no text inside."""
+    information = pulse.fisher_information()
+    delays, dopplers = CELLS / np.sqrt(information[0, 0]), CELLS / np.sqrt(information[1, 1])
+    plot_ambiguity(pulse, axes, delays=delays, dopplers=dopplers)
+    axes.images[0].set_interpolation("bilinear")
+    if small:
+        few_ticks(axes, 2)
+        for text in list(axes.texts):
+            text.remove()
+    caption(axes, title, "delay τ [µs]", "Doppler ν [kHz]")
 
 
 def colour(target: int) -> str:

@@ -1,22 +1,44 @@
-"""Axes that last for a whole film: made and labelled once, cleared and filled for each frame.
+"""The data of a frame, the protocol of the scenes that draw it, and axes that last for a whole film.
 
-Matplotlib spends most of its time on making axes and ticks and on measuring text; lasting axes halve it.
+Axes are made and labelled once, cleared and filled for each frame. Matplotlib spends most of its time on making axes
+and ticks and on measuring text; lasting axes halve it.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from wavegym.core.action_sets import action_label
 from wavegym.core.arrays import Array
+from wavegym.core.system import State, System
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
 SMALL = 7.5  # font size in points
 LINE = 13.0  # pixels between lines of small text
+
+
+class Moment(NamedTuple):
+    """One environment's episode so far; arrays of states and actions have a leading axis of one."""
+
+    system: System
+    states: list[State]  # at steps 0, 1, ..., now
+    actions: list[Array]  # each (1, ...), one fewer than states
+    costs: Array  # (step,), one for each state
+
+    def label(self, action: Array) -> str:
+        """A short name of ``action``, (1,) or (1, ...)."""
+        return action_label(self.system.actions, action)
+
+
+class Scene(Protocol):
+    """Draws frames in one figure: axes are made once and cleared for each frame."""
+
+    def draw(self, moment: Moment) -> None:
+        """Draw ``moment``; nothing of an earlier frame remains."""
 
 
 def caption(axes: Axes, title: str, x: str = "", y: str = "") -> None:

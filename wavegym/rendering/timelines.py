@@ -11,8 +11,7 @@ from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
 from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.core.traits import UnequalSteps
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.rendering.panels import SMALL, Moment, caption, few_ticks, fit_y, legend, steps_along, wipe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

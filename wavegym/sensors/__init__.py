@@ -34,10 +34,17 @@ share is less, and so is its information (``docs/waveform_timing.md``):
 [2931.4  265.3   25.5] m at SNR 1
 """
 
-from wavegym.sensors.clutter import union_clutter
-from wavegym.sensors.detection import detection_probability, energy_detection_probability
+from wavegym.sensors.clutter import gate_probability, gate_volume, inside_gate, union_clutter
+from wavegym.sensors.detection import (
+    FLUCTUATIONS,
+    detected_snr,
+    detection_probability,
+    energy_detection_probability,
+    mean_inverse_detected_snr,
+    range_law_snr,
+    realised_snr,
+)
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse, EclipsePulses, EclipseTables, eclipse_tables
-from wavegym.sensors.fluctuation import FLUCTUATIONS, detected_snr, mean_inverse_detected_snr, realised_snr
 from wavegym.sensors.folding import (
     Agreements,
     Folded,
@@ -56,15 +63,16 @@ from wavegym.sensors.folding import (
     resolve_folds,
     unfold,
 )
-from wavegym.sensors.gates import gate_probability, gate_volume, inside_gate
-from wavegym.sensors.geometry import range_and_rate, range_and_rate_jacobian
 from wavegym.sensors.multipath import Antenna
-from wavegym.sensors.multistatic import Echoes, Multistatic, multistatic_range_and_rate
-from wavegym.sensors.penalties import fov_penalty
-from wavegym.sensors.platform import platform_jacobian, platform_measurement
+from wavegym.sensors.multistatic import (
+    Echoes,
+    Multistatic,
+    multistatic_range_and_rate,
+    range_and_rate,
+    range_and_rate_jacobian,
+)
+from wavegym.sensors.platform import View, fov_penalty, platform_jacobian, platform_measurement, platform_view
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
-from wavegym.sensors.resolution import View, platform_view
-from wavegym.sensors.snr import range_law_snr
 from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [

@@ -1,21 +1,81 @@
-"""Detection of a target whose echo fluctuates from scan to scan; ``fluctuation.py`` names the models.
+"""Detection of a target: its SNR by range, the fluctuation of its echo, and the probability of detection.
 
 The matched filter's output is compared with a threshold set by the false-alarm probability Pf. For an amplitude that is
 Rayleigh from scan to scan (Swerling 1), the probability of detection is Pd = Pf^(1 / (1 + E/N0)), where E is the mean
 energy of the echo (Van Trees, *Detection, Estimation, and Modulation Theory*, part III, section 2.1). The project's
-SNR is eta = 2E/N0.
+SNR is eta = 2E/N0. The laws of fluctuation have the names of Swerling (1954; IRE Trans. Inf. Theory 6, 1960) and Marcum
+(1948):
+
+=========  =====================================================================================
+swerling0  the echo is steady
+swerling1  one amplitude for all pulses of a look, Rayleigh: many scatterers of like size
+swerling2  as swerling1, with an amplitude of its own for every pulse
+swerling3  one amplitude for all pulses, chi with four degrees of freedom: one large scatterer
+swerling4  as swerling3, with an amplitude of its own for every pulse
+=========  =====================================================================================
+
+A look is a number n of pulses that are integrated noncoherently: the detector adds the powers of the matched filter's
+outputs. Coherent integration is a gain in eta instead. With noise of unit power, and S the realised E/N0 of all pulses
+together, twice the detector's output Y is chi-square with 2 n degrees of freedom and noncentrality 2 S. The mean of S
+is n eta / 2, and S is gamma-distributed with shape K: 1, n, 2 and 2 n for swerling1 to swerling4. So Y is a mixture of
+gamma distributions of shape n + k, where k is negative-binomial (Poisson for a steady echo), and so is the law of S
+given a detection (Shnidman, IEEE Trans. Aerosp. Electron. Syst. 31(2), 1995).
+
+A receiver that takes the greatest value of an image in place of the value at a known cell searches ``searched``
+quantities, such as delay, Doppler and direction. Beside an echo the noise then adds half a chi-square variable with one
+degree of freedom for each of them (Wilks, Ann. Math. Stat. 9, 1938), so n becomes n + searched / 2.
 """
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from wavegym.core.array_checks import check_broadcast, check_elements
 from wavegym.core.arrays import Array
-from wavegym.core.errors import check_choice, check_positive, check_probability
-from wavegym.sensors import detection_kernels as kernels
-from wavegym.sensors.fluctuation import FLUCTUATIONS, fluctuating_detection_probability
+from wavegym.core.errors import (
+    InputError,
+    check_choice,
+    check_int,
+    check_non_negative,
+    check_positive,
+    check_probability,
+    check_within,
+)
+from wavegym.sensors import detection_kernels
+from wavegym.sensors.detection_kernels import CELL, FIRST, LAST, LOGIT
+
+FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
+"""The names of the laws of fluctuation."""
+MOST_PULSES = 1000
+STEPS = 50  # halvings of the interval in which a quantile lies
+LAWS = 8  # whose tables are kept: a table takes up to a second, and every environment of the law needs it
+TABLE = 4001  # values of a table over ln eta
+ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
+RATIOS = 541  # values of eta over its mean from which a row is interpolated
+
+
+def range_law_snr(
+    range_m: ArrayLike, reference_range: float = 50e3, nearest_range: float = 100.0
+) -> NDArray[np.float64]:
+    """eta = (r0 / r)^4, mean 2E/N0: two-way spreading, 1 at the reference range (Kershaw & Evans 1994).
+
+    Args:
+        range_m: r in metres, >= 0, any shape.
+        reference_range: r0 in metres, where eta = 1.
+        nearest_range: least r in metres; a target overhead has a finite SNR.
+
+    Raises:
+        InputError: a range that is negative or not finite, or a reference or nearest range that is not > 0.
+    """
+    r = check_elements(check_non_negative, "range_m", range_m)
+    check_positive("reference_range", reference_range, "m")
+    check_positive("nearest_range", nearest_range, "m")
+    return detection_kernels.snr(r, reference_range, nearest_range)
 
 
 def detection_probability(
@@ -26,7 +86,7 @@ def detection_probability(
     Args:
         snr: mean eta of each pulse, > 0 (a ratio, not dB), any shape.
         false_alarm: Pf in (0, 1) of a cell, which sets the threshold; any shape that broadcasts.
-        fluctuation: "swerling0" (a steady echo) to "swerling4", see ``wavegym.sensors.fluctuation``.
+        fluctuation: "swerling0" (a steady echo) to "swerling4", see the module.
         pulses: pulses that are integrated noncoherently, 1 to 1000. Coherent integration is a gain in eta.
         searched: quantities, such as delay, Doppler and direction, over which the receiver takes the greatest value
             about the echo; 0 for a known cell.
@@ -53,4 +113,245 @@ def energy_detection_probability(energy_ratio: ArrayLike, false_alarm: ArrayLike
     Sira et al. print this form. Their symbol eta stands for E/N0 here and divides their measurement covariance.
     """
     ratio = check_elements(check_positive, "energy_ratio", energy_ratio)
-    return kernels.probability(ratio, np.log(check_elements(check_probability, "false_alarm", false_alarm)))
+    return detection_kernels.probability(ratio, np.log(check_elements(check_probability, "false_alarm", false_alarm)))
+
+
+def realised_snr(uniform: ArrayLike, snr: ArrayLike, fluctuation: str = "swerling1", pulses: int = 1) -> Array:
+    """SNR of the echo in one look, from uniform draws (inverse of the distribution function).
+
+    Args:
+        uniform: draws in [0, 1), any shape.
+        snr: mean eta = 2E/N0 of each pulse, > 0 (a ratio), any shape that broadcasts.
+        fluctuation: "swerling0" to "swerling4".
+        pulses: pulses that are integrated noncoherently, 1 to 1000.
+
+    Returns:
+        The mean of 2E/N0 over the pulses of the look, in the broadcast shape; it grows with the draw.
+
+    Raises:
+        InputError: a draw outside [0, 1), an SNR that is not > 0, an unknown fluctuation, or a number out of range.
+    """
+    draws, mean = check_broadcast(uniform=_draws(uniform), snr=check_elements(check_positive, "snr", snr))
+    shape = _shape(fluctuation, _pulses(pulses))
+    return mean.copy() if math.isinf(shape) else np.asarray(mean * special.gammaincinv(shape, draws) / shape)
+
+
+def detected_snr(
+    uniform: ArrayLike,
+    snr: ArrayLike,
+    false_alarm: ArrayLike,
+    fluctuation: str = "swerling1",
+    pulses: int = 1,
+    searched: int = 0,
+) -> Array:
+    """SNR of the echo in one look, given its detection, from uniform draws (inverse of the distribution function).
+
+    If an event happens when a draw d is below its probability Pd, then d / Pd is uniform given the event. So one draw
+    of a tape decides on the detection and on the SNR of the detected echo.
+
+    Args:
+        uniform: draws in [0, 1), any shape.
+        snr: mean eta = 2E/N0 of each pulse, > 0 (a ratio), any shape that broadcasts.
+        false_alarm: Pf in (0, 1) of a cell, any shape that broadcasts.
+        fluctuation, pulses: see ``realised_snr``.
+        searched: quantities over which the receiver takes the greatest value, 0 for a known cell.
+
+    Returns:
+        The mean of 2E/N0 over the pulses of the look, in the broadcast shape; it grows with the draw.
+
+    Raises:
+        InputError: as ``realised_snr``, or a Pf outside (0, 1), or a negative ``searched``.
+    """
+    draws, mean, alarm = check_broadcast(
+        uniform=_draws(uniform),
+        snr=check_elements(check_positive, "snr", snr),
+        false_alarm=check_elements(check_probability, "false_alarm", false_alarm),
+    )
+    n, shape = _pulses(pulses), _shape(fluctuation, pulses)
+    if math.isinf(shape):
+        return mean.copy()
+    look = _Look(shape, 0.5 * n * mean, special.gammainccinv(n, alarm), n + 0.5 * check_int("searched", searched, 0))
+    found, low = draws * look.detected(), np.zeros(mean.shape)
+    high = look.energy / shape * special.gammainccinv(shape, look.detected() * np.nextafter(1.0 - draws, 0.0))
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        below = look.detected_below(middle) < found
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray((low + high) / n)
+
+
+def mean_inverse_detected_snr(
+    snr: ArrayLike,
+    false_alarm: ArrayLike,
+    fluctuation: str = "swerling1",
+    pulses: int = 1,
+    searched: int = 0,
+    least: float = 0.0,
+) -> Array:
+    """Mean of 1 / max(eta, ``least``) of the echo, given that it is detected: the factor of a measurement covariance.
+
+    With least = 0 the mean is infinite for "swerling1", and for "swerling2" with one pulse, detected or not. The
+    density of eta is positive at 0, where noise exceeds the threshold with probability Pf, so the integral of Pf / eta
+    diverges. Such a detection is noise. It has the error of a resolution cell, not R / eta with a tiny eta. The
+    covariance at an SNR of 1 is about that of a resolution cell, so ``least = 1`` bounds the error there.
+
+    Args:
+        snr, false_alarm, fluctuation, pulses, searched: see ``detected_snr``.
+        least: eta below which an error grows no further, >= 0.
+
+    Returns:
+        The mean, in the broadcast shape.
+
+    Raises:
+        InputError: as ``detected_snr``, or a negative ``least``.
+    """
+    mean, alarm = check_broadcast(
+        snr=check_elements(check_positive, "snr", snr),
+        false_alarm=check_elements(check_probability, "false_alarm", false_alarm),
+    )
+    n, shape = _pulses(pulses), _shape(fluctuation, pulses)
+    floor = 0.5 * n * check_non_negative("least", least)
+    if math.isinf(shape):
+        return np.asarray(1.0 / np.maximum(mean, least))
+    look = _Look(shape, 0.5 * n * mean, special.gammainccinv(n, alarm), n + 0.5 * check_int("searched", searched, 0))
+    return np.asarray(0.5 * n * look.detected_inverse(floor) / look.detected())
+
+
+def fluctuating_detection_probability(
+    snr: Array, false_alarm: Array, fluctuation: str, pulses: int, searched: int
+) -> Array:
+    """Pd for arrays of one shape; see ``detection_probability``, which checks them."""
+    n = _pulses(pulses)
+    degrees = n + 0.5 * check_int("searched", searched, 0)
+    look = _Look(_shape(fluctuation, n), 0.5 * n * snr, special.gammainccinv(n, false_alarm), degrees)
+    return look.detected()
+
+
+@lru_cache(maxsize=LAWS)
+def detection_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
+    """Pd of one pulse at even steps of ln eta, for compiled loops (``detection_kernels.tabulated``).
+
+    Empty for swerling1 and swerling2 of a known cell, whose Pd is Pf^(1 / (1 + eta / 2)). Linear interpolation has
+    errors below 1e-5. Callers share the array and must not change it.
+    """
+    check_probability("false_alarm", false_alarm)
+    if _shape(fluctuation, 1) == 1.0 and check_int("searched", searched, 0) == 0:
+        return np.zeros(0)
+    snr = np.exp(np.linspace(FIRST, LAST, TABLE))
+    return fluctuating_detection_probability(snr, np.full(snr.shape, false_alarm), fluctuation, 1, searched)
+
+
+@lru_cache(maxsize=LAWS)
+def effective_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
+    """ln of the effective eta over the mean eta of one pulse, for compiled loops (``detection_kernels.effective_snr``).
+
+    The effective eta, 1 / ``mean_inverse_detected_snr(eta, least=1)``, has the mean covariance of a detected echo. Even
+    steps of ln eta; empty for swerling0, whose echo has the mean eta. Linear interpolation has relative errors of eta
+    below 1e-5. Callers share the array and must not change it.
+    """
+    check_probability("false_alarm", false_alarm)
+    if math.isinf(_shape(fluctuation, 1)):
+        return np.zeros(0)
+    snr = np.exp(np.linspace(FIRST, LAST, TABLE))
+    return np.asarray(-np.log(snr * mean_inverse_detected_snr(snr, false_alarm, fluctuation, 1, searched, CELL)))
+
+
+@lru_cache(maxsize=LAWS)
+def detected_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
+    """ln of eta over its mean for one detected pulse, for compiled loops (``detection_kernels.snr_of_errors``).
+
+    ``detected_snr`` at even steps of ln mean eta, axis 0, and of ln(f / (1 - f)) of the uniform draw f, axis 1; both
+    tails are nearly straight there. Empty for swerling0. Linear interpolation has relative errors of eta below 2e-3.
+    Callers share the array and must not change it.
+    """
+    alarm, shape = check_probability("false_alarm", false_alarm), _shape(fluctuation, 1)
+    degrees = 1.0 + 0.5 * check_int("searched", searched, 0)
+    if math.isinf(shape):
+        return np.zeros((0, 0))
+    threshold = special.gammainccinv(1.0, np.array([alarm]))
+    # of all echoes at least Pd (1 - f) exceed the quantile f, and at least f do not, as weak echoes are detected less
+    ratios = np.linspace(-LOGIT - 1.0, math.log(LOGIT - math.log(alarm)), RATIOS)
+    logits, least = np.linspace(-LOGIT, LOGIT, COLUMNS), np.finfo(np.float64).tiny
+    table = np.empty((ROWS, COLUMNS))
+    for row, energy in zip(table, 0.5 * np.exp(np.linspace(FIRST, LAST, ROWS)), strict=True):
+        look = _Look(shape, np.array([energy]), threshold, degrees)
+        below = look.detected_below(energy * np.exp(ratios))
+        odds = np.maximum(below, least) / np.maximum(look.detected() - below, least)
+        row[:] = np.interp(logits, np.maximum.accumulate(np.log(odds)), ratios)  # rounding breaks the order of tails
+    return table
+
+
+class _Look:
+    """The mixture of gamma distributions of one look; arrays of one shape.
+
+    Args:
+        shape: K of the gamma distribution of the energy; infinite for a steady echo.
+        energy: mean of the realised energy S, E/N0 of all pulses together.
+        threshold: of the detector's output.
+        degrees: shape of the detector's output without an echo.
+    """
+
+    def __init__(self, shape: float, energy: Array, threshold: Array, degrees: float) -> None:
+        self.shape, self.energy = shape, energy
+        top = float(np.max(threshold, initial=0.0))
+        self.count = math.ceil(top + 10.0 * math.sqrt(top) + 40.0)  # beyond: every look is detected, to 1e-16
+        k = np.arange(self.count).reshape(-1, *(1,) * np.ndim(energy))
+        if math.isinf(shape):
+            logs = k * np.log(energy) - energy - special.gammaln(k + 1.0)
+            self._rest = special.gammainc(float(self.count), energy)
+        else:
+            logs = special.gammaln(shape + k) - special.gammaln(shape) - special.gammaln(k + 1.0)
+            logs = logs - shape * np.log1p(energy / shape) - k * np.log1p(shape / energy)
+            self._rest = special.betainc(float(self.count), shape, energy / (energy + shape))
+        self._k, weights = k, np.exp(logs)
+        self._missed = weights * special.gammainc(degrees + k, threshold)
+        self._detected = weights * special.gammaincc(degrees + k, threshold)
+
+    def detected(self) -> Array:
+        """Probability of detection: sum over k of P(k) Q(degrees + k, threshold)."""
+        return np.asarray(self._detected.sum(axis=0) + self._rest)
+
+    def detected_below(self, energy: Array) -> Array:
+        """Probability of a detection of an echo with at most this realised energy."""
+        own = special.gammainc(self.shape + self._k, energy * self._rate)
+        return np.asarray(
+            special.gammainc(self.shape, self.shape * energy / self.energy) - (self._missed * own).sum(axis=0)
+        )
+
+    def detected_inverse(self, floor: float) -> Array:
+        """Mean of 1 / max(S, floor) over the looks that are detected, times the probability of detection."""
+        missed = (self._missed * _inverse(self.shape + self._k, self._rate, floor)).sum(axis=0)
+        every = _inverse(np.asarray(self.shape), self.shape / self.energy, floor)
+        return np.asarray(np.where(np.isinf(every), np.inf, every - np.where(np.isinf(every), 0.0, missed)))
+
+    @property
+    def _rate(self) -> Array:
+        return np.asarray(1.0 + self.shape / self.energy)
+
+
+def _inverse(shape: Array, rate: Array, floor: float) -> Array:
+    """Mean of 1 / max(S, floor) for a gamma variable S."""
+    if floor == 0.0:
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.where(shape > 1.0, rate / np.maximum(shape - 1.0, 0.0), np.inf))
+    z = rate * floor
+    above = np.where(shape > 1.0, special.gammaincc(np.maximum(shape - 1.0, 0.5), z) / np.maximum(shape - 1.0, 0.5), 0)
+    above = np.where(shape == 1.0, special.exp1(z), above)
+    return np.asarray(special.gammainc(shape, z) / floor + rate * above)
+
+
+def _shape(fluctuation: str, pulses: int) -> float:
+    """K of the gamma distribution of the energy of a look."""
+    shapes = (math.inf, 1.0, float(pulses), 2.0, 2.0 * pulses)
+    return shapes[FLUCTUATIONS.index(check_choice("fluctuation", fluctuation, FLUCTUATIONS))]
+
+
+def _pulses(pulses: int) -> int:
+    if check_int("pulses", pulses, 1) > MOST_PULSES:
+        raise InputError(f"pulses is {pulses!r}, expected 1 to {MOST_PULSES}")
+    return int(pulses)
+
+
+def _draws(uniform: ArrayLike) -> NDArray[np.float64]:
+    below_one = float(np.nextafter(1.0, 0.0))
+    return check_elements(lambda name, value: check_within(name, value, 0.0, below_one), "uniform", uniform)

@@ -1,4 +1,4 @@
-"""Detection of a fluctuating target in compiled form; ``detection.py`` holds the public functions."""
+"""SNR by range and detection of a fluctuating target in compiled form; ``detection.py`` holds the public functions."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -7,8 +7,24 @@ import numpy as np
 
 from wavegym.core.kernels import batched, inlined, kernel
 
-FIRST, LAST = np.log(1e-3), np.log(1e7)  # ln eta at both ends of the tables of ``fluctuation.py``
-LOGIT = 23.0  # ln(f / (1 - f)) at the upper end of a table of ``fluctuation.detected_snr_table``
+
+@kernel
+def inverse_snr(r, reference, nearest):
+    """1 / eta = (r / reference)^4 with r at least ``nearest``; products, because scalar and array powers may differ."""
+    ratio = max(abs(r), nearest) / reference
+    square = ratio * ratio
+    return square * square
+
+
+@batched("(),(),()->()")
+def snr(r, reference, nearest, out):
+    """eta = (reference / r)^4."""
+    for e in range(r.shape[0]):
+        out[e] = 1.0 / inverse_snr(r[e], reference[e], nearest[e])
+
+
+FIRST, LAST = np.log(1e-3), np.log(1e7)  # ln eta at both ends of the tables of ``detection.py``
+LOGIT = 23.0  # ln(f / (1 - f)) at the upper end of a table of ``detection.detected_snr_table``
 CELL = 1.0  # eta below which errors grow no further: about that of a resolution cell
 
 
@@ -29,7 +45,7 @@ def place_in(value, first, end, last):
 
 @inlined
 def tabulated(eta, log_false_alarm, table):
-    """Pd at eta = 2E/N0 by ``fluctuation.detection_table``, interpolated in ln eta; an empty table: Swerling 1."""
+    """Pd at eta = 2E/N0 by ``detection.detection_table``, interpolated in ln eta; an empty table: Swerling 1."""
     if len(table) == 0:
         return detection(0.5 * eta, log_false_alarm)
     i, share = place_in(np.log(eta), FIRST, LAST, len(table) - 1)
@@ -38,7 +54,7 @@ def tabulated(eta, log_false_alarm, table):
 
 @inlined
 def effective_snr(eta, table):
-    """SNR of the mean covariance of a detected echo by ``fluctuation.effective_snr_table``; an empty table: eta."""
+    """SNR of the mean covariance of a detected echo by ``detection.effective_snr_table``; an empty table: eta."""
     if len(table) == 0:
         return eta
     i, share = place_in(np.log(eta), FIRST, LAST, len(table) - 1)
@@ -47,7 +63,7 @@ def effective_snr(eta, table):
 
 @inlined
 def snr_of_errors(eta, fraction, table):
-    """max(realised SNR, CELL) of a detected echo by ``fluctuation.detected_snr_table``; an empty table: eta.
+    """max(realised SNR, CELL) of a detected echo by ``detection.detected_snr_table``; an empty table: eta.
 
     fraction: uniform in [0, 1), such as the draw that decided on the detection over Pd.
     """

@@ -2,13 +2,16 @@
 
 A wall is (x0, y0, x1, y1) with the outside on its right-hand side. A ray that reflects at one wall or two reaches a
 point as if it came straight from the image of the antenna in these walls. The check runs backwards: from the point to
-the last wall, to the wall before, and to the antenna.
+the last wall, to the wall before, and to the antenna. A sight table has the answer for the cells of a grid.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from wavegym.core.kernels import inlined, kernel
 
@@ -115,3 +118,22 @@ def bounces(points, antenna, images, firsts, via, walls):
             if met and other != NONE:
                 result[p, i, 1, 0], result[p, i, 1, 1] = bx, by
     return result
+
+
+class SightTable(NamedTuple):
+    """Cells of a ``wavegym.sensors.multipath.Grid``; beyond its edge a point counts as in the nearest cell."""
+
+    west: float  # m
+    south: float  # m
+    per_metre: float  # cells
+    clear: NDArray[np.bool_]  # (column, row); no column where nothing can hide
+
+
+@inlined
+def is_clear(x, y, table):
+    """Whether every antenna is visible from the middle of the cell of (x, y); not finite: of the first cell."""
+    column = int((x - table.west) * table.per_metre)
+    row = int((y - table.south) * table.per_metre)
+    return table.clear[
+        min(max(column, 0), table.clear.shape[0] - 1), min(max(row, 0), table.clear.shape[1] - 1)
+    ]  # fmt: skip

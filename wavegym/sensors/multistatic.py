@@ -1,4 +1,11 @@
-"""Multistatic measurements in an urban map: echoes of targets over up to two walls, and static echoes."""
+"""Range and range-rate in the plane, of one sensor or of a transmitter and a receiver, and the echoes in an urban map.
+
+Echoes of targets arrive over up to two walls; static echoes come from walls and small scatterers.
+
+Multilateration gives position and velocity of a new track from one scan of two receivers. Barbosa et al., section
+4.2.1, take differences of two scans. Range and range-rate at one receiver hold no direction, so two receivers are
+needed. Two positions remain; the caller chooses by the road map.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +16,37 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_finite
-from wavegym.core.arrays import Array
+from wavegym.core.array_checks import check_elements, check_finite, check_last_axes, checked_copy, flatten_lead
+from wavegym.core.arrays import Array, FloatArray
+from wavegym.core.covariance_checks import check_covariance
 from wavegym.core.errors import InputError, check_within
-from wavegym.sensors.geometry import range_and_rate
+from wavegym.sensors import geometry_kernels as kernels
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multipath_kernels import MOST_WALLS
 from wavegym.sensors.receiver_kernels import path_delays
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
+
+
+def range_and_rate(state: ArrayLike, sensor: ArrayLike) -> Array:
+    """h(x) = (r, rdot): r = |p - s| and rdot = v'(p - s) / r, positive when the target recedes.
+
+    Args:
+        state: x = (x, y, xdot, ydot) in m and m/s, (..., 4).
+        sensor: position s = (x, y) in m, (..., 2); leading axes broadcast with those of ``state``.
+
+    Returns:
+        (r in m, rdot in m/s), (..., 2). r is at least 1e-9 m. At the sensor itself, where no direction is defined, rdot
+        is 0.
+
+    Raises:
+        InputError: shapes that do not fit, or numbers that are not finite.
+    """
+    return kernels.measure(check_finite("state", state, 4), check_finite("sensor", sensor, 2))
+
+
+def range_and_rate_jacobian(state: ArrayLike, sensor: ArrayLike) -> Array:
+    """H = dh/dx of ``range_and_rate``, (..., 2, 4): rows r, rdot; columns x, y, xdot, ydot. Same arguments."""
+    return kernels.jacobian(check_finite("state", state, 4), check_finite("sensor", sensor, 2))
 
 
 def multistatic_range_and_rate(state: ArrayLike, transmitter: ArrayLike, receiver: ArrayLike) -> Array:
@@ -158,3 +188,50 @@ class Multistatic:
         r = np.concatenate([length[mirrors] / 2.0, scattered[lit]])
         reflected = np.concatenate([self.transmitter.reflected[mirrors], np.ones(lit.sum())])
         return Echoes(r, reflected, np.concatenate([self.transmitter.images[mirrors], scatterers[lit]]))
+
+
+def multilaterate(
+    measurements: ArrayLike, R: ArrayLike, transmitter: ArrayLike, receivers: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Both states that fit one target's measurements at two receivers, with covariances to first order.
+
+    Args:
+        measurements: z = (r in m, rdot in m/s) at each receiver: half the path transmitter, target, receiver, and its
+            rate, (..., 2, 2).
+        R: their error covariances, (..., 2, 2, 2).
+        transmitter: (x, y) in m, (2,).
+        receivers: (x, y) in m, (2, 2); not in one line with the transmitter.
+
+    Returns:
+        States (x, y, xdot, ydot) in m and m/s, (..., 2, 4), and covariances (..., 2, 4, 4); NaN where the range
+        ellipses do not intersect. Receivers close together give a large error across the line of sight.
+
+    Raises:
+        InputError: shapes that do not fit, numbers that are not finite, an R that is not symmetric positive
+            semidefinite, or antennas in one line.
+    """
+    z, errors = check_finite("measurements", measurements, 2, 2), check_last_axes("R", R, 2, 2, 2)
+    check_covariance("R", errors)
+    t, s = checked_copy("transmitter", transmitter, 2), checked_copy("receivers", receivers, 2, 2)
+    check_triangle(t, s)
+    try:
+        lead = np.broadcast_shapes(z.shape[:-2], errors.shape[:-3])
+    except ValueError:
+        raise InputError(
+            f"measurements and R have shapes {z.shape} and {errors.shape}, expected (..., 2, 2) and (..., 2, 2, 2) "
+            "that broadcast"
+        ) from None
+    z, errors = flatten_lead(z, lead, 2, 2), flatten_lead(errors, lead, 2, 2, 2)
+    x, P = np.empty((len(z), 2, 4)), np.empty((len(z), 2, 4, 4))
+    kernels.multilaterate(z, errors, t, s, x, P)
+    return x.reshape(*lead, 2, 4), P.reshape(*lead, 2, 4, 4)
+
+
+def check_triangle(transmitter: FloatArray, receivers: FloatArray) -> None:
+    """Raise an InputError if a transmitter (2,) and two receivers (2, 2) are not finite or stand in one line."""
+    a, b = check_finite("receivers", receivers) - check_finite("transmitter", transmitter)
+    if abs(a[0] * b[1] - a[1] * b[0]) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b):
+        raise InputError(
+            f"transmitter {transmitter.tolist()} and receivers {receivers.tolist()} stand in one line, expected a"
+            " triangle: in one line they cannot tell left from right"
+        )

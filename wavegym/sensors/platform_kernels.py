@@ -1,4 +1,4 @@
-"""RF/EO measurements and penalties in compiled form, for ``platform.py``, ``resolution.py`` and ``penalties.py``."""
+"""RF/EO measurements and penalties in compiled form, for ``platform.py``."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -57,7 +57,7 @@ def polar_rows(x, vx, y, vy, sx, sy, r, rdot, printed, a, H):
 
 @kernel
 def penalty_one(kind, x, low, high, sharpness, height):
-    """phi(x, [low, high]) of ``penalties.fov_penalty``, eq. (13) for the logistic kind."""
+    """phi(x, [low, high]) of ``fov_penalty``, eq. (13) for the logistic kind."""
     if high == np.inf:
         return 0.0
     if kind == HARD:

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import cosines_and_sines, fill_normals
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.multistatic_kernels import direction_variance
+from wavegym.sensors.geometry_kernels import direction_variance
 
 SPARE = 2  # cells of the table of responses before the earliest that an echo needs
 

@@ -50,18 +50,20 @@ wavegym.core.errors.InputError: no_such_file.csv: no such file...
 
 from __future__ import annotations
 
-from wavegym.targets.catalogue import Windows, range_paths, windows
-from wavegym.targets.manoeuvres import (
+from wavegym.targets.motion import (
+    MotionModel,
+    constant_acceleration,
     constant_turn,
+    constant_velocity,
     coordinated_turn,
     nearly_constant_acceleration,
     nearly_constant_velocity,
+    random_path,
 )
-from wavegym.targets.motion import MotionModel, constant_acceleration, constant_velocity, random_path
 from wavegym.targets.paths import Kinematics, ScriptedPath, Segment
 from wavegym.targets.reader import read_tracks
-from wavegym.targets.recorded import Piece, RecordedTrack
-from wavegym.targets.summary import TrackSummary, summarise
+from wavegym.targets.recorded import Piece, RecordedTrack, TrackSummary, summarise
+from wavegym.targets.recorded_paths import Windows, range_paths, windows
 
 __all__ = [
     "Kinematics",

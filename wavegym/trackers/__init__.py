@@ -9,12 +9,11 @@
 (3, 2, 2)
 """
 
+from wavegym.sensors.multistatic import multilaterate
+from wavegym.trackers.association import Association, LmipdaUpdate, joint_association, lmipda
 from wavegym.trackers.gaussian_mixture import GaussianMixture, MixtureUpdate, mixture_update, single_gaussian
-from wavegym.trackers.gospa import Gospa, gospa
 from wavegym.trackers.imm import imm_combine, imm_mix, imm_reweigh, imm_ukf_scan, ukf_update, variable_structure
-from wavegym.trackers.information_reduction import fitted_information_reduction, information_reduction
-from wavegym.trackers.joint_association import Association, joint_association
-from wavegym.trackers.jpda import jpda_update
+from wavegym.trackers.jpda import fitted_information_reduction, information_reduction, jpda_update
 from wavegym.trackers.kalman import (
     check_positive_definite,
     ekf_predict,
@@ -26,11 +25,8 @@ from wavegym.trackers.kalman import (
     update,
     update_covariance,
 )
-from wavegym.trackers.lmipda import LmipdaUpdate, lmipda
-from wavegym.trackers.multilateration import multilaterate
-from wavegym.trackers.ospa import Siap, ospa, siap
 from wavegym.trackers.rbpf import Particles, RbpfUpdate, rbpf_update, systematic_resample
-from wavegym.trackers.urban.tracker import Tracks, UrbanTracker
+from wavegym.trackers.track_metrics import Gospa, Siap, gospa, ospa, siap
 
 __all__ = [
     "Association",
@@ -41,8 +37,6 @@ __all__ = [
     "Particles",
     "RbpfUpdate",
     "Siap",
-    "Tracks",
-    "UrbanTracker",
     "check_positive_definite",
     "ekf_predict",
     "ekf_update",

@@ -38,7 +38,7 @@ from wavegym.core.arrays import FloatArray
 from wavegym.core.covariance_checks import check_positive_definite
 from wavegym.core.errors import InputError, check_int, check_non_negative
 from wavegym.trackers import gaussian_mixture_kernels as kernels
-from wavegym.trackers.checks import (
+from wavegym.trackers.association import (
     check_array,
     check_association_terms,
     check_distribution,

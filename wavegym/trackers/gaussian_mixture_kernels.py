@@ -14,8 +14,8 @@ import math
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.gate_kernels import reach_one
-from wavegym.trackers.joint_association_kernels import associate_one
+from wavegym.sensors.clutter_kernels import reach_one
+from wavegym.trackers.association_kernels import associate_one
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.rbpf_kernels import fetch_one, moments_one, peak_of, whiten

@@ -1,4 +1,4 @@
-"""The generalised optimal sub-pattern assignment metric in compiled form; ``gospa.py`` is the public function."""
+"""The GOSPA metric in compiled form; ``track_metrics.py`` holds the public function."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations

@@ -21,7 +21,7 @@ from wavegym.core.arrays import FloatArray
 from wavegym.core.covariance_checks import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import kernels
-from wavegym.trackers.rank_one_kernels import rank_one_update
+from wavegym.trackers.kernels import rank_one_update
 
 Function = Callable[[FloatArray], FloatArray]
 

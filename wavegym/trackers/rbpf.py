@@ -9,7 +9,7 @@ associations.
 
 References: Särkkä, Vehtari & Lampinen, *Rao-Blackwellized particle filter for multiple target tracking*, Information
 Fusion 8 (2007); Sira, Papandreou-Suppappola, Morrell, Cochran, *Waveform-agile sensing for tracking multiple targets in
-clutter*, section 4, with likelihood (11) in the form of ``joint_association.py``. Kitagawa, *Monte Carlo filter and
+clutter*, section 4, with likelihood (11) in the form of ``joint_association``. Kitagawa, *Monte Carlo filter and
 smoother*, Journal of Computational and Graphical Statistics 5 (1996), for the systematic resampling.
 """
 
@@ -27,7 +27,7 @@ from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.covariance_checks import check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import rbpf_kernels as kernels
-from wavegym.trackers.checks import check_array, check_association_terms, check_scans, raise_without_evidence
+from wavegym.trackers.association import check_array, check_association_terms, check_scans, raise_without_evidence
 
 STATES = 4  # [x y xdot ydot]
 SIZES = (0,) * STATES

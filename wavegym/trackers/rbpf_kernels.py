@@ -11,11 +11,10 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.gate_kernels import in_gate
-from wavegym.trackers.joint_association_kernels import associate_one, row_sum
+from wavegym.sensors.clutter_kernels import in_gate
+from wavegym.trackers.association_kernels import SAFE, associate_one, row_sum
 from wavegym.trackers.jpda_kernels import factor_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
-from wavegym.trackers.subset_kernels import SAFE
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 FARTHEST = 60.0

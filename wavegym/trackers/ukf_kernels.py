@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.geometry_kernels import multistatic_range_and_rate, range_and_rate
-from wavegym.sensors.multistatic_kernels import direction_cosine
+from wavegym.sensors.geometry_kernels import direction_cosine, multistatic_range_and_rate, range_and_rate
 
 
 @kernel

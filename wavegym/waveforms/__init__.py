@@ -69,19 +69,18 @@ an amplitude above -60 dB. The blind ranges (m):
 subclass of ``Waveform`` with a label, a support, an envelope and a phase; all of the above then works by quadrature.
 """
 
-from wavegym.waveforms.ambiguity import ambiguity, zero_delay_cut, zero_doppler_cut
+from wavegym.waveforms.ambiguity import ambiguity, plot_ambiguity, zero_delay_cut, zero_doppler_cut
 from wavegym.waveforms.chirp_laws import FrequencyLaw, parse_law
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT, FisherFactors
 from wavegym.waveforms.gaussian import (
     GaussianChirp,
     chirp_rate_for_sweep,
+    gaussian_chirp_library,
     gaussian_fisher_factors,
     gaussian_measurement_covariance,
     sweep_for_chirp_rate,
 )
-from wavegym.waveforms.library import gaussian_chirp_library, measurement_covariances, trapezoid_chirp_library
 from wavegym.waveforms.numeric import numeric_fisher_information
-from wavegym.waveforms.picture import plot_ambiguity
 from wavegym.waveforms.pulse_train import PulseTrain
 from wavegym.waveforms.timing import (
     PulseTiming,
@@ -97,9 +96,10 @@ from wavegym.waveforms.trapezoid import (
     TrapezoidChirp,
     chirp_law,
     chirp_measurement_covariance,
+    trapezoid_chirp_library,
     trapezoid_fisher_factors,
 )
-from wavegym.waveforms.waveform import Waveform
+from wavegym.waveforms.waveform import Waveform, measurement_covariances
 
 __all__ = [
     "SPEED_OF_LIGHT",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.action_sets import Library
 from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import check_choice, check_non_negative, check_positive
+from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
 from wavegym.core.units import quantity
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.waveform import Waveform
@@ -160,3 +163,33 @@ def sweep_for_chirp_rate(chirp_rate: ArrayLike, duration: ArrayLike) -> FloatArr
     """
     k = check_elements(check_positive, "duration", duration)
     return 2.0 * k * check_finite("chirp_rate", chirp_rate) / np.pi
+
+
+def gaussian_chirp_library(durations: Iterable[float], sweeps: Iterable[float]) -> Library:
+    """All Gaussian chirps of the given durations and sweeps; the sweep varies fastest.
+
+    Args:
+        durations: k, s.
+        sweeps: Hz swept in two durations, g = pi |sweep|/(2 k); positive for an up-chirp, negative for a down-chirp,
+            0 (once) for an unmodulated pulse.
+
+    Raises:
+        InputError: a duration not > 0, a sweep that is not finite, a repeated value, or no values.
+    """
+    rows, columns = [float(k) for k in durations], [float(sweep) for sweep in sweeps]
+    for k in rows:
+        check_positive("duration", k, "s")
+    for sweep in columns:
+        if not math.isfinite(sweep):
+            raise InputError(f"sweep is {sweep} Hz, expected a finite number")
+    return Library(
+        tuple(
+            GaussianChirp(
+                duration=k,
+                chirp_rate=float(chirp_rate_for_sweep(abs(sweep), k)),
+                direction="down" if sweep < 0 else "up",
+            )
+            for k in rows
+            for sweep in columns
+        )
+    )

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wavegym.core.action_sets import Library
 from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_choice, check_positive
 from wavegym.core.units import quantity
-from wavegym.waveforms.chirp_laws import CHIRP_LAWS, resolve_shape
+from wavegym.waveforms.chirp_laws import CHIRP_LAWS, parse_law, resolve_shape
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.gaussian import DIRECTIONS
-from wavegym.waveforms.legendre import resolve
+from wavegym.waveforms.numeric import resolve
 from wavegym.waveforms.waveform import Waveform
 
 _TWO_PI = 2.0 * np.pi
@@ -295,3 +297,34 @@ class TrapezoidChirp(Waveform):
                 "the chirp folds through zero frequency"
             )
         return covariance
+
+
+def trapezoid_chirp_library(
+    kinds: Iterable[str],
+    durations: Iterable[float],
+    sweeps: Iterable[float],
+    directions: Iterable[str] = DIRECTIONS,
+) -> Library:
+    """All trapezoid chirps of the given laws, durations, sweeps and directions; the direction varies fastest.
+
+    Args:
+        kinds: laws such as ``"lfm"``, ``"pfm"``, ``"pfm:2.5"``, ``"hfm:0.3"``: a kind, and its shape if not default.
+        durations: lam, s.
+        sweeps: D, Hz.
+        directions: ``"up"``, ``"down"`` or both.
+
+    Raises:
+        InputError: a value that ``TrapezoidChirp`` refuses, a repeated waveform (sweep 0 gives the same waveform for
+            each kind and direction), or no values.
+    """
+    laws = [parse_law(kind) for kind in kinds]
+    lengths, widths, senses = [float(k) for k in durations], [float(sweep) for sweep in sweeps], list(directions)
+    return Library(
+        tuple(
+            TrapezoidChirp(kind=kind, shape=shape, duration=duration, sweep=sweep, direction=direction)
+            for kind, shape in laws
+            for duration in lengths
+            for sweep in widths
+            for direction in senses
+        )
+    )

@@ -7,8 +7,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.action_sets import Library
 from wavegym.core.arrays import FloatArray
-from wavegym.core.errors import check_positive
+from wavegym.core.errors import InputError, check_positive
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.numeric import (
     correlate,
@@ -93,3 +94,15 @@ class Waveform(ABC):
     def level_interval(self, ratio: float) -> tuple[float, float]:
         """Interval (s) over which one pulse's amplitude exceeds ``ratio`` of its peak; see ``transmitted_interval``."""
         return numeric_level_interval(self, ratio)
+
+
+def measurement_covariances(library: Library, carrier_hz: float) -> FloatArray:
+    """Covariances of (range in m, range-rate in m/s) at SNR 1, (waveform, 2, 2); divide by eta for another SNR.
+
+    Raises:
+        InputError: an entry that is not a waveform, or a carrier_hz that is not a finite number > 0.
+    """
+    for entry in library:
+        if not isinstance(entry, Waveform):
+            raise InputError(f"library holds {entry!r}, expected waveforms only")
+    return np.stack([waveform.measurement_covariance(carrier_hz, 1.0) for waveform in library])

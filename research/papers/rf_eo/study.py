@@ -22,7 +22,7 @@ from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.simple import Cycle
 from wavegym.sensors import platform_measurement
-from wavegym.sensors.penalties import Penalty
+from wavegym.sensors.platform import Penalty
 from wavegym.systems.rf_eo.far import RfEoFar
 from wavegym.systems.rf_eo.system import RfEo
 

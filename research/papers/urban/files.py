@@ -23,7 +23,7 @@ from research.papers.urban.pictures import (
 )
 from research.papers.urban.study import CLOSED, LOOSE, OPEN, SETTINGS, Case, Study, system
 from wavegym.evaluation.files import write_whole
-from wavegym.trackers.urban.tracker import MODELS
+from wavegym.systems.urban.tracker import MODELS
 
 FIGURE3 = ("of", "number", "k", "x", "y", "xdot", "ydot", "no_target")
 FIGURE4 = ("setting", "filter", "policy", "k", "confirmed", "low", "high")

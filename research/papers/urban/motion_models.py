@@ -10,7 +10,7 @@ from research.papers.estimates import mean_estimate, plain
 from wavegym.core.arrays import Array
 from wavegym.evaluation.statistics import Estimate
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers.urban.tracker import MODELS
+from wavegym.systems.urban.tracker import MODELS
 
 LIMIT = 0.8  # a model with a greater probability counts as known
 GRACE = 5  # scans allowed for the change of models

@@ -13,7 +13,7 @@ from research.papers.urban.study import CLOSED, LOOSE, NCV1, OPEN, SETTINGS, TUR
 from wavegym.evaluation.statistics import Estimate
 from wavegym.systems.urban.state import HELD_WITHIN
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers.urban.tracker import MODELS
+from wavegym.systems.urban.tracker import MODELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,7 @@ from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.urban.state import HELD_WITHIN
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, Tracks
 
 TRACKERS = ()  # the user has no choice of tracker
 LOOSE, STRICT = "loose", "strict"

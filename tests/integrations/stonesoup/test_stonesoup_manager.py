@@ -31,7 +31,7 @@ from wavegym.integrations.stonesoup import (
 )
 from wavegym.integrations.stonesoup.simulation import START
 from wavegym.observations.observer import Observer
-from wavegym.policies.pretrained import load_pretrained
+from wavegym.policies.runs import load_pretrained
 from wavegym.schedulers.rollout import rollout
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.composed import LinearTargets, Loop, PlanarRadar, Pulses, WeightedTrace

@@ -15,7 +15,7 @@ from wavegym.core import shortcuts
 from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
-from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import Moment
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.agile_clutter.scene import TargetScene, transmitted
 from wavegym.systems.beam_allocation import BeamAllocation

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
-from wavegym.rendering.drawings import ellipse
-from wavegym.rendering.maps import colour
+from wavegym.rendering.maps import colour, ellipse
 from wavegym.sensors import inside_gate, range_and_rate
 from wavegym.systems.agile_clutter.map import draw_map, known_targets
 from wavegym.systems.agile_clutter.scene import TargetScene, scan_caption, transmitted

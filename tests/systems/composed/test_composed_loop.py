@@ -28,7 +28,7 @@ from wavegym.systems.composed.parts import Errors
 from wavegym.systems.composed.system import World
 from wavegym.systems.kershaw_evans.system import KershawEvans
 from wavegym.targets import constant_velocity
-from wavegym.targets.manoeuvres import constant_turn
+from wavegym.targets.motion import constant_turn
 from wavegym.testing import check_vector_env
 from wavegym.waveforms import gaussian_chirp_library
 

@@ -12,7 +12,7 @@ import pytest
 from wavegym.core import shortcuts, trees
 from wavegym.envs.single import WaveformEnv
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.rendering.moment import Moment
+from wavegym.rendering.panels import Moment
 from wavegym.systems.rf_eo.far import RfEoFar
 from wavegym.systems.rf_eo.scene import received_caption
 from wavegym.systems.rf_eo.state import SOON

@@ -15,8 +15,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import rollout
 from wavegym.systems.urban.state import MOST, Belief
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, Tracks
 from wavegym.waveforms import (
     measurement_covariances,
 )

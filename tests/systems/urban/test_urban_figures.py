@@ -10,8 +10,8 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.systems.urban.state import HELD_WITHIN
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks, gospa
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, Tracks
+from wavegym.trackers import gospa
 
 SYSTEM, COUNT = Urban(horizon=80), 3
 

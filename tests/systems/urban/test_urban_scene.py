@@ -14,8 +14,7 @@ from wavegym.rendering.maps import colour
 from wavegym.systems.urban.map import SURE, UNSURE
 from wavegym.systems.urban.scene import FAINT, SHADES, UrbanScene, folded, scan_caption
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, TENTATIVE
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks
 
 LONG_UP = np.array([0])
 SYSTEM = Urban()

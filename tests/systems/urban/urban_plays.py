@@ -6,8 +6,7 @@ import numpy as np
 import oracles
 
 from wavegym.schedulers.registry import make_policy
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED
+from wavegym.systems.urban.tracker import CONFIRMED, Tracks
 
 LONG_UP = 0  # index of the longer pulse with the up sweep
 

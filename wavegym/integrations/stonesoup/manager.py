@@ -24,7 +24,7 @@ from wavegym.evaluation.task import Task, make_task
 from wavegym.integrations.stonesoup.beliefs import TrackReader
 from wavegym.integrations.stonesoup.sensor import radars_of
 from wavegym.observations.observer import Observer
-from wavegym.policies.pretrained import ALGORITHMS, load_pretrained
+from wavegym.policies.runs import ALGORITHMS, load_pretrained
 from wavegym.schedulers.rollout import allowed
 
 NEAR = 1e-3  # m, between a radar and the system's

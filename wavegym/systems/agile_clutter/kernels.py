@@ -27,12 +27,10 @@ import numpy as np
 from wavegym.core.copy_kernels import copy_vector
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.clutter_kernels import add_clutter, most_load, room
-from wavegym.sensors.detection_kernels import detection
+from wavegym.sensors.clutter_kernels import add_clutter, in_a_gate, in_gate, most_load, room
+from wavegym.sensors.detection_kernels import detection, inverse_snr
 from wavegym.sensors.eclipsing_kernels import HALF_C, is_whole, windowed_covariance
-from wavegym.sensors.gate_kernels import in_a_gate, in_gate
 from wavegym.sensors.geometry_kernels import range_and_rate
-from wavegym.sensors.kernels import inverse_snr
 from wavegym.trackers import gaussian_mixture_kernels as gaussian_mixture
 from wavegym.trackers.jpda_kernels import factor_one, update_targets
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one

@@ -8,10 +8,8 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import State
-from wavegym.rendering.drawings import KILO, ellipse
-from wavegym.rendering.maps import PLANE, draw_hypotheses, draw_track, to_scale
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import SMALL
+from wavegym.rendering.maps import KILO, PLANE, draw_hypotheses, draw_track, ellipse, to_scale
+from wavegym.rendering.panels import SMALL, Moment
 from wavegym.systems.agile_clutter.state import Belief
 from wavegym.systems.agile_clutter.system import AgileClutter
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.kernels import inverse_snr
+from wavegym.sensors.detection_kernels import detection, inverse_snr
 from wavegym.systems.agile_clutter.kernels import echo, echo_of, is_lit, is_present, predict_targets, row, weakness_one
-from wavegym.trackers.information_reduction_kernels import GATE, reduction_one
-from wavegym.trackers.jpda_kernels import gain_one, shrink_one
+from wavegym.trackers.jpda_kernels import GATE, gain_one, reduction_one, shrink_one
 from wavegym.trackers.kernels import squared_mahalanobis_one
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 

@@ -42,7 +42,7 @@ from wavegym.systems.recorded_targets import (
 )
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.trackers import predict_covariance
-from wavegym.trackers.joint_association_kernels import CLUSTER_LIMIT
+from wavegym.trackers.association_kernels import CLUSTER_LIMIT
 from wavegym.trackers.protocol import Tracker, own_tracker
 from wavegym.waveforms import PulseTiming, check_range_folds, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY

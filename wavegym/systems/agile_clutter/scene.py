@@ -9,10 +9,19 @@ import numpy as np
 from wavegym.core.action_sets import by_sensor
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, draw_pulse, ellipse, fill
-from wavegym.rendering.maps import PLANE, colour, cross, draw_hypotheses
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, legend, wipe
+from wavegym.rendering.maps import (
+    CROSS,
+    PLANE,
+    SIGMAS,
+    TRUTH,
+    colour,
+    cross,
+    draw_hypotheses,
+    draw_pulse,
+    ellipse,
+    fill,
+)
+from wavegym.rendering.panels import LINE, SMALL, Moment, caption, few_ticks, legend, wipe
 from wavegym.sensors import range_and_rate, range_and_rate_jacobian
 from wavegym.systems.agile_clutter.map import draw_map, illumination, known_targets
 from wavegym.systems.agile_clutter.system import AgileClutter

@@ -16,7 +16,7 @@ from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.state import NN, Belief, PredictedTargets, Pulse, World, kernel_hypotheses
 from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.trackers.information_reduction import reduction_table
+from wavegym.trackers.jpda import reduction_table
 
 
 @shortcuts.fused_transition.register(AgileClutter)

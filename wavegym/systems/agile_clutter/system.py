@@ -37,7 +37,7 @@ from wavegym.systems.recorded_targets import (
 )
 from wavegym.targets import random_path
 from wavegym.trackers import GaussianMixture, Particles, single_gaussian
-from wavegym.trackers.information_reduction import reduction_table
+from wavegym.trackers.jpda import reduction_table
 
 NO_MIXTURE = np.empty((1, 1, 0))  # in place of the weights of its components
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)

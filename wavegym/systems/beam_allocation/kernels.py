@@ -13,8 +13,7 @@ import numpy as np
 
 from wavegym.core.copy_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import detection
-from wavegym.sensors.kernels import inverse_snr
+from wavegym.sensors.detection_kernels import detection, inverse_snr
 from wavegym.systems.agile_clutter.kernels import echo, predict_targets
 from wavegym.systems.agile_clutter.prediction_kernels import reduction
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one

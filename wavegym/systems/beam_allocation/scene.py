@@ -8,8 +8,7 @@ import numpy as np
 
 from wavegym.core.shortcuts import target_of_action
 from wavegym.rendering.looks import Looks, draw_looks, prepare_looks
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import wipe
+from wavegym.rendering.panels import Moment, wipe
 from wavegym.systems.agile_clutter.scene import TargetScene
 from wavegym.systems.beam_allocation.system import BeamAllocation
 from wavegym.waveforms import Waveform

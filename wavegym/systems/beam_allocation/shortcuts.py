@@ -10,7 +10,7 @@ from wavegym.systems.agile_clutter.state import NN
 from wavegym.systems.beam_allocation import kernels
 from wavegym.systems.beam_allocation.state import Belief
 from wavegym.systems.beam_allocation.system import BeamAllocation
-from wavegym.trackers.information_reduction import reduction_table
+from wavegym.trackers.jpda import reduction_table
 
 
 @shortcuts.delay.register(BeamAllocation)

@@ -17,7 +17,7 @@ from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.rf_eo.kernels import move_one, receive_one
 from wavegym.systems.rf_eo.look_kernels import gain_of, look_one, look_polar
 from wavegym.systems.rf_eo.tracker_kernels import absorb_one, iterate_one, residual_one
-from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
+from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, shrink_one
 from wavegym.trackers.polar_kernels import (
     AZIMUTH,
     UNLIKELY,
@@ -26,7 +26,6 @@ from wavegym.trackers.polar_kernels import (
     predict_polar_one,
     to_cartesian_one,
 )
-from wavegym.trackers.rank_one_kernels import shrink_one
 
 
 class Mount(NamedTuple):

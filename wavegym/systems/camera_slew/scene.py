@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.rendering.drawings import KILO, fill
 from wavegym.rendering.looks import HIT, MISS, PLANE, Looks, LookScene
-from wavegym.rendering.maps import Trails, direction, draw_trails, sector, to_scale, trails_of
-from wavegym.rendering.moment import Moment
+from wavegym.rendering.maps import KILO, Trails, direction, draw_trails, fill, sector, to_scale, trails_of
+from wavegym.rendering.panels import Moment
 from wavegym.systems.camera_slew.system import CameraSlew
 
 if TYPE_CHECKING:

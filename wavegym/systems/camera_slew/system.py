@@ -18,7 +18,7 @@ from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import TimedPulses
-from wavegym.sensors.penalties import KINDS
+from wavegym.sensors.platform import KINDS
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
 from wavegym.systems.camera_slew.state import (

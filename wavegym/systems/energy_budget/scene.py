@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import caption, few_ticks, steps_along, wipe
+from wavegym.rendering.panels import Moment, caption, few_ticks, steps_along, wipe
 from wavegym.systems.agile_clutter.scene import TargetScene
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.waveforms import Waveform

@@ -13,7 +13,7 @@ from wavegym.systems.agile_clutter.shortcuts import transmit
 from wavegym.systems.agile_clutter.state import NN
 from wavegym.systems.energy_budget import kernels
 from wavegym.systems.energy_budget.system import EnergyBudget
-from wavegym.trackers.information_reduction import reduction_table
+from wavegym.trackers.jpda import reduction_table
 
 
 @shortcuts.fused_transition.register(EnergyBudget)

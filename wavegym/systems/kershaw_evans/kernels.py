@@ -13,7 +13,7 @@ import numpy as np
 
 from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.kernels import inverse_snr
+from wavegym.sensors.detection_kernels import inverse_snr
 from wavegym.systems.kershaw_evans.eclipsing_kernels import received_one
 from wavegym.trackers.kernels import (
     factor_innovation_one,

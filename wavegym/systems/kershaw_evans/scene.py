@@ -8,9 +8,8 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.parameter_box import ParameterBox
-from wavegym.rendering.drawings import CROSS, KILO, SIGMAS, TRUTH, draw_pulse, ellipse, fill
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import caption, few_ticks, legend, steps_along, wipe
+from wavegym.rendering.maps import CROSS, KILO, SIGMAS, TRUTH, draw_pulse, ellipse, fill
+from wavegym.rendering.panels import Moment, caption, few_ticks, legend, steps_along, wipe
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans.shortcuts import next_pulse
 from wavegym.systems.kershaw_evans.system import MEASURED, KershawEvans

@@ -41,7 +41,7 @@ from wavegym.targets import (
 )
 from wavegym.targets.recorded_paths import recorded_paths
 from wavegym.trackers import predict_covariance, update_covariance
-from wavegym.trackers.imm_tracker import ImmKalman
+from wavegym.trackers.imm import ImmKalman
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
 from wavegym.waveforms import PulseTiming, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY

@@ -39,7 +39,7 @@ from wavegym.systems.multifunction_radar.track_kernels import (
     update_slot,
 )
 from wavegym.trackers.imm_kernels import LOG_2PI
-from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
+from wavegym.trackers.kernels import gain_one, shrink_one
 
 MOST_FOUND = 32  # detections of a dwell
 WIDEST = 4.0  # trace of the position's covariance over c0 from which a track is dropped; from 1 on it is not reported

@@ -16,7 +16,7 @@ from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, exp
 from wavegym.systems.multifunction_radar.dwell_kernels import middle_of, reported_cost, weight_at
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, slots_of
 from wavegym.systems.multifunction_radar.track_kernels import NN, PLACE, growth_of_position, look_at, predict_slot
-from wavegym.trackers.rank_one_kernels import gain_one, shrink_one
+from wavegym.trackers.kernels import gain_one, shrink_one
 
 TINY = 1e-12  # of a gain, so that its logarithm is finite
 

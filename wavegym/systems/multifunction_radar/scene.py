@@ -9,10 +9,8 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.system import State
 from wavegym.core.traits import CONFIRMED
-from wavegym.rendering.drawings import CROSS, KILO, ellipse, fill
-from wavegym.rendering.maps import direction, sector, to_scale
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import caption, few_ticks, legend, wipe
+from wavegym.rendering.maps import CROSS, KILO, direction, ellipse, fill, sector, to_scale
+from wavegym.rendering.panels import Moment, caption, few_ticks, legend, wipe
 from wavegym.systems.multifunction_radar.dwell_kernels import axis_of
 from wavegym.systems.multifunction_radar.figures import estimates
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE

@@ -47,7 +47,7 @@ from wavegym.systems.multifunction_radar.track_kernels import (
     stationary_density,
     update_slot,
 )
-from wavegym.trackers.rank_one_kernels import gain_one
+from wavegym.trackers.kernels import gain_one
 
 WAIT, UPDATE, SEARCH = 0, 1, 2
 DWELLS = 1  # number of the stream of dwells within a world's key

@@ -23,7 +23,7 @@ from wavegym.core.copy_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.trackers.imm_kernels import combine_one, mix_one, reweigh_one, squared_length
-from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
+from wavegym.trackers.kernels import correct_one, gain_one, shrink_one, spread_one
 
 NN, MM = (0, 0, 0, 0), (0, 0)  # the state's and the modes' sizes, known when compiling
 PLACE = (0, 2)  # elements on which range and azimuth depend

@@ -17,8 +17,8 @@ import numpy as np
 from wavegym.core.kernels import inlined
 from wavegym.sensors.folding_kernels import certain_fold_one, outside_notch_one
 from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
+from wavegym.trackers.kernels import gain_one, spread_one
 from wavegym.trackers.polar_kernels import state_gradient, state_point
-from wavegym.trackers.rank_one_kernels import gain_one, spread_one
 
 PLACE = (0, 2)  # elements of [x xdot y ydot] that range and azimuth depend on
 ALL = (0, 1, 2, 3)  # elements that the range-rate depends on

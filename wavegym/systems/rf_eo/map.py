@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.rendering.drawings import KILO, fill
-from wavegym.rendering.maps import POINTS, direction, draw_track, sector, to_scale, trails_of
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import SMALL
+from wavegym.rendering.maps import KILO, POINTS, direction, draw_track, fill, sector, to_scale, trails_of
+from wavegym.rendering.panels import SMALL, Moment
 from wavegym.systems.rf_eo.system import RfEo
 
 if TYPE_CHECKING:

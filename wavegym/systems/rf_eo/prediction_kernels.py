@@ -23,8 +23,7 @@ from wavegym.systems.rf_eo.look_kernels import (
     view_all,
     width_of,
 )
-from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
-from wavegym.trackers.rank_one_kernels import shrink_one
+from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, shrink_one
 
 
 @kernel

@@ -17,7 +17,7 @@ from wavegym.core.errors import InputError, check_ordered, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import System
 from wavegym.sensors import range_and_rate
-from wavegym.sensors.penalties import KINDS, Penalty
+from wavegym.sensors.platform import KINDS, Penalty
 from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.recorded_targets import (
     PlaysRecordings,

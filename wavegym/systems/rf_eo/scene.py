@@ -11,11 +11,9 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.units import quantity
-from wavegym.rendering.drawings import CROSS, SIGMAS, TRUTH, fill
 from wavegym.rendering.looks import draw_position_errors, prepare_position_errors
-from wavegym.rendering.maps import colour
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.rendering.maps import CROSS, SIGMAS, TRUTH, colour, fill
+from wavegym.rendering.panels import LINE, SMALL, Moment, caption, few_ticks, fit_y, legend, steps_along, wipe
 from wavegym.sensors import platform_measurement
 from wavegym.systems.rf_eo.map import DART, IMAGE, PLANE, UNAMBIGUOUS, draw_platform_map, targets_shown
 from wavegym.systems.rf_eo.system import RfEo

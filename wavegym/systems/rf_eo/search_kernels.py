@@ -24,7 +24,7 @@ from wavegym.systems.rf_eo.look_kernels import (
     width_of,
 )
 from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
-from wavegym.trackers.rank_one_kernels import shrink_one
+from wavegym.trackers.kernels import shrink_one
 
 SWEEPS = 10  # most passes of a search over all platforms
 FEW = 8  # PRFs, up to which they are tried in pairs; pairs of the fine grid of a box gained nothing

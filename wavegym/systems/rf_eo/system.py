@@ -15,7 +15,7 @@ from wavegym.core.parameters import system_parameters
 from wavegym.core.system import ObservationField, State
 from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.sensors import platform_measurement
-from wavegym.sensors.penalties import SHARPNESS
+from wavegym.sensors.platform import SHARPNESS
 from wavegym.systems.recorded_targets import (
     drawn_windows,
 )

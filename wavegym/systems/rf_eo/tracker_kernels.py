@@ -22,7 +22,7 @@ from wavegym.sensors.folding_kernels import certain_reach, fold_pair_one, neares
 from wavegym.sensors.platform_kernels import polar as polar_quantities
 from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.look_kernels import ALL, SURE, gain_of, look_one, look_polar, spread_of, width_of
-from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one
+from wavegym.trackers.kernels import correct_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
 SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate

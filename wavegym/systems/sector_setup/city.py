@@ -13,10 +13,9 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.parameters import NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField
-from wavegym.sensors.multipath import Antenna
-from wavegym.sensors.sight_kernels import SightTable
+from wavegym.sensors.multipath import Antenna, sight_table
+from wavegym.sensors.multipath_kernels import SightTable
 from wavegym.sensors.urban_map import UrbanMap
-from wavegym.sensors.visibility import sight_table
 from wavegym.systems.sector_setup import kernels, prediction_kernels
 from wavegym.systems.sector_setup.state import Belief, World, sector_fields
 from wavegym.systems.sector_setup.system import NN, Point, SectorSetup

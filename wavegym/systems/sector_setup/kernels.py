@@ -18,11 +18,10 @@ from wavegym.core.copy_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
-from wavegym.sensors.sight_kernels import SightTable
+from wavegym.sensors.multipath_kernels import SightTable
 from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, is_foretold, of_a_miss, sight_one
-from wavegym.trackers.posterior_linearisation_kernels import regress_one, update_from_one
-from wavegym.trackers.rank_one_kernels import absorb_rows_one, gain_one, shrink_one
-from wavegym.trackers.sigma_point_kernels import sigma_points_one
+from wavegym.trackers.kernels import absorb_rows_one, gain_one, shrink_one
+from wavegym.trackers.sigma_point_kernels import regress_one, sigma_points_one, update_from_one
 
 PLACE = (0, 2)  # elements of [x xdot y ydot] on which a range depends
 ALL = (0, 1, 2, 3)  # elements on which a range-rate depends

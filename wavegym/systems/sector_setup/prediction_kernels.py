@@ -31,7 +31,7 @@ from wavegym.systems.sector_setup.visibility_kernels import (
     of_a_miss,
     sight_one,
 )
-from wavegym.trackers.rank_one_kernels import correct_one, gain_one, shrink_one, spread_one
+from wavegym.trackers.kernels import correct_one, gain_one, shrink_one, spread_one
 
 FAINT = 1e-6  # least observed standard deviation: keeps log10 finite
 

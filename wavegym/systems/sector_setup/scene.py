@@ -8,10 +8,9 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.shortcuts import target_of_action
-from wavegym.rendering.drawings import KILO
 from wavegym.rendering.looks import HIT, MISS, PLANE, Looks, LookScene
-from wavegym.rendering.maps import Trails, draw_city, draw_trails, to_scale, trails_of
-from wavegym.rendering.moment import Moment
+from wavegym.rendering.maps import KILO, Trails, draw_city, draw_trails, to_scale, trails_of
+from wavegym.rendering.panels import Moment
 from wavegym.systems.sector_setup.city import SectorSetupCity
 from wavegym.systems.sector_setup.system import SectorSetup
 

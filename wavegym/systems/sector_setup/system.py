@@ -17,7 +17,7 @@ from wavegym.core.errors import InputError, check_ordered, check_positive, check
 from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
-from wavegym.sensors.sight_kernels import SightTable
+from wavegym.sensors.multipath_kernels import SightTable
 from wavegym.systems.recorded_targets import (
     PlaysRecordings,
     drawn_windows,

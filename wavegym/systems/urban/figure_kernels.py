@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
+from wavegym.systems.urban.tracker_kernels import CONFIRMED, EMPTY
 from wavegym.trackers.imm_kernels import combine_one
-from wavegym.trackers.urban.kernels import CONFIRMED, EMPTY
 
 
 @inlined

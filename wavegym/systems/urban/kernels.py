@@ -10,9 +10,15 @@ import numpy as np
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import snr_of_errors, tabulated
-from wavegym.sensors.geometry_kernels import multistatic_range_and_rate
-from wavegym.sensors.multistatic_kernels import direction_cosine, direction_variance, folded, noise, snr_at
-from wavegym.trackers.urban.kernels import CONFIRMED, EMPTY
+from wavegym.sensors.geometry_kernels import (
+    direction_cosine,
+    direction_variance,
+    folded,
+    multistatic_range_and_rate,
+    noise,
+    snr_at,
+)
+from wavegym.systems.urban.tracker_kernels import CONFIRMED, EMPTY
 
 CLUTTER = 10_000  # number of the random stream of clutter, beyond those of all paths
 DRIVERS = 40_000  # number of the stream of the targets' random accelerations
@@ -23,8 +29,8 @@ class SensorLaw(NamedTuple):
 
     density: float  # expected false returns per (m x m/s)
     log_false_alarm: float
-    detection_table: Any  # of fluctuation.detection_table
-    snr_table: Any  # of fluctuation.detected_snr_table; empty: errors at the mean SNR
+    detection_table: Any  # of detection.detection_table
+    snr_table: Any  # of detection.detected_snr_table; empty: errors at the mean SNR
     rate_floor: float  # standard deviation of range-rate in addition to its noise, m/s
     reach: float  # half path length beyond which nothing is received, m
     elements: int  # of each array

@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavegym.rendering.drawings import ellipse
-from wavegym.rendering.maps import colour, cross, draw_city, to_scale
-from wavegym.rendering.moment import Moment
+from wavegym.rendering.maps import colour, cross, draw_city, ellipse, to_scale
+from wavegym.rendering.panels import Moment
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED, TENTATIVE
+from wavegym.systems.urban.tracker import CONFIRMED, TENTATIVE, Tracks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

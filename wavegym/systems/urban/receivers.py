@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.sensors.fluctuation import realised_snr
+from wavegym.sensors.detection import realised_snr
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
 from wavegym.systems.urban import signal_kernels as kernels
@@ -34,7 +34,7 @@ class UrbanReceivers:
         arrays: signal chain of each waveform.
         snr: eta of each waveform at 100 m, (waveform,).
         density: noise peaks above the threshold, per (m x m/s).
-        fluctuation: of the echo of each path from scan to scan, see ``wavegym.sensors.fluctuation``.
+        fluctuation: of the echo of each path from scan to scan, see ``wavegym.sensors.detection``.
     """
 
     pairs: Sequence[Multistatic]

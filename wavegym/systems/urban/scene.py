@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.rendering.drawings import CROSS, SIGMAS
-from wavegym.rendering.maps import TREE, colour, cross
-from wavegym.rendering.moment import Moment
-from wavegym.rendering.panels import LINE, SMALL, caption, few_ticks, fit_y, legend, steps_along, wipe
-from wavegym.sensors import multistatic_kernels, multistatic_range_and_rate
+from wavegym.rendering.maps import CROSS, SIGMAS, TREE, colour, cross
+from wavegym.rendering.panels import LINE, SMALL, Moment, caption, few_ticks, fit_y, legend, steps_along, wipe
+from wavegym.sensors import geometry_kernels, multistatic_range_and_rate
 from wavegym.systems.urban.map import RECEIVER, SURE, TRANSMITTER, UNSURE, draw_urban_map
 from wavegym.systems.urban.system import Urban
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY, MODELS, TENTATIVE
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, MODELS, TENTATIVE, Tracks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -141,7 +138,7 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
 
 def folded(z: Array, ambiguity: float) -> Array:
     """Range and range-rate (..., 2) as a pulse train measures them: the rate folded into [-ambiguity, ambiguity]."""
-    return np.stack([z[..., 0], multistatic_kernels.folded(z[..., 1], ambiguity)], axis=-1)
+    return np.stack([z[..., 0], geometry_kernels.folded(z[..., 1], ambiguity)], axis=-1)
 
 
 def scan_caption(system: Urban, moment: Moment) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import kernel
-from wavegym.sensors.multistatic_kernels import snr_at
+from wavegym.sensors.geometry_kernels import snr_at
 from wavegym.sensors.receiver_kernels import add_echoes, add_noise, path_delays
 
 NOISE = 20_000  # number of the noise stream of a scan, beyond those of all paths

@@ -17,7 +17,7 @@ from wavegym.core.parameters import NonNegative, Positive, Probability, paramete
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.sensors import Antenna, Multistatic, range_and_rate
-from wavegym.sensors.fluctuation import detected_snr_table, detection_table
+from wavegym.sensors.detection import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import figure_kernels, kernels
@@ -34,10 +34,9 @@ from wavegym.systems.urban.state import (
     urban_fields,
     urban_info,
 )
+from wavegym.systems.urban.tracker import EMPTY, MODELS, Tracks, UrbanTracker
 from wavegym.targets import ScriptedPath, Segment
-from wavegym.trackers import Tracks, UrbanTracker
-from wavegym.trackers.gospa import MOST_TARGETS
-from wavegym.trackers.urban.tracker import EMPTY, MODELS
+from wavegym.trackers.track_metrics import MOST_TARGETS
 from wavegym.waveforms import (
     GaussianChirp,
     PulseTiming,

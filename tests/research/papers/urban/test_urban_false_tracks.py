@@ -15,9 +15,8 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import Antenna, Multistatic
 from wavegym.sensors.urban_map import Building, UrbanMap
 from wavegym.systems.urban.state import make_scene
+from wavegym.systems.urban.tracker import CONFIRMED, Tracks
 from wavegym.targets import ScriptedPath
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED
 
 ANTENNAS = (0.0, 0.0), ((10.0, 0.0), (-10.0, 0.0))  # in one line: what lies above it has its mirror image below
 SCANS, WALL = 10, 60.0

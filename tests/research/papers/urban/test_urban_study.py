@@ -38,8 +38,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.evaluation import statistics
 from wavegym.schedulers.registry import make_policy
-from wavegym.trackers import Tracks
-from wavegym.trackers.urban.tracker import CONFIRMED, EMPTY
+from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, Tracks
 
 SCANS = 140
 THERE = 140 + 101  # scans of the first target and of the second, which comes at the fortieth

@@ -1,0 +1,274 @@
+"""Kernels of track management: tracks begin, are confirmed, merge and end.
+
+A track starts where free measurements of the first two receivers agree. Without direction of arrival two range ellipses
+intersect (multilateration); with it a track is the least-squares fit to both measurements.
+"""
+
+# mypy: disallow-untyped-defs=False, check-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.geometry_kernels import locate_one
+from wavegym.systems.urban.tracker_kernels import (
+    CONFIRMED,
+    ELSEWHERE,
+    EMPTY,
+    NEAR,
+    TENTATIVE,
+    cell_of,
+    factor_sum,
+    linearise_path,
+    place_of,
+    whiten,
+)
+from wavegym.trackers.kernels import shrink_one
+from wavegym.trackers.ukf_kernels import cholesky_columns_one
+
+ROUNDS = 3  # Gauss-Newton steps of the fit of a new track
+
+
+@kernel
+def initiate(tracks, constants, z, R, count, taken, scratch, mm, ll):
+    """Start tracks where free measurements of the first two pairs agree on a visible road.
+
+    z (pair, measurement, m), R (pair, measurement, m, m). Returns the number of tracks that found no free slot.
+    """
+    rx, refused = constants.receivers, 0
+    apart = 0.5 * np.hypot(rx[0, 0] - rx[1, 0], rx[0, 1] - rx[1, 1])
+    for a in range(count[0]):
+        for b in range(count[1]):
+            if taken[0, a] or taken[1, b] or abs(z[0, a, 0] - z[1, b, 0]) > apart + constants.slack:
+                continue
+            for k in range(2):
+                if len(ll) == 3:
+                    found = fit_start(k, z[0, a], z[1, b], R[0, a], R[1, b], constants, scratch, ll)
+                else:
+                    found = cross_start(k, z[0, a], z[1, b], R[0, a], R[1, b], constants, scratch)
+                if found and np.hypot(scratch.start[0, 2], scratch.start[0, 3]) <= constants.fastest:
+                    t = slot_for(tracks)
+                    if t >= 0:
+                        refused += tracks.status[t] != EMPTY
+                        begin_track(t, scratch.start[0], scratch.start_spread[0], tracks, constants, mm)
+                    else:
+                        refused += 1
+    return refused
+
+
+@inlined
+def cross_start(k, za, zb, Ra, Rb, constants, scratch):
+    """Crossing k (0, 1) of two range ellipses, and its velocity: fills start and start_spread; whether it may start."""
+    x, P, J = scratch.start, scratch.start_spread, scratch.J[0]
+    tx, rx = constants.transmitters[0], constants.receivers
+    locate_one(za, zb, Ra, Rb, tx[0], tx[1], rx[0, 0], rx[0, 1], rx[1, 0], rx[1, 1], 2.0 * k - 1.0, 0, x, P, J)
+    if not may_start(x, P, constants):
+        return False
+    apply_velocity_prior(x, P, 0, constants.usual_speed * constants.usual_speed, J[0], (0, 0, 0, 0))
+    return True
+
+
+@inlined
+def locate_by_direction(z, pair, side, constants):
+    """Where the range ellipse of z meets its direction of arrival, left (side 1) or right (-1) of the array's axis.
+
+    With d the unit vector of arrival, s the receiver, t the transmitter, c = s - t: |c + rho d| = 2 r - rho.
+    """
+    tx, rx, axis = constants.transmitters[pair], constants.receivers[pair], constants.axes[pair]
+    across = side * np.sqrt(max(1.0 - z[2] * z[2], 0.0))
+    dx, dy = z[2] * axis[0] - across * axis[1], z[2] * axis[1] + across * axis[0]
+    cx, cy = rx[0] - tx[0], rx[1] - tx[1]
+    rho = 0.5 * (4.0 * z[0] * z[0] - cx * cx - cy * cy) / (2.0 * z[0] + cx * dx + cy * dy)
+    return rx[0] + rho * dx, rx[1] + rho * dy, rho > 0.0
+
+
+@kernel
+def fit_start(k, za, zb, Ra, Rb, constants, scratch, ll):
+    """Least-squares state of two measurements and the prior velocity: fills start, start_spread; whether it may start.
+
+    Gauss-Newton from the place where the receiver that sees the target nearer to broadside places it, left or right of
+    its array (k = 0, 1): the other receiver tells the target from its mirror image. A fit whose residuals exceed their
+    chi-square gate (6 measured quantities, 2 prior ones, 4 unknowns) starts no track.
+    """
+    x, P, J = scratch.start, scratch.start_spread, scratch.J
+    x[0, 2] = x[0, 3] = 0.0
+    if abs(za[2]) <= abs(zb[2]):
+        x[0, 0], x[0, 1], ahead = locate_by_direction(za, 0, 1.0 - 2.0 * k, constants)
+    else:
+        x[0, 0], x[0, 1], ahead = locate_by_direction(zb, 1, 1.0 - 2.0 * k, constants)
+    if not (ahead and near_road(x, constants.vaguest, constants)):
+        return False
+    misfit = 0.0
+    for _ in range(ROUNDS):
+        variance = constants.usual_speed * constants.usual_speed
+        for i in range(4):
+            scratch.shift[i] = -x[0, i] / variance if i >= 2 else 0.0
+            for j in range(4):
+                J[0, i, j] = 1.0 / variance if i == j and i >= 2 else 0.0
+        misfit = (x[0, 2] * x[0, 2] + x[0, 3] * x[0, 3]) / variance
+        misfit += add_information(za, Ra, 0, x, constants, scratch, ll)
+        misfit += add_information(zb, Rb, 1, x, constants, scratch, ll)
+        invert(J, P, scratch.A)
+        for i in range(4):
+            for j in range(4):
+                x[0, i] += P[0, i, j] * scratch.shift[j]
+    return misfit <= constants.start_gate and may_start(x, P, constants)
+
+
+@inlined
+def add_information(z, R, pair, x, constants, scratch, ll):
+    """Add H' R^-1 H of one measurement to J[0] and H' R^-1 (z - h) to shift; returns the squared residual."""
+    h, H, W, w, L = scratch.h, scratch.H, scratch.W, scratch.w, scratch.L
+    linearise_path(x[0], constants.transmitters[pair], constants.receivers[pair], constants.axes[pair], h, H, ll)
+    factor_sum(scratch.none, R, L, ll)
+    squared = whiten(z, h, L, w, ll)
+    for i in range(len(ll)):
+        for j in range(4):
+            total = H[i, j]
+            for k in range(i):
+                total -= L[i, k] * W[k, j]
+            W[i, j] = total / L[i, i]
+            scratch.shift[j] += W[i, j] * w[i]
+    for j in range(4):
+        for k in range(4):
+            for i in range(len(ll)):
+                scratch.J[0, j, k] += W[i, j] * W[i, k]
+    return squared
+
+
+@inlined
+def invert(J, P, A):
+    """P[0] = J[0]^-1 for a positive definite J[0] (4, 4); NaN for any other."""
+    cholesky_columns_one(0, 0, J, A, (0, 0, 0, 0), (0, 0, 0, 0))
+    for k in range(4):  # A[0]^-1 in place of the columns of the upper triangle of A[1]
+        for i in range(4):
+            total = 1.0 if i == k else 0.0
+            for j in range(k, i):
+                total -= A[0, i, j] * A[1, j, k]
+            A[1, i, k] = total / A[0, i, i] if i >= k else 0.0
+    for i in range(4):
+        for j in range(4):
+            P[0, i, j] = 0.0
+            for k in range(max(i, j), 4):
+                P[0, i, j] += A[1, k, i] * A[1, k, j]
+
+
+@inlined
+def apply_velocity_prior(x, P, e, variance, v, nn):
+    """Update x[e], P[e] with the prior that xdot and ydot have mean 0 and ``variance``; v (4,) is scratch space."""
+    for k in range(2, 4):
+        total, own = P[e, k, k] + variance, x[e, k]
+        for i in range(4):
+            v[i] = P[e, i, k]
+            x[e, i] -= v[i] / total * own
+        shrink_one(e, P, v, total, nn)
+
+
+@inlined
+def slot_for(tracks):
+    """An empty slot, or the slot of the tentative track of least existence; -1 if all tracks are confirmed."""
+    weakest = -1
+    for t in range(len(tracks.mu)):
+        if tracks.status[t] == EMPTY:
+            return t
+        if tracks.status[t] == TENTATIVE and (weakest < 0 or tracks.existence[t] < tracks.existence[weakest]):
+            weakest = t
+    return weakest
+
+
+@inlined
+def begin_track(t, state, P, tracks, constants, mm):
+    """Start a tentative track at state (4,), covariance P (4, 4), acceleration 0 and equally likely allowed models."""
+    i, j = cell_of(state[0], state[1], constants)
+    place = NEAR if constants.junction[i, j] else ELSEWHERE
+    possible = 0
+    for m in range(len(mm)):
+        entered = 0.0
+        for k in range(len(mm)):
+            entered += constants.transition[place, k, m]
+        tracks.mu[t, m] = 1.0 if entered > 0.0 else 0.0
+        possible += entered > 0.0
+    for m in range(len(mm)):
+        row = t * len(mm) + m
+        tracks.mu[t, m] /= possible
+        for k in range(6):
+            tracks.x[row, k] = state[k] if k < 4 else 0.0
+            for n in range(6):
+                tracks.P[row, k, n] = P[k, n] if k < 4 and n < 4 else 0.0
+            if k >= 4:
+                tracks.P[row, k, k] = constants.first_acceleration * constants.first_acceleration
+    tracks.status[t], tracks.existence[t], tracks.age[t] = TENTATIVE, constants.birth, 0
+
+
+@inlined
+def near_road(x, distance, constants):
+    """Whether x[0] is at most ``distance`` m from a road, on the map."""
+    i, j = cell_of(x[0, 0], x[0, 1], constants) if np.isfinite(x[0, 0]) else (-1, -1)
+    return i >= 0 and constants.road[i, j] <= distance
+
+
+@inlined
+def may_start(x, P, constants):
+    """Whether x[0] is on a road visible to all antennas, and known well enough."""
+    if not near_road(x, 0.0, constants):
+        return False
+    i, j = cell_of(x[0, 0], x[0, 1], constants)
+    visible = constants.back_visible[0, i, j, 0] and constants.back_visible[1, i, j, 0]
+    known = P[0, 0, 0] + P[0, 1, 1] <= constants.vaguest * constants.vaguest
+    return constants.out_visible[0, i, j, 0] and visible and known
+
+
+@inlined
+def end(t, tracks, mm):
+    """Empty a slot."""
+    tracks.status[t] = EMPTY
+    tracks.existence[t] = 0.0
+    tracks.age[t] = 0
+    for m in range(len(mm)):
+        tracks.mu[t, m] = 1.0 / len(mm)
+
+
+@inlined
+def off_road(t, a, b, tracks, constants, mm):
+    """Whether a track is farther from all roads than its own uncertainty explains.
+
+    The mirror image of a target moves into a building when the target turns.
+    """
+    i, j = cell_of(a, b, constants)
+    if i < 0:
+        return True
+    variance = 0.0
+    for m in range(len(mm)):
+        row = t * len(mm) + m
+        variance += tracks.mu[t, m] * (tracks.P[row, 0, 0] + tracks.P[row, 1, 1])
+    return constants.road[i, j] > constants.slack + 2.0 * np.sqrt(variance)
+
+
+@kernel
+def update_status(tracks, constants, mm):
+    """Confirm, end and merge tracks: of two at one place the tentative one ends, of equal status the younger one."""
+    for t in range(len(tracks.mu)):
+        if tracks.status[t] == EMPTY:
+            continue
+        least = constants.drop_tentative if tracks.status[t] == TENTATIVE else constants.drop_confirmed
+        a, b, u, v = place_of(t, tracks.x, tracks.mu, len(mm))
+        if (
+            not tracks.existence[t] >= least
+            or off_road(t, a, b, tracks, constants, mm)
+            or not np.hypot(u, v) < 2.0 * constants.fastest
+        ):
+            end(t, tracks, mm)
+        elif tracks.existence[t] >= constants.confirm and tracks.age[t] + 1 >= constants.confirm_after:
+            tracks.status[t] = CONFIRMED
+        tracks.age[t] += tracks.status[t] != EMPTY
+    for t in range(len(tracks.mu)):
+        for s in range(t):
+            if tracks.status[t] != EMPTY and tracks.status[s] != EMPTY:
+                a, b, u, v = place_of(t, tracks.x, tracks.mu, len(mm))
+                c, d, p, q = place_of(s, tracks.x, tracks.mu, len(mm))
+                apart, faster = np.hypot(a - c, b - d), np.hypot(u - p, v - q)
+                if apart < constants.merge_distance and faster < constants.merge_speed:
+                    older = tracks.status[s] > tracks.status[t] or (
+                        tracks.status[s] == tracks.status[t] and tracks.age[s] >= tracks.age[t]
+                    )
+                    end(t if older else s, tracks, mm)

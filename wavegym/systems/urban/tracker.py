@@ -1,0 +1,346 @@
+"""Urban tracker: an unknown number of targets, which walls hide and which appear as ghosts over reflecting walls.
+
+Gates, LMIPDA, a variable-structure IMM of unscented filters, and track management (Barbosa et al., section 4.2), for
+transmitters whose signals receivers can separate and two or more receivers. The map decides what the paper leaves
+open:
+
+- A track starts where measurements of the first two receivers from the first transmitter intersect on a road that is
+  visible to all three.
+- A missed detection does not count against a hidden track.
+- A track that leaves the roads was a mirror image and ends.
+- Returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from itertools import product
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+from scipy.special import chdtri
+
+from wavegym.core.array_checks import check_elements, check_last_axes, check_shape
+from wavegym.core.arrays import Array
+from wavegym.core.errors import (
+    InputError,
+    check_int,
+    check_non_negative,
+    check_positive,
+    check_probability,
+    check_within,
+)
+from wavegym.core.parameters import in_one_line
+from wavegym.sensors.detection import detection_table, effective_snr_table
+from wavegym.sensors.multipath import Antenna, Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
+from wavegym.sensors.multistatic import check_triangle
+from wavegym.sensors.urban_map import Point, UrbanMap
+from wavegym.systems.urban import scan_kernels, tracker_kernels
+from wavegym.targets.motion import MotionModel, coordinated_turn, nearly_constant_acceleration, nearly_constant_velocity
+from wavegym.trackers import imm_kernels
+from wavegym.trackers.imm import variable_structure
+
+EMPTY, TENTATIVE, CONFIRMED = tracker_kernels.EMPTY, tracker_kernels.TENTATIVE, tracker_kernels.CONFIRMED
+MODELS = ("NCV", "NCA", "CT left", "CT right")
+TRANSITION = np.array([[0.99, 0.01, 0.0, 0.0], [0.1, 0.7, 0.1, 0.1], [0.0, 0.01, 0.99, 0.0], [0.0, 0.01, 0.0, 0.99]])
+"""From row to column. The paper prints 0.1 instead of 0.01 and exchanges rows and columns; rows then sum to 1.09."""
+SETS = ((False, True, True, True), (True, True, False, False))  # near junctions, elsewhere
+NO_IMAGE = 9  # order of a padding image: more walls than any path has
+
+
+class Tracks(NamedTuple):
+    """Slots for tracks; axis 0 = environment."""
+
+    x: Array  # (env, slot, model, 6): x, y, xdot, ydot, xddot, yddot
+    P: Array  # (env, slot, model, 6, 6)
+    mu: Array  # (env, slot, model): model probabilities
+    existence: Array  # (env, slot): psi, 0 in an empty slot
+    status: Array  # (env, slot): EMPTY, TENTATIVE or CONFIRMED
+    age: Array  # (env, slot): scans since the track began
+    refused: Array  # (env,): new tracks of the last scan that found no free slot
+
+    def combined(self) -> tuple[Array, Array]:
+        """Mean (env, slot, 6) and covariance (env, slot, 6, 6) over each track's models."""
+        return imm_kernels.combine(self.x, self.P, self.mu)  # unchecked: empty slots hold no distribution
+
+
+@in_one_line
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class UrbanTracker:
+    """See the module; the paper prints almost no parameters, so the defaults are of this suite.
+
+    Args:
+        urban_map: the map.
+        transmitters, receivers: (x, y) in m; at least two receivers. Measurements are ordered by pairs: the first
+            transmitter with each receiver first.
+        axes: unit vector along the line of array elements of each receiver, whose measurements then have a direction of
+            arrival; None for measurements without, as in the paper. The first two receivers must then not stand in one
+            line with the first transmitter.
+        elements: number of elements of each array, half a wavelength apart.
+        models: "vsimm": constant velocity and acceleration, and turns near junctions; "ncv": constant velocity.
+        dt: time between scans, s.
+        turn_rate: turn rate of both turn models, rad/s.
+        sigma: standard deviation of acceleration in NCV and turn models, m/s^2.
+        sigma_acceleration: standard deviation of the change of acceleration in a scan, NCA, m/s^2.
+        stay: probability that a target keeps its motion model until the next scan; all others are equally likely. None
+            for the matrix of the paper, in which acceleration lasts three scans and turns last a hundred.
+        slots: maximum number of tracks; when full, a new track replaces the tentative track of least existence.
+        clutter_density: expected false returns in a scan of a receiver, per (m x m/s).
+        gate_probability: Pg, probability that a gate holds the measurement of a detected target.
+        false_alarm: Pfa, which relates SNR and detection probability.
+        fluctuation: of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.detection``.
+        error_snr: SNR that sets measurement covariances. "mean": the mean eta. "realised": 1 / E[1 / max(eta, 1)] of an
+            echo that is detected, for errors at the SNR of the scan. Pd is that of the mean eta in both.
+        searched: quantities over which receivers take the greatest value about an echo, see ``detection_probability``.
+        rate_floor: standard deviation of range-rate in addition to its noise, m/s.
+        reach: half path length beyond which nothing is received, m.
+        survival: probability that a target exists in the next scan too.
+        birth: existence probability of a new track.
+        confirm: existence probability at which a track is confirmed.
+        confirm_after: least number of scans before that; mirror images between the receivers rarely last so long.
+        drop: existence probabilities below which a tentative and a confirmed track end.
+        merge: distance (m) and velocity difference (m/s) below which two tracks are merged.
+        vaguest: largest standard deviation of the position of a new track, m.
+        fastest: largest speed of a new track, m/s; a track ends beyond twice this speed.
+        usual_speed: prior standard deviation of the velocity of a target on each axis, m/s.
+        ghosts: whether the map is used to separate tracks from their ghosts.
+        cell: width of the cells of the grid, m.
+
+    Raises:
+        InputError: an invalid value or an antenna in a building, or antennas that cannot locate a target.
+    """
+
+    urban_map: UrbanMap
+    transmitters: tuple[Point, ...]
+    receivers: tuple[Point, ...]
+    axes: tuple[Point, ...] | None = None
+    elements: int = 3
+    models: Literal["vsimm", "ncv"] = "vsimm"
+    dt: float = 0.25
+    turn_rate: float = math.pi / 20
+    sigma: float = 0.25
+    sigma_acceleration: float = 0.3
+    stay: float | None = None
+    slots: int = 8
+    clutter_density: float = 1e-3
+    gate_probability: float = 0.99
+    false_alarm: float = 1e-3
+    fluctuation: str = "swerling1"
+    error_snr: Literal["mean", "realised"] = "mean"
+    searched: int = 0
+    rate_floor: float = 0.1
+    reach: float = 300.0
+    survival: float = 0.99
+    birth: float = 0.1
+    confirm: float = 0.95
+    confirm_after: int = 4
+    drop: tuple[float, float] = (0.03, 0.05)
+    merge: tuple[float, float] = (5.0, 4.0)
+    vaguest: float = 5.0
+    fastest: float = 20.0
+    usual_speed: float = 10.0
+    ghosts: bool = True
+    cell: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.transmitters:
+            raise InputError("transmitters is (), expected at least one place (x, y) in m")
+        if len(self.receivers) < 2:
+            raise InputError(f"receivers is {self.receivers}, expected at least two: one gives no direction")
+        if self.axes is None:
+            check_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
+        elif len(self.axes) != len(self.receivers):
+            raise InputError(
+                f"axes has {len(self.axes)} entries, expected {len(self.receivers)}: one for each receiver"
+            )
+        check_int("elements", self.elements, 1 if self.axes is None else 2)
+        check_int("slots", self.slots, 1)
+        check_int("confirm_after", self.confirm_after, 1)
+        for name in ("clutter_density", "rate_floor", "reach", "vaguest", "fastest", "usual_speed"):
+            check_positive(name, getattr(self, name))
+        for name in ("gate_probability", "false_alarm"):
+            check_probability(name, getattr(self, name))
+        for name in ("survival", "birth", "confirm"):
+            check_within(name, getattr(self, name), 0.0, 1.0)
+        if self.stay is not None:
+            check_probability("stay", self.stay)
+        check_elements(lambda name, value: check_within(name, value, 0.0, 1.0), "drop", self.drop)
+        check_elements(check_non_negative, "merge", self.merge)
+        _ = self.constants
+
+    @cached_property
+    def motion(self) -> tuple[MotionModel, ...]:
+        """Motion models, in the order of ``MODELS``."""
+        straight = nearly_constant_velocity(self.dt, self.sigma)
+        if self.models == "ncv":
+            return (straight,)
+        turns = (coordinated_turn(self.dt, sign * self.turn_rate, self.sigma) for sign in (1.0, -1.0))
+        return (straight, nearly_constant_acceleration(self.dt, self.sigma_acceleration), *turns)
+
+    @property
+    def quantities(self) -> int:
+        """Number of measured quantities: range and range-rate, and with ``axes`` the direction cosine."""
+        return 2 if self.axes is None else 3
+
+    def empty(self, num_envs: int) -> Tracks:
+        """No tracks."""
+        lead, models = (num_envs, self.slots), len(self.motion)
+        return Tracks(
+            np.zeros((*lead, models, 6)), np.zeros((*lead, models, 6, 6)), np.full((*lead, models), 1.0 / models),
+            np.zeros(lead), np.zeros(lead, np.int64), np.zeros(lead, np.int64), np.zeros(num_envs, np.int64),
+        )  # fmt: skip
+
+    def scan(
+        self,
+        tracks: Tracks,
+        z: ArrayLike,
+        count: ArrayLike,
+        R: ArrayLike,
+        snr: ArrayLike,
+        errors: ArrayLike | None = None,
+    ) -> Tracks:
+        """Tracks after one scan of all receivers.
+
+        Args:
+            tracks: tracks before the scan.
+            z: measurements of each pair, (env, pair, most, m): range and range-rate, m and m/s; with ``axes`` also the
+                direction cosine at the receiver's array, see ``Multistatic.directions``.
+            count: number of measurements, (env, pair).
+            R: error covariance at an SNR of 1 of the waveform that the transmitter of each pair sent, without the
+                range-rate variance rate_floor^2; leading axes broadcast to (env, pair, 2, 2).
+            snr: SNR of this waveform at a half path length of 100 m without walls; broadcasts to (env, pair).
+            errors: covariance of each measurement as the receiver gives it, without rate_floor^2, (env, pair, most, m,
+                m); by default ``direct_errors``.
+
+        Returns:
+            The tracks. A new track that finds no free slot replaces a tentative track or is not started, and counts as
+            ``refused``.
+
+        Raises:
+            InputError: a wrong shape, or an invalid count, R or SNR.
+        """
+        envs, pairs = len(tracks.existence), len(self.transmitters) * len(self.receivers)
+        size = self.quantities
+        z, count = np.array(check_last_axes("z", z, size), order="C"), np.array(count, np.float64, order="C")
+        if z.shape[:2] != (envs, pairs) or z.ndim != 4 or count.shape != (envs, pairs):
+            raise InputError(
+                f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, {size}) and "
+                f"({envs}, {pairs})"
+            )
+        if not scan_kernels.are_counts(count, z.shape[2]):
+            wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
+            raise InputError(f"count is {count[wrong][0]:g}, expected an integer from 0 to {z.shape[2]}, the size of z")
+        after, waves, count = self._copied(tracks), self._waves(R, snr, envs), count.astype(np.int64)
+        given = self.direct_errors(z, count, *waves) if errors is None else np.array(errors, np.float64, order="C")
+        check_shape("errors", given, (*z.shape, size))
+        scan_kernels.scan(*after[:6], self.constants, *waves, z, given, count, after.refused, *self._sizes)
+        return after
+
+    def direct_errors(self, z: Array, count: Array, R: Array, snr: Array) -> Array:
+        """Covariance of each measurement at the SNR of a direct path of its range, without the floor of range-rate.
+
+        The SNR is that of ``error_snr``.
+        Arguments as in ``scan``, R and snr of the full shapes (env, pair, 2, 2) and (env, pair). Returns
+        (env, pair, most, m, m), 0 beyond the measurements.
+        """
+        errors = np.zeros((*z.shape, self.quantities))
+        scan_kernels.direct_errors(z, count, R, snr, self.constants, errors, self._sizes[-1])
+        return errors
+
+    def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
+        """Tracks after an expected scan: covariances shrink in proportion to the detection probability.
+
+        Arguments as in ``scan``; means are the predicted means.
+        """
+        after = self._copied(tracks)
+        scan_kernels.expect(*after[:6], self.constants, *self._waves(R, snr, len(after.existence)), *self._sizes)
+        return after
+
+    def _copied(self, tracks: Tracks) -> Tracks:
+        """A copy that kernels overwrite; InputError for tracks of another tracker."""
+        models, envs = len(self.motion), len(tracks.existence)
+        cores: list[tuple[int, ...]] = [(models, 6), (models, 6, 6), (models,), (), (), ()]
+        for name, leaf, core in zip(Tracks._fields, tracks, cores, strict=False):
+            if leaf.shape != (envs, self.slots, *core):
+                wanted = (envs, self.slots, *core)
+                raise InputError(f"tracks.{name} has shape {leaf.shape}, expected {wanted}: this tracker's")
+        return Tracks(*(np.array(leaf, order="C") for leaf in tracks))
+
+    def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
+        """R and SNR of each pair in each environment."""
+        lead = envs, len(self.transmitters) * len(self.receivers)
+        covariance, ratio = np.empty((*lead, 2, 2)), np.empty(lead)
+        try:
+            covariance[...], ratio[...] = check_last_axes("R", R, 2, 2), snr
+        except ValueError:
+            raise InputError(
+                f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
+            ) from None
+        if not scan_kernels.are_waves(covariance, ratio):
+            check_elements(check_positive, "snr", ratio)
+            raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
+        return covariance, ratio
+
+    @property
+    def _sizes(self) -> tuple[tuple[int, ...], ...]:
+        return (0,) * 6, (0,) * len(self.motion), (0,) * self.quantities
+
+    def _effective_table(self) -> Array:
+        if self.error_snr == "mean":
+            return np.zeros(0)
+        return effective_snr_table(self.false_alarm, self.fluctuation, self.searched)
+
+    @cached_property
+    def constants(self) -> scan_kernels.TrackerConstants:
+        """Everything that kernels need."""
+        grid = Grid.over(self.urban_map, (*self.transmitters, *self.receivers), self.cell)
+        lines = self.axes or ((1.0, 0.0),) * len(self.receivers)
+        pairs = list(product(self.transmitters, zip(self.receivers, lines, strict=True)))
+        out = [visibility_map(Antenna(self.urban_map, place), grid) for place, _ in pairs]
+        back = [visibility_map(Antenna(self.urban_map, *array), grid) for _, array in pairs]
+        whole_set, models = self.models == "vsimm", len(MODELS)
+        changes = TRANSITION
+        if self.stay is not None:
+            changes = np.where(np.eye(models, dtype=np.bool_), self.stay, (1.0 - self.stay) / (models - 1))
+        return scan_kernels.TrackerConstants(
+            transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, (r, _) in pairs]),
+            axes=np.array([axis for _, (_, axis) in pairs], np.float64), elements=self.elements,
+            F=np.stack([model.F for model in self.motion]), Q=np.stack([model.Q for model in self.motion]),
+            transition=variable_structure(changes, SETS) if whole_set else np.ones((2, 1, 1)),
+            corner=np.array(grid.corner), cell=float(grid.cell), road=metres_to_road(self.urban_map, grid),
+            junction=in_junctions(self.urban_map, grid), **_images("out", out), **_images("back", back),
+            back_axes=_padded(back, "axes", 0.0), density=self.clutter_density / 2.0 ** (self.quantities - 2),
+            gate=float(chdtri(self.quantities, 1.0 - self.gate_probability)),
+            start_gate=float(chdtri(4, 1.0 - self.gate_probability)),
+            gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
+            detection_table=detection_table(self.false_alarm, self.fluctuation, self.searched),
+            effective_table=self._effective_table(),
+            rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
+            confirm=self.confirm, confirm_after=self.confirm_after,
+            drop_tentative=self.drop[0], drop_confirmed=self.drop[1],
+            merge_distance=self.merge[0], merge_speed=self.merge[1], slack=self.cell, vaguest=self.vaguest,
+            fastest=self.fastest, usual_speed=self.usual_speed, first_acceleration=1.0, ghosts=self.ghosts,
+        )  # fmt: skip
+
+
+def _images(side: str, maps: list[VisibilityMap]) -> dict[str, Array]:
+    """Tables of the images of the transmitter, or the receiver, of each pair, padded to one length."""
+    return {
+        f"{side}_images": _padded(maps, "images", 0.0), f"{side}_order": _padded(maps, "order", NO_IMAGE),
+        f"{side}_reflected": _padded(maps, "reflected", 0.0),
+        f"{side}_visible": _padded(maps, "visible", False, axis=-1),
+    }  # fmt: skip
+
+
+def _padded(maps: list[VisibilityMap], name: str, fill: float, axis: int = 0) -> Array:
+    """One field of all maps, (pair, ...), with ``fill`` for the images that a map does not have."""
+    most, parts = max(len(one.images) for one in maps), []
+    for one in maps:
+        values = getattr(one, name)
+        room = [(0, most - len(one.images)) if a == axis % values.ndim else (0, 0) for a in range(values.ndim)]
+        parts.append(np.pad(values, room, constant_values=fill))
+    return np.ascontiguousarray(np.stack(parts))

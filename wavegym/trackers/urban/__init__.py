@@ -1,1 +1,0 @@
-"""Tracker of an unknown number of targets on an urban map."""
