@@ -21,7 +21,7 @@ import numpy as np
 from agents import blocks
 from agents.experiment import load_experiments
 from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
-from wavegym.core.command_line import Parser, guarded, settings
+from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import Policy
@@ -51,7 +51,7 @@ KNOWN, UNKNOWN = "known", "unknown"  # to the tracker
 def load_shifts() -> dict[str, dict[str, dict[str, Any]]]:
     """Changed parameters by environment and shift."""
     return {
-        stem(each.env): {name: settings(given) for name, given in each.shifts.items()}
+        stem(each.env): {name: named_values(given) for name, given in each.shifts.items()}
         for each in load_experiments().values()
         if each.shifts
     }

@@ -69,7 +69,7 @@ def test_each_subcommand_has_a_help(name, capsys):
         (["describe", "KershawEvan-v0"], "did you mean 'wavegym/KershawEvans-v0'?"),
         (["describe", "mine/Ship-v0"], "expected PACKAGE:mine/Ship-v0, with the package that registers it"),
         (["describe", "KershawEvans-v0", "--set", "horizont=4"], "did you mean 'horizon'?"),
-        (["check", "KershawEvans-v0", "--set", "horizon"], "expected key=value"),
+        (["check", "KershawEvans-v0", "--set", "horizon"], "expected NAME=VALUE"),
         (["play", "KershawEvans-v0", "--policy", "myopik"], "did you mean 'myopic'?"),
         (["play", "KershawEvans-v0", "--policy", "myopic,random"], "expected one name (nearest: 'myopic')"),
         (["play", "KershawEvans-v0", "--seed", "-1"], "seed is -1"),

@@ -157,8 +157,8 @@ def test_a_missing_setting_and_a_missing_file_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
-        ("num_envs", "--set num_envs=N"),
-        ("reward", "--set reward=NAME"),
+        ("num_envs", "--setting num_envs=N"),
+        ("reward", "--setting reward=NAME"),
         ("autoreset_mode", "none: training needs SameStep"),
         ("measurements", "none: agents read"),
         ("observation", "none: agents observe the belief"),

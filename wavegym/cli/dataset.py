@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from wavegym.cli.environments import ENVIRONMENT, read_environment
+from wavegym.cli.environments import add_environment, read_environment
 from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError
 
@@ -13,7 +13,7 @@ from wavegym.core.errors import InputError
 def parser() -> Parser:
     """The options."""
     options = Parser(prog="wavegym dataset", description="Write episodes of a policy as a Minari dataset.")
-    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
+    add_environment(options)
     known = "a policy as `wavegym evaluate --policies` takes it (default: %(default)s)"
     options.add_argument("--policy", default="myopic", metavar="NAME", help=known)
     options.add_argument("--episodes", type=int, default=100, metavar="N", help="(default: %(default)s)")
@@ -26,7 +26,6 @@ def parser() -> Parser:
     returns = "also play every other action of every step, and record its return"
     options.add_argument("--all-returns", action="store_true", help=returns)
     options.add_argument("--seed", type=int, default=0, metavar="S", help="episode i plays reset(seed=S + i)")
-    options.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the environment")
     return options
 
 

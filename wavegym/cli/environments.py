@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from wavegym.core.command_line import Parser, settings
+from wavegym.core.command_line import Parser, named_values
 from wavegym.core.errors import InputError
 from wavegym.registration import full_id, list_envs
 
@@ -13,12 +13,12 @@ ENVIRONMENT = "id of the environment, with or without wavegym/; or a scenario fi
 
 
 def read_environment(env: str, pairs: Sequence[str]) -> tuple[str, dict[str, Any]]:
-    """The full id, and the parameters from the scenario file ``env``, if it is one, and from ``KEY=VALUE`` pairs.
+    """The full id, and the parameters from the scenario file ``env``, if it is one, and from ``NAME=VALUE`` pairs.
 
     Raises:
         InputError: no such environment (nearest named), a pair that is none, or a file without an id.
     """
-    given = settings(pairs)
+    given = named_values(pairs)
     if not env.endswith(".toml"):
         return full_id(env), given
     from wavegym.envs.scenario import read_scenario
@@ -29,13 +29,18 @@ def read_environment(env: str, pairs: Sequence[str]) -> tuple[str, dict[str, Any
     return named, {"scenario": env, **given}
 
 
+def add_environment(options: Parser) -> None:
+    """Add the environment and --set, its parameters."""
+    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
+    text = "parameters of the environment that replace its defaults"
+    options.add_argument("--set", nargs="+", action="extend", default=[], metavar="NAME=VALUE", help=text)
+
+
 def parser(name: str, description: str, takes_environment: bool = True) -> Parser:
     """The options of one of these subcommands."""
     options = Parser(prog=f"wavegym {name}", description=description)
     if takes_environment:
-        options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
-        help = "parameters of the environment other than its defaults"
-        options.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=help)
+        add_environment(options)
     return options
 
 

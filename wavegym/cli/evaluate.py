@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wavegym.cli.environments import ENVIRONMENT, read_environment
+from wavegym.cli.environments import add_environment, read_environment
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.registry import import_package
@@ -34,13 +34,13 @@ COMPARISON = {
 def parser() -> Parser:
     """The options."""
     options = Parser(prog="wavegym evaluate", description="Compare policies on the same worlds.")
-    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
+    add_environment(options)
     options.add_argument("--policies", default="myopic,best-fixed,random", help=f"{POLICIES} (default: %(default)s)")
     options.add_argument(
         "--worlds", type=int, default=200, metavar="N", help="number of test worlds (default: %(default)s)"
     )
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    options.add_argument("--seed", type=int, default=0, metavar="S", help="another seed, other worlds (default: 0)")
+    options.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the test worlds (default: 0)")
     add_worker_options(options)
     options.add_argument("--tracks", type=Path, metavar="FILE.csv", help="recorded targets")
     options.add_argument(
@@ -65,7 +65,6 @@ def parser() -> Parser:
         metavar="PACKAGE",
         help="import a package that registers environments, schedulers or chirp laws; may be repeated",
     )
-    options.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="parameters of the environment")
     return options
 
 

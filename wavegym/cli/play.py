@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.cli.environments import ENVIRONMENT, read_environment
+from wavegym.cli.environments import add_environment, read_environment
 from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Clairvoyant
@@ -19,14 +19,12 @@ FRAME_MS = 200  # how long a GIF shows each step
 def parser() -> Parser:
     """The options."""
     options = Parser(prog="wavegym play", description="Play one episode with a policy and print its cost.")
-    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
+    add_environment(options)
     options.add_argument(
         "--policy", default="myopic", metavar="NAME", help="one that wavegym policies ENV lists (default: %(default)s)"
     )
-    options.add_argument("--seed", type=int, default=0, metavar="S", help="of the world (default: %(default)s)")
+    options.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the world (default: %(default)s)")
     options.add_argument("--gif", type=Path, metavar="FILE", help="write a picture of every step")
-    help = "parameters of the environment other than its defaults"
-    options.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=help)
     return options
 
 

@@ -11,13 +11,13 @@ from wavegym.core.workers import add_worker_options, workers
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="wavegym submit", description="Play a submission to the board against the best simple rules.")
+    options = Parser(prog="wavegym submit", description="Play a submission to the board against the best tuned heuristics.")
     options.add_argument("folder", type=Path, metavar="FOLDER", help="folder with submission.toml and policies")
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the record, NAME.json")
     options.add_argument(
         "--worlds", type=int, default=100, metavar="N", help="worlds of each environment (default: 100)"
     )
-    seed = "root of the worlds (default: 0; the board's own is drawn at its release)"
+    seed = "seed of the test worlds (default: 0; the board draws its own at each release)"
     options.add_argument("--seed", type=int, default=0, metavar="S", help=seed)
     add_worker_options(options)
     return options

@@ -17,9 +17,9 @@ from wavegym.registration import RECORDS, list_envs
 
 # Arguments of gymnasium.make_vec that are no parameters of a system, and the alternative here.
 SHELL = {
-    "num_envs": "--set num_envs=N",
-    "reward": "--set reward=NAME",
-    "forecasts": "--set forecasts=true",
+    "num_envs": "--setting num_envs=N",
+    "reward": "--setting reward=NAME",
+    "forecasts": "--setting forecasts=true",
     "measurements": "none: agents read no measurements from info",
     "observation": "none: agents observe the belief",
     "autoreset_mode": "none: training needs SameStep",
