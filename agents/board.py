@@ -1,8 +1,8 @@
 """The board of a release: ``python -m agents.board``.
 
-Each release of the suite has a root of its own, which ``--release`` draws: nobody could train or tune on its worlds.
+Each release of the suite has a seed of its own, which ``--release`` draws: nobody could train or tune on its worlds.
 ``--play`` plays the suite's own agents as submissions; those of others are played with ``wavegym submit FOLDER --seed
-ROOT --out results/board/RELEASE``. All records of the latest release make the tables and the picture of docs/board.md.
+SEED --out results/board/RELEASE``. All records of the latest release make the tables and the picture of docs/board.md.
 """
 
 from __future__ import annotations
@@ -43,23 +43,23 @@ from wavegym.policies.records import read_run
 from wavegym.policies.runs import RUN
 
 FOLDER, PAGE, PICTURE = ROOT / "results" / "board", ROOT / "docs" / "board.md", ROOT / "docs" / "images" / "board.png"
-RELEASE = "release.json"  # version, root and worlds
+RELEASE = "release.json"  # version, seed and worlds
 START, END = "<!-- made by `python -m agents.board`: -->", "<!-- board to here -->"
 WORLDS = 100
 FARTHEST = 50.0  # per cent, of the picture
 
 
 def release() -> None:
-    """Draw the root of this version. Raises an InputError if it has one: then its worlds are known."""
+    """Draw the seed of this version. Raises an InputError if it has one: then its worlds are known."""
     folder = FOLDER / VERSION
     if (folder / RELEASE).exists():
-        raise InputError(f"{folder} has a root already, expected a new version of the package")
-    about = {"version": VERSION, "root": secrets.randbelow(2**31), "worlds": WORLDS}
+        raise InputError(f"{folder} has a seed already, expected a new version of the package")
+    about = {"version": VERSION, "seed": secrets.randbelow(2**31), "worlds": WORLDS}
     write_whole(folder, {RELEASE: (json.dumps(about, indent=1) + "\n").encode()})
 
 
 def latest() -> tuple[Path, dict[str, Any]]:
-    """The folder of the latest release, and its root and worlds."""
+    """The folder of the latest release, and its seed and worlds."""
     folders = [file.parent for file in FOLDER.glob(f"*/{RELEASE}")]
     if not folders:
         raise InputError(f"{FOLDER} has no release, expected one (nearest: python -m agents.board --release)")
@@ -87,7 +87,7 @@ def renew() -> None:
     if not records:
         return
     parts = [
-        f"Release {about['version']}, {about['worlds']} worlds of the root {about['root']}.",
+        f"Release {about['version']}, {about['worlds']} worlds of the seed {about['seed']}.",
         scores(records),
     ]
     parts += [f"### {record['name']}\n\n{table(record)}" for record in records]
@@ -138,7 +138,7 @@ def _logs(record: Record) -> dict[str, Array]:
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.board", description="The board of a release.")
-    parser.add_argument("--release", action="store_true", help="draw the root of this version first")
+    parser.add_argument("--release", action="store_true", help="draw the seed of this version first")
     parser.add_argument("--play", action="store_true", help="play the suite's own agents")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     read = parser.read(None)
@@ -146,7 +146,7 @@ def main() -> None:
         release()
     folder, about = latest()
     for algo in LEARNERS if read.play else ():
-        given = {"root": about["root"], "worlds": about["worlds"], "jobs": read.jobs}
+        given = {"seed": about["seed"], "worlds": about["worlds"], "jobs": read.jobs}
         for env_id in play_submission(own(algo), folder, **given):
             print(algo, env_id, flush=True)
     renew()

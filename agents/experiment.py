@@ -114,7 +114,8 @@ def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folde
     if (folder / RUN).exists():
         return
     parameters = {**named_values(shared), **named_values(learner.parameters)}
-    spec = RunSpec(env, learner.algo, seed, load_settings(env, learner.algo, named_values(learner.settings), parameters))
+    settings = load_settings(env, learner.algo, named_values(learner.settings), parameters)
+    spec = RunSpec(env, learner.algo, seed, settings)
     train(spec, folder, checkpoint_every=200_000, resume=(folder / "run_spec.json").exists(), progress=False)
 
 

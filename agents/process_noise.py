@@ -87,7 +87,7 @@ def play(recording: Recording | None, worlds: int, jobs: int) -> dict[str, Any]:
         found |= {"windows": len(played), "targets": len(targets)}
     for tracker, q in _trackers(drawn=recording is None):
         settings = {"tracker": tracker, **({} if q is None else {"q": q}), **(recording.settings if recording else {})}
-        comparison = compare(ENV_ID, policies, worlds=worlds, root=SEED, jobs=jobs, keep=FOLDER, **settings)
+        comparison = compare(ENV_ID, policies, worlds=worlds, seed=SEED, jobs=jobs, keep=FOLDER, **settings)
         found["cases"].append({"tracker": tracker, "q": q, "policies": _figures(comparison)})
     return found
 

@@ -24,7 +24,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import recorded
 
-ROOT = 22  # seed of the worlds
+SEED = 22  # of the worlds
 ENVIRONMENTS = ("AgileClutter-v0", "BeamAllocation-v0", "EnergyBudget-v0", "EnergyBudgetKnown-v0")
 SIZES = {"jpda": (0,), "mixture": (1, 2, 4, 8, 16, 32, 64), "particle": (100, 1000, 10_000)}
 PARAMETER = {"mixture": "components", "particle": "particles"}
@@ -79,8 +79,8 @@ def play(case: Case, count: int) -> tuple[Figures, float]:
     default = make_task(case.environment, {}).system
     changed = {"tracker": case.tracker} | ({PARAMETER[case.tracker]: case.size} if case.size else {})
     system: Any = make_task(case.environment, changed).system
-    policy, worlds = make_policy(case.policy, default, None), draw_worlds(system, world_seeds(ROOT, "test", count))
-    policy.begin(system, count, np.random.default_rng(ROOT))
+    policy, worlds = make_policy(case.policy, default, None), draw_worlds(system, world_seeds(SEED, "test", count))
+    policy.begin(system, count, np.random.default_rng(SEED))
     state, weights = system.initial(worlds), np.asarray(system.weights)
     system.transition(state, system.constants()[:1].repeat(count, axis=0), worlds)  # compiles
     steps, spent = [], 0.0

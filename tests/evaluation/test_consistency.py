@@ -53,7 +53,7 @@ def test_a_wrong_measurement_noise_is_flagged_and_the_right_one_is_not(believed,
 
 
 def test_one_step_in_twenty_of_a_consistent_tracker_is_outside_its_bounds():
-    shares = [steps_outside([play(task(1.0), Fixed(1), world_seeds(root, "test", 100))], 1) for root in range(40)]
+    shares = [steps_outside([play(task(1.0), Fixed(1), world_seeds(seed, "test", 100))], 1) for seed in range(40)]
     # The spread of the shares between comparisons holds the correlation of steps; five standard errors.
     assert abs(np.mean(shares) - 0.05) < 5 * np.std(shares, ddof=1) / np.sqrt(len(shares))
     assert np.mean(shares) < 0.08

@@ -22,7 +22,7 @@ FILES = ["comparison.png", "episodes.csv", "report.html", "summary.json", "table
 @pytest.fixture(scope="module")
 def comparison():
     policies = {"random": None, "learner": [Fixed(0), Fixed(10), Fixed(20)]}
-    return compare("KershawEvansPosition-v0", policies, worlds=25, root=4, jobs=1, horizon=5)
+    return compare("KershawEvansPosition-v0", policies, worlds=25, seed=4, jobs=1, horizon=5)
 
 
 @pytest.fixture(scope="module")

@@ -44,11 +44,11 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_a_submission_is_played_as_compare_plays_it(folder: Path, tmp_path: Path) -> None:
-    played = list(play_submission(read_submission(folder), tmp_path, root=7, worlds=6, jobs=1, progress=False))
+    played = list(play_submission(read_submission(folder), tmp_path, seed=7, worlds=6, jobs=1, progress=False))
     assert played == [ID, "wavegym/AgileClutter-v0"]
     record = read_record(tmp_path / "mine.json")
-    assert (record["root"], record["worlds"], record["code"]) == (7, 6, "somewhere, version 1")
-    common: dict[str, Any] = {"worlds": 6, "root": 7, "jobs": 1, "progress": False}
+    assert (record["seed"], record["worlds"], record["code"]) == (7, 6, "somewhere, version 1")
+    common: dict[str, Any] = {"worlds": 6, "seed": 7, "jobs": 1, "progress": False}
     for env_id, own, settings in (
         (ID, folder / "position.onnx", {}),
         ("wavegym/AgileClutter-v0", folder / "agile", {"action": "joint"}),
@@ -82,10 +82,10 @@ def test_what_was_played_is_kept_until_policy_or_worlds_change(
 
     monkeypatch.setattr(submission, "_play", counted)
 
-    def play(root: int = 7) -> int:
+    def play(seed: int = 7) -> int:
         before = len(played)
-        for _ in play_submission(read_submission(folder), tmp_path, root=root, worlds=2):
-            assert read_record(tmp_path / "mine.json")["root"] == root
+        for _ in play_submission(read_submission(folder), tmp_path, seed=seed, worlds=2):
+            assert read_record(tmp_path / "mine.json")["seed"] == seed
         return len(played) - before
 
     assert [play(), play()] == [2, 0]

@@ -47,9 +47,9 @@ def test_trials_are_kept_and_the_best_is_a_settings_table(tmp_path: Path, untune
 def test_test_worlds_are_never_met(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, untuned: None) -> None:
     asked = []
 
-    def spy(root: int, split: str, count: int) -> list[int]:
+    def spy(seed: int, split: str, count: int) -> list[int]:
         asked.append(split)
-        return [root * 1000 + i for i in range(3)]
+        return [seed * 1000 + i for i in range(3)]
 
     monkeypatch.setattr(tuning, "world_seeds", spy)
     search(tmp_path, 1)

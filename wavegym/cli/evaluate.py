@@ -23,7 +23,7 @@ COMPARISON = {
     "env_id": "it as the first argument",
     "policies": "--policies NAMES",
     "worlds": "--worlds N",
-    "root": "--seed S",
+    "seed": "--seed S",
     "jobs": "--jobs J",
     "trust": "--trust",
     "progress": "none: the bar shows on a terminal only",
@@ -127,7 +127,7 @@ def evaluate(arguments: Sequence[str] | None) -> None:
     env_id, parameters = task(options)
     options.out.mkdir(parents=True, exist_ok=True)
     chosen = policies(options.policies)
-    common: dict[str, Any] = {"worlds": options.worlds, "root": options.seed, "trust": options.trust}
+    common: dict[str, Any] = {"worlds": options.worlds, "seed": options.seed, "trust": options.trust}
     files = ["report.html", "summary.json", "episodes.csv", "table.md", "comparison.png"]
     if options.trajectories is not None:
         from wavegym.evaluation.trajectories import write_trajectories

@@ -11,7 +11,7 @@ from wavegym.core.workers import add_worker_options, workers
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="wavegym submit", description="Play a submission to the board against the best tuned heuristics.")
+    options = Parser(prog="wavegym submit", description="Play a submission to the board against best-simple.")
     options.add_argument("folder", type=Path, metavar="FOLDER", help="folder with submission.toml and policies")
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the record, NAME.json")
     options.add_argument(
@@ -31,7 +31,7 @@ def submit(arguments: Sequence[str]) -> None:
     submission = read_submission(options.folder)
     with workers(options):
         for env_id in play_submission(
-            submission, options.out, root=options.seed, worlds=options.worlds, jobs=options.jobs
+            submission, options.out, seed=options.seed, worlds=options.worlds, jobs=options.jobs
         ):
             print(f"played {env_id}", flush=True)
     file = options.out / f"{submission.name}.json"

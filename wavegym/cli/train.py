@@ -42,7 +42,7 @@ def parser() -> Parser:
         "--settings",
         type=Path,
         metavar="FILE.toml",
-        help="training settings of a file, such as best.toml of --tune, that replace the same; --setting comes after them",
+        help="a file of training settings, such as best.toml of --tune; --setting comes after it",
     )
     options.add_argument(
         "--checkpoint-every",
@@ -85,9 +85,7 @@ def train(arguments: Sequence[str] | None) -> None:
         from wavegym.learning.hyperparameters import tune
 
         with workers(options):
-            best = tune(
-                env_id, options.algo, options.tune, options.seed, chosen, parameters, options.out, options.jobs
-            )
+            best = tune(env_id, options.algo, options.tune, options.seed, chosen, parameters, options.out, options.jobs)
         print(f"{best}written to {options.out}: best.toml, trials.csv, trials.log")
         return
     settings = load_settings(env_id, options.algo, chosen, parameters)

@@ -33,19 +33,19 @@ class Comparison:
 
     Attributes:
         task: environment and settings.
-        root: the seed from which all other seeds follow.
+        seed: all other seeds follow from it.
         seeds: of the worlds, for ``env.reset(seed=[...])``.
         played: for each policy the accounts of its members.
     """
 
     task: Task
-    root: int
+    seed: int
     seeds: list[int]
     played: Mapping[str, Sequence[Played]]
 
     def __repr__(self) -> str:
         """What was compared, without its figures."""
-        return f"Comparison({self.task.env_id!r}, {list(self.played)}, worlds={len(self.seeds)}, root={self.root})"
+        return f"Comparison({self.task.env_id!r}, {list(self.played)}, worlds={len(self.seeds)}, seed={self.seed})"
 
     def cost(self, name: str) -> Array:
         """Mean cost per step, (member, world)."""
@@ -65,7 +65,7 @@ def compare(
     policies: Mapping[str, Given | None] | Sequence[str],
     *,
     worlds: int = 200,
-    root: int = 0,
+    seed: int = 0,
     jobs: int = -1,
     progress: bool = True,
     trust: bool = False,
@@ -83,7 +83,7 @@ def compare(
             None stands for the scheduler, the saved agent, or the system's baseline, of that name; a list of names
             is short for that. The baseline ``myopic`` is added if absent.
         worlds: how many.
-        root: the seed from which worlds, tuning worlds and the policies' own randomness follow.
+        seed: worlds, tuning worlds and the policies' own randomness follow from it.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
         trust: whether code in saved models and in ``"package.module:factory"`` may run.
@@ -98,9 +98,9 @@ def compare(
     check_int("worlds", worlds, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
-    seeds = world_seeds(root, "test", worlds)
+    seeds = world_seeds(seed, "test", worlds)
     task = make_task(env_id, settings)
-    members = members_of(task, by_name(policies), root, trust)
+    members = members_of(task, by_name(policies), seed, trust)
     laws = dict(CHIRP_LAWS.added)
     work = [
         Call(_play_warm, (own, name, policy, seeds[start : start + CHUNK], laws))
@@ -113,7 +113,7 @@ def compare(
         done = iter(run_all(work, jobs, bar.update, parts))
     chunks = range(0, worlds, CHUNK)
     played = {name: [merged([next(done) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
-    comparison = Comparison(task, root, seeds, played)
+    comparison = Comparison(task, seed, seeds, played)
     _check_finite(comparison)
     _warn_outside(comparison)
     return comparison
@@ -154,12 +154,12 @@ def _warn_outside(comparison: Comparison) -> None:
 Members = dict[str, tuple[Task, Sequence[Policy]]]
 
 
-def members_of(task: Task, policies: Mapping[str, Given | None], root: int, trust: bool) -> Members:
+def members_of(task: Task, policies: Mapping[str, Given | None], seed: int, trust: bool) -> Members:
     """Every policy's members and the task that they play.
 
     Each plays one step here, so that mistakes show before the work begins, and kernels are compiled by one process.
     """
-    loops, tapes = task.system.baselines(), tuning_tapes(task.system.belief_model, root)
+    loops, tapes = task.system.baselines(), tuning_tapes(task.system.belief_model, seed)
     members: Members = {}
     for name, given in policies.items():
         source: Any = name if given is None else given

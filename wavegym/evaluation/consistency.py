@@ -80,7 +80,7 @@ def nees_bounds(count: Array | int, dimension: int) -> tuple[Array, Array]:
     return low, high
 
 
-def reversals(accounts: Mapping[str, Account], root: int) -> list[dict[str, Any]]:
+def reversals(accounts: Mapping[str, Account], seed: int) -> list[dict[str, Any]]:
     """The pairs of which one policy costs less by belief and has the larger error by truth, as plain types.
 
     Both differences are geometric means of paired ratios, and both intervals exclude 0. Of policies that played alike
@@ -88,7 +88,7 @@ def reversals(accounts: Mapping[str, Account], root: int) -> list[dict[str, Any]
 
     Args:
         accounts: on the same worlds, by policy.
-        root: of the comparison; the bootstrap follows from it.
+        seed: of the comparison; the bootstrap follows from it.
 
     Returns:
         For each pair ``policy``, ``reference``, and the differences ``belief`` and ``truth`` in per cent.
@@ -98,7 +98,7 @@ def reversals(accounts: Mapping[str, Account], root: int) -> list[dict[str, Any]
         pairs = (account.cost, reference.cost), (account.squared_error, reference.squared_error)
         if np.prod([_sign(*pair) for pair in pairs]) != -1.0:
             continue  # the same order; the bootstrap is slow
-        belief, truth = (_established(*pair, root) for pair in pairs)
+        belief, truth = (_established(*pair, seed) for pair in pairs)
         if belief is not None and truth is not None:
             found.append({"policy": name, "reference": other, "belief": belief, "truth": truth})
     return found
@@ -119,8 +119,8 @@ def _sign(values: Array, reference: Array) -> float:
         return float(np.sign(np.log(values / reference.mean(axis=0)).mean()))
 
 
-def _established(values: Array, reference: Array, root: int) -> float | None:
+def _established(values: Array, reference: Array, seed: int) -> float | None:
     """The geometric difference in per cent if its interval excludes 0, else None."""
-    rng = np.random.default_rng([root, word("bootstrap")])
+    rng = np.random.default_rng([seed, word("bootstrap")])
     value, ci = statistics.difference(values, reference, rng).geometric
     return value if ci is not None and ci[0] * ci[1] > 0.0 else None

@@ -64,7 +64,7 @@ class Kept(NamedTuple):
     rows: dict[str, Any]  # of ID.json, by policy
 
     @classmethod
-    def of(cls, folder: Path, name: str, again: Sequence[str], root: int, worlds: int) -> Kept:
+    def of(cls, folder: Path, name: str, again: Sequence[str], seed: int, worlds: int) -> Kept:
         """The policies in a folder's ``name.json`` and ``name.csv.xz`` but for ``again``.
 
         Raises:
@@ -72,8 +72,8 @@ class Kept(NamedTuple):
         """
         accounts = read_accounts(folder / f"{name}{TABLE}")
         found = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-        if (on_file := (found["seed"], found["worlds"])) != (root, worlds):
-            raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(root, worlds)}")
+        if (on_file := (found["seed"], found["worlds"])) != (seed, worlds):
+            raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(seed, worlds)}")
         others = [policy for policy in accounts if policy not in again]
         rows = found["policies"]
         return cls({policy: accounts[policy] for policy in others}, {policy: rows[policy] for policy in others})
@@ -85,7 +85,7 @@ NOTHING = Kept({}, {})
 def ladder(
     env_id: str,
     worlds: int,
-    root: int,
+    seed: int,
     jobs: int,
     progress: bool = True,
     names: Sequence[str] | None = None,
@@ -95,14 +95,14 @@ def ladder(
 
     Args:
         env_id: a registered id.
-        worlds, root, jobs, progress, keep: see ``wavegym.evaluation.compare``.
+        worlds, seed, jobs, progress, keep: see ``wavegym.evaluation.compare``.
         names: of the policies; all by default.
 
     Raises:
         InputError: an unknown id, a number out of range, a searched rule on record for other features.
     """
     system = make_task(env_id, {}).system
-    tuning = tuning_tapes(system, root)
+    tuning = tuning_tapes(system, seed)
     policies: dict[str, Any] = {}
     simple = recorded(system).get(SIMPLE)
     for name in LADDER:
@@ -116,7 +116,7 @@ def ladder(
             raise
         except (InputError, NotImplementedError):  # a policy that this system cannot have
             continue
-    comparison = compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress, keep=keep)
+    comparison = compare(env_id, policies, worlds=worlds, seed=seed, jobs=jobs, progress=progress, keep=keep)
     if SIMPLE in comparison.played:
         return comparison
     return replace(comparison, played={**comparison.played, SIMPLE: comparison.played[str(simple)]})  # played once
@@ -139,7 +139,7 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
     accounts = {**kept.accounts, **comparison.accounts()}
     rows = {}
     for name, account in accounts.items():
-        rng = np.random.default_rng([comparison.root, word("bootstrap")])
+        rng = np.random.default_rng([comparison.seed, word("bootstrap")])
         mean = statistics.mean(account.cost, rng)
         ratio = statistics.difference(account.cost, accounts[SIMPLE].cost, rng).geometric
         truth = by_truth(account, accounts[SIMPLE], rng)
@@ -157,14 +157,14 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
     return {
         "env": comparison.task.env_id,
         "worlds": len(comparison.seeds),
-        "seed": comparison.root,
+        "seed": comparison.seed,
         "horizon": system.horizon,
         "tuned_constants": recorded(system),
         "versions": versions(),
         "in_gospa": accounts[SIMPLE].in_gospa,
         "nees_dimension": system.nees_dimension,
         "policies": rows,
-        "reversals": reversals(accounts, comparison.root),
+        "reversals": reversals(accounts, comparison.seed),
     }
 
 

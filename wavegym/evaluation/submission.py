@@ -1,4 +1,4 @@
-"""Submissions to the board: policies in files that run no code, played on worlds of a root drawn after they were made.
+"""Submissions to the board: policies in files that run no code, played on worlds of a seed drawn after they were made.
 
 A submission is a folder with ``submission.toml`` and the files that it names::
 
@@ -138,16 +138,16 @@ def read_submission(folder: Path) -> Submission:
 
 
 def play_submission(
-    submission: Submission, out: Path, *, root: int, worlds: int, jobs: int = -1, progress: bool = True
+    submission: Submission, out: Path, *, seed: int, worlds: int, jobs: int = -1, progress: bool = True
 ) -> Iterator[str]:
     """Play every policy and the best simple heuristic; write ``out``/NAME.json after each environment; yield its id.
 
-    What the file already has of the same policy, root, worlds and version is not played again.
+    What the file already has of the same policy, seed, worlds and version is not played again.
 
     Args:
         submission: what to play.
         out: folder of the record.
-        root: of the worlds.
+        seed: of the worlds.
         worlds: in each environment.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
@@ -156,16 +156,16 @@ def play_submission(
         InputError: see ``compare``.
     """
     file = out / f"{submission.name}.json"
-    about = {"name": submission.name, "code": submission.code, "version": VERSION, "root": root, "worlds": worlds}
+    about = {"name": submission.name, "code": submission.code, "version": VERSION, "seed": seed, "worlds": worlds}
     earlier = read_record(file) if file.exists() else {}
-    same = all(earlier.get(key) == about[key] for key in ("version", "root", "worlds"))
+    same = all(earlier.get(key) == about[key] for key in ("version", "seed", "worlds"))
     kept = earlier.get("environments", {}) if same else {}
     played: dict[str, Any] = {}
     for env_id, entry in submission.policies.items():
         content = _sha256(entry.file)
         if kept.get(env_id, {}).get("sha256") != content:
             figures = _play(
-                env_id, submission.name, entry, {"worlds": worlds, "root": root, "jobs": jobs, "keep": out}, progress
+                env_id, submission.name, entry, {"worlds": worlds, "seed": seed, "jobs": jobs, "keep": out}, progress
             )
             kept = {**kept, env_id: {**figures, "sha256": content}}
         declared = {"steps": entry.steps, "cpu_seconds": entry.cpu_seconds, "settings": entry.settings}
@@ -178,7 +178,7 @@ def read_record(file: Path) -> dict[str, Any]:
     """A record of ``play_submission``. Raises an InputError for any other file."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-        if {"name", "version", "root", "worlds", "environments"} <= set(found):
+        if {"name", "version", "seed", "worlds", "environments"} <= set(found):
             return dict(found)
     except (OSError, ValueError, TypeError):
         pass
@@ -222,7 +222,7 @@ def pair(found: Mapping[str, Any], figure: str) -> tuple[Array, Array]:
 
 def bootstrap(record: Record) -> np.random.Generator:
     """The random numbers of the intervals of a record."""
-    return np.random.default_rng([record["root"], word("bootstrap")])
+    return np.random.default_rng([record["seed"], word("bootstrap")])
 
 
 def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress: bool) -> dict[str, Any]:
@@ -249,7 +249,7 @@ def lower_bound(env_id: str, **common: Any) -> Array | None:
 
     Args:
         env_id: a full id.
-        **common: number of worlds, root, jobs and the like, as for ``compare``.
+        **common: number of worlds, seed, jobs and the like, as for ``compare``.
     """
     if env_id not in BOUNDS:
         return None

@@ -42,12 +42,12 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
         "env": comparison.task.env_id,
         "settings": {key: _plain(value) for key, value in comparison.task.settings.items()},
         "worlds": len(comparison.seeds),
-        "seed": comparison.root,
+        "seed": comparison.seed,
         "versions": versions(),
         "in_gospa": accounts[BASELINE].in_gospa,
         "nees_dimension": comparison.task.system.nees_dimension,
         "policies": {name: _policy(comparison, name, accounts) for name in comparison.played},
-        "reversals": reversals(accounts, comparison.root),
+        "reversals": reversals(accounts, comparison.seed),
     }
 
 
@@ -92,7 +92,7 @@ def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) 
 
 def _policy(comparison: Comparison, name: str, accounts: dict[str, Account]) -> dict[str, Any]:
     # A generator of its own for every policy: its interval is the same in whatever company it is compared.
-    rng = np.random.default_rng([comparison.root, word("bootstrap")])
+    rng = np.random.default_rng([comparison.seed, word("bootstrap")])
     account, baseline = accounts[name], accounts[BASELINE]
     cost, rmse = account.cost, account.rmse
     mean = statistics.mean(cost, rng)

@@ -29,7 +29,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE
 
 TRIALS, TABLE, BEST = "trials.log", "trials.csv", "best.toml"
-ROOT = 1  # of the worlds that score trials; heuristics are tuned on those of root 0
+SEED = 1  # of the worlds that score trials; heuristics are tuned on those of seed 0
 WORLDS = 200
 HEURISTIC_WORLDS = 50  # for a heuristic without recorded constants
 
@@ -127,7 +127,7 @@ def judge(spec: RunSpec) -> float:
     task = make_task(spec.env, dict(spec.settings.environment))
     tuning = draw_worlds(task.system, world_seeds(0, "tune", HEURISTIC_WORLDS))
     heuristic = make_policy(SIMPLE, task.system, tuning)
-    seeds = world_seeds(ROOT, "tune", WORLDS)
+    seeds = world_seeds(SEED, "tune", WORLDS)
     with tempfile.TemporaryDirectory() as folder:
         train(spec, Path(folder) / "run", spec.settings.steps, progress=False)
         (policy,) = load_policy(Path(folder) / "run", spec.env, task.system)

@@ -38,7 +38,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import record_key, records
 
-ROOT = word("lessons")  # frozen: it seeds the worlds of all trained agents
+BASE_SEED = word("lessons")  # frozen: it seeds the worlds of all trained agents
 TUNING = 200  # worlds on which a teacher's constants are tuned
 BATCH = 256
 ADVANTAGE_SCALE = 20.0  # logit of an advantage as large as the whole cost
@@ -72,7 +72,7 @@ def pretrain(
         seed: training seed.
         parts: where the lessons of each round are kept and looked for: they take most of the time.
     """
-    seeds = training_seeds(ROOT, seed, settings.teacher_episodes * settings.imitation_rounds)
+    seeds = training_seeds(BASE_SEED, seed, settings.teacher_episodes * settings.imitation_rounds)
     teacher = _teacher(settings, systems, seed)
     guide = teacher.futures.base if isinstance(teacher, RolloutPlanner) else teacher
     rounds: list[Lessons] = []
@@ -99,7 +99,9 @@ def _teacher(settings: Settings, systems: list[System], seed: int) -> Policy:
     constants = records().get(record_key(systems[0]), {}).get(settings.teacher)
     if (settings.environment or settings.variants) and constants is not None:
         return HEURISTICS[settings.teacher].make(**constants)
-    teacher = make_policy(settings.teacher, systems[0], draw_worlds(systems[0], training_seeds(ROOT, seed, TUNING)))
+    teacher = make_policy(
+        settings.teacher, systems[0], draw_worlds(systems[0], training_seeds(BASE_SEED, seed, TUNING))
+    )
     if isinstance(teacher, RolloutPlanner):
         teacher.futures.count = settings.teacher_futures
     return teacher

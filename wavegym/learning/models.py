@@ -29,7 +29,7 @@ from wavegym.learning.time_discount import TimedMaskableRolloutBuffer, TimedRoll
 from wavegym.policies.records import difference
 from wavegym.policies.runs import signature
 
-ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
+BASE_SEED = 0  # of training worlds; test worlds differ from them for every seed
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that Stable-Baselines3 does not know.
 OURS = (
@@ -87,7 +87,7 @@ def build_model(spec: RunSpec) -> BaseAlgorithm:
         device="cpu",
         **own,
     )
-    env.seed(training_seeds(ROOT, spec.seed, settings.num_envs))
+    env.seed(training_seeds(BASE_SEED, spec.seed, settings.num_envs))
     return model
 
 
@@ -160,7 +160,7 @@ def try_out(spec: RunSpec) -> None:
     """
     settings = spec.settings
     env = _environments(spec, 1)
-    env.seed(training_seeds(ROOT, spec.seed, env.num_envs))
+    env.seed(training_seeds(BASE_SEED, spec.seed, env.num_envs))
     env.action_space.seed(0)
     try:
         env.reset()
