@@ -31,7 +31,7 @@ from wavegym.evaluation import compare, full_id, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.play import Account
+from wavegym.evaluation.play import EpisodeResults
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import decimal, flagged, interval, number, signed, tabulated
@@ -88,7 +88,7 @@ def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str,
             for algo, (own, policy) in agents.items():
                 comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, keep=FOLDER, **own, **changes)
                 row = found[shift][half]["policies"][algo]
-                row["outside"] = statistics.average(comparison.account(algo).outside)
+                row["outside"] = statistics.average(comparison.results(algo).outside)
 
 
 def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
@@ -114,29 +114,29 @@ def _figures(
     env_id: str, policies: dict[str, Any], planner: Policy | None, changes: dict[str, Any], jobs: int
 ) -> dict[str, Any]:
     """Each policy, with its own actions, the one-step scheduler and perhaps a planner in the changed environment."""
-    accounts: dict[str, Account] = {}
+    by_policy: dict[str, EpisodeResults] = {}
     for name, (own, policy) in policies.items():
         comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, keep=FOLDER, **own, **changes)
         for each in comparison.played:
-            accounts.setdefault(each, comparison.account(each))
-    dimension, simple = comparison.task.system.nees_dimension, accounts[SIMPLE]
-    rows = {name: _against_simple(account, simple, dimension) for name, account in accounts.items()}
+            by_policy.setdefault(each, comparison.results(each))
+    dimension, simple = comparison.task.system.nees_dimension, by_policy[SIMPLE]
+    rows = {name: _against_simple(results, simple, dimension) for name, results in by_policy.items()}
     if planner:
         few = min(PLANNED, WORLDS)
-        account = compare(env_id, {PLANNER: planner}, worlds=few, jobs=jobs, keep=FOLDER, **changes).account(PLANNER)
-        rows[PLANNER] = _against_simple(account, Account(*(values[:, :few] for values in simple)), dimension)
-    return {"policies": rows, "reversals": reversals(accounts, SEED)}
+        results = compare(env_id, {PLANNER: planner}, worlds=few, jobs=jobs, keep=FOLDER, **changes).results(PLANNER)
+        rows[PLANNER] = _against_simple(results, EpisodeResults(*(values[:, :few] for values in simple)), dimension)
+    return {"policies": rows, "reversals": reversals(by_policy, SEED)}
 
 
-def _against_simple(account: Account, simple: Account, dimension: int | None) -> dict[str, Any]:
+def _against_simple(results: EpisodeResults, simple: EpisodeResults, dimension: int | None) -> dict[str, Any]:
     """One policy's figures, as plain types."""
-    found = consistency(account, dimension, np.random.default_rng([SEED, word("bootstrap")]))
+    found = consistency(results, dimension, np.random.default_rng([SEED, word("bootstrap")]))
     return {
-        "belief": named("percent", "ci", against(account.cost, simple.cost)),
-        "truth": named("percent", "ci", against(account.squared_error, simple.squared_error)),
+        "belief": named("percent", "ci", against(results.cost, simple.cost)),
+        "truth": named("percent", "ci", against(results.squared_error, simple.squared_error)),
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag},
-        "lost": statistics.average(account.lost),
-        "outside": statistics.average(account.outside),
+        "lost": statistics.average(results.lost),
+        "outside": statistics.average(results.outside),
     }
 
 

@@ -28,8 +28,8 @@ from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.play import Account
-from wavegym.evaluation.report import TABLE, compressed, read_accounts
+from wavegym.evaluation.play import EpisodeResults
+from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import (
     decimal,
@@ -61,7 +61,7 @@ def play(env_id: str, jobs: int) -> None:
     for algo, folder in saved(env_id).items():
         settings = environment_of(folder)
         comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD, **settings)
-        files[f"{stem(env_id)}-{algo}{TABLE}"] = compressed(comparison.accounts())
+        files[f"{stem(env_id)}-{algo}{TABLE}"] = compressed(comparison.by_policy())
     write_whole(LEADERBOARD, files)
 
 
@@ -95,16 +95,16 @@ class Entry(NamedTuple):
     """One environment's line."""
 
     env_id: str
-    accounts: dict[str, Account]
+    by_policy: dict[str, EpisodeResults]
     us: dict[str, float]  # per decision, by policy; empty if not timed
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
         """Geometric mean of the paired ratios of the costs by belief, in per cent."""
-        return against(self.accounts[name].cost, self.accounts[reference].cost)
+        return against(self.by_policy[name].cost, self.by_policy[reference].cost)
 
     def error_against(self, name: str, reference: str) -> statistics.Estimate:
         """The same of the squared errors by truth."""
-        return against(self.accounts[name].squared_error, self.accounts[reference].squared_error)
+        return against(self.by_policy[name].squared_error, self.by_policy[reference].squared_error)
 
     def recovered(self, name: str) -> statistics.Estimate:
         """A policy's share of the planner's gain over the best simple heuristic; None if that is not significant.
@@ -115,7 +115,7 @@ class Entry(NamedTuple):
         gain = self.against(PLANNER, SIMPLE)
         if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > LEAST:
             return statistics.Estimate(None, None)
-        own, others = (np.log(self.accounts[each].cost / self.accounts[SIMPLE].cost) for each in (name, PLANNER))
+        own, others = (np.log(self.by_policy[each].cost / self.by_policy[SIMPLE].cost) for each in (name, PLANNER))
         return statistics.ratio(own, np.broadcast_to(others, own.shape), _bootstrap())
 
 
@@ -139,15 +139,15 @@ def _bootstrap() -> np.random.Generator:
 def entry(env_id: str) -> Entry:
     """The results in one environment."""
     name = env_id.rpartition("/")[2]
-    accounts = read_accounts(HEADROOM / f"{name}{TABLE}")
+    by_policy = read_results(HEADROOM / f"{name}{TABLE}")
     for algo in LEARNERS:
         file = LEADERBOARD / f"{stem(env_id)}-{algo}{TABLE}"
         if file.exists():
-            read = read_accounts(file)
-            accounts |= {algo: read[algo], _rival(algo): read[BASELINE]}
+            read = read_results(file)
+            by_policy |= {algo: read[algo], _rival(algo): read[BASELINE]}
     times = LEADERBOARD / f"{stem(env_id)}.json"
     us = json.loads(times.read_text(encoding="utf-8"))["us_per_decision"] if times.exists() else {}
-    return Entry(env_id, accounts, us)
+    return Entry(env_id, by_policy, us)
 
 
 Comparer = Callable[[Entry, str, str], statistics.Estimate]  # of two policies by name
@@ -163,7 +163,7 @@ def table(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         simple = names_played(e.env_id).get(SIMPLE, SIMPLE)
-        share = e.recovered("ppo") if "ppo" in e.accounts else statistics.Estimate(None, None)
+        share = e.recovered("ppo") if "ppo" in e.by_policy else statistics.Estimate(None, None)
         rows.append([_short(e), simple, *_against_simple(e, Entry.against), *shared(share)])
     head = ["environment", "best simple heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
     return tabulated(head, rows)
@@ -177,7 +177,7 @@ def scores(e: Entry) -> str:
     better = [name for name in order if (ci := by_belief[name].ci) is not None and ci[1] < 0.0]
     rows = []
     for name in order:
-        mean = number(statistics.average(e.accounts[name].cost))
+        mean = number(statistics.average(e.by_policy[name].cost))
         rows.append([shown_as[name], mean, *estimated(by_belief[name]), *estimated(e.error_against(name, SIMPLE))])
     head = ["policy", "mean cost", "cost %", "95 %", "squared error by truth %", "95 %"]
     best = shown_as[next(iter(better), SIMPLE)]
@@ -190,7 +190,7 @@ def _shown_as(e: Entry) -> dict[str, str]:
     names = names_played(e.env_id)
     found = {name: f"`{name}`" for name in ("random", BASELINE) if name != names[SIMPLE]}
     found |= {name: f"`{names[name]}`" for name in (SIMPLE, PLANNER)}
-    for algo in filter(e.accounts.__contains__, LEARNERS):
+    for algo in filter(e.by_policy.__contains__, LEARNERS):
         parameters = _given(environment_of(SAVED / stem(e.env_id) / algo))
         found[algo] = f"`{algo}`, {parameters}" if parameters else f"`{algo}`"
     return found
@@ -201,7 +201,7 @@ def errors(entries: Sequence[Entry]) -> str:
     played = (SIMPLE, PLANNER, *LEARNERS)
     rows = []
     for e in entries:
-        lost = [decimal(statistics.average(e.accounts[name].lost)) if name in e.accounts else "" for name in played]
+        lost = [decimal(statistics.average(e.by_policy[name].lost)) if name in e.by_policy else "" for name in played]
         rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
     head = ["environment", "myopic", *COMPARED, "lost: best simple", "planner", "PPO", "DQN"]
     return tabulated(head, rows)
@@ -222,7 +222,7 @@ def foresight(e: Entry) -> str:
 
 def orders(entries: Sequence[Entry]) -> str:
     """The environments in which two policies have one order by belief and the other by truth."""
-    return blocks.order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
+    return blocks.order_list({_short(e): reversals(e.by_policy, SEED) for e in entries})
 
 
 def teachers(entries: Sequence[Entry]) -> str:
@@ -256,7 +256,7 @@ def consistency_table(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         dimension = make_task(e.env_id, {}).system.nees_dimension
-        cells = [cell for name in (SIMPLE, PLANNER, *LEARNERS) for cell in _nees(e.accounts.get(name), dimension)]
+        cells = [cell for name in (SIMPLE, PLANNER, *LEARNERS) for cell in _nees(e.by_policy.get(name), dimension)]
         rows.append([_short(e), "" if dimension is None else str(dimension), *cells])
     return tabulated(head, rows)
 
@@ -265,8 +265,8 @@ def medians(entries: Sequence[Entry]) -> str:
     """One line for each environment: medians of the ratios of the costs, which a few worlds cannot decide."""
     rows = []
     for e in entries:
-        simple = e.accounts[SIMPLE].cost
-        ratios = {name: e.accounts[name].cost / simple for name in (PLANNER, *LEARNERS) if name in e.accounts}
+        simple = e.by_policy[SIMPLE].cost
+        ratios = {name: e.by_policy[name].cost / simple for name in (PLANNER, *LEARNERS) if name in e.by_policy}
         found = {name: statistics.median(100.0 * (ratio - 1.0)) for name, ratio in ratios.items()}
         rows.append([_short(e), *(signed(found[name]) if name in found else "" for name in (PLANNER, *LEARNERS))])
     return tabulated(["environment", "median: best planner", "PPO", "DQN"], rows)
@@ -276,7 +276,7 @@ def details(entries: Sequence[Entry]) -> str:
     """One line for each environment: training seeds and time per decision."""
     rows = []
     for e in entries:
-        seeds = ", ".join(str(len(e.accounts[algo].cost)) for algo in LEARNERS if algo in e.accounts)
+        seeds = ", ".join(str(len(e.by_policy[algo].cost)) for algo in LEARNERS if algo in e.by_policy)
         took = [f"{e.us[name]:.0f}" if name in e.us else "" for name in (ALONE, PLANNER, "ppo")]
         ratio = f"{e.us[ALONE] / e.us['ppo']:.0f}" if ALONE in e.us and "ppo" in e.us else ""
         rows.append([_short(e), seeds, *took, ratio])
@@ -288,7 +288,7 @@ def libraries(entries: Sequence[Entry]) -> str:
     head = ["environment", "agent", "parameters", "myopic there", "agent by belief", "95 %", "by truth", "95 %"]
     rows = []
     for e in entries:
-        for algo in filter(e.accounts.__contains__, LEARNERS):
+        for algo in filter(e.by_policy.__contains__, LEARNERS):
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
                 shown_parameters = _given(parameters)
                 there = signed(e.against(_rival(algo), SIMPLE).value)
@@ -305,7 +305,7 @@ def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
     """Myopic, the best planner and the agents against the best simple heuristic."""
     cells = [signed(comparer(e, BASELINE, SIMPLE).value), *estimated(comparer(e, PLANNER, SIMPLE))]
     for algo in LEARNERS:
-        cells += estimated(comparer(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
+        cells += estimated(comparer(e, algo, SIMPLE)) if algo in e.by_policy else ["", ""]
     return cells
 
 
@@ -314,14 +314,14 @@ def _short(e: Entry) -> str:
 
 
 def _rival(algo: str) -> str:
-    """The name of the one-step scheduler's account with the agent's actions."""
+    """The name of the one-step scheduler's results with the agent's actions."""
     return f"{BASELINE} for {algo}"
 
 
-def _nees(account: Account | None, dimension: int | None) -> list[str]:
-    if account is None:
+def _nees(results: EpisodeResults | None, dimension: int | None) -> list[str]:
+    if results is None:
         return ["", ""]
-    found = consistency(account, dimension, _bootstrap())
+    found = consistency(results, dimension, _bootstrap())
     return [flagged(found.nees.value, found.flag), interval(found.nees.ci, number)]
 
 

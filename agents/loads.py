@@ -116,13 +116,13 @@ def _compared(
     played, costs = dict[str, Any](), dict[str, Array]()
     for name, members in policies.items():
         watched = [_play(task, member, seeds) for member in members]
-        costs[name] = np.stack([account.episode_cost() for account, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
-        squares = np.stack([account.gospa**2 for account, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
+        costs[name] = np.stack([record.episode_cost() for record, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
+        squares = np.stack([record.gospa**2 for record, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
         played[name] = {
             "belief": _estimate(costs[name]),
             "truth": _estimate(squares),
-            "nees": _estimate(np.stack([account.nees for account, _ in watched])),
-            "lost": float(np.mean([account.lost for account, _ in watched])),
+            "nees": _estimate(np.stack([record.nees for record, _ in watched])),
+            "lost": float(np.mean([record.lost for record, _ in watched])),
             **{key: float(np.mean([figures[key] for _, figures in watched])) for key in watched[0][1]},
             "microseconds": _microseconds(task, members, timed),
         }
@@ -169,7 +169,7 @@ def shifts_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dic
 
 
 def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[str, float]]:
-    """An account, and what only the info tells.
+    """The record, and what only the info tells.
 
     False tracks on average over time, seconds to confirm at the end, the share of NEES beyond the quantile of .99, and
     the share of the time in searches.
@@ -188,13 +188,13 @@ def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[st
         if "waveform" in info:  # not after the reset
             searched += (info["duration"] * is_search[info["waveform"]])[running].sum()
 
-    account = play(task, policy, seeds, watch=watch)
+    played = play(task, policy, seeds, watch=watch)
     many, of_all = np.sum(beyond, axis=0)
-    return account, {
-        "false_tracks": float(np.sum(false) / account.span.sum()),
+    return played, {
+        "false_tracks": float(np.sum(false) / played.span.sum()),
         "confirm": float(delay.mean()),
         "beyond": float(many / of_all),
-        "searched": float(searched / account.span.sum()),
+        "searched": float(searched / played.span.sum()),
     }
 
 

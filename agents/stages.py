@@ -17,7 +17,7 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.evaluation import compare, full_id
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.report import TABLE, compressed, read_accounts
+from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.saved import LEARNERS, SAVED
 from wavegym.evaluation.table import estimated, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
@@ -44,7 +44,7 @@ def play(name: str, jobs: int) -> None:
                 folder = SAVED / name / own
                 common: dict[str, Any] = {"worlds": WORLDS, "jobs": jobs, "keep": LEADERBOARD}
                 played = compare(full_id(f"{name}-v0"), {own: folder}, **common, **environment_of(folder))
-                files[f"{name}-{own}{TABLE}"] = compressed(played.accounts())
+                files[f"{name}-{own}{TABLE}"] = compressed(played.by_policy())
     write_whole(LEADERBOARD, files)
 
 
@@ -52,12 +52,12 @@ def table(algo: str, names: Sequence[str]) -> str:
     """One line for each environment: the cost of each stage against the best simple rule, and the training seeds."""
     rows = []
     for name in names:
-        simple = read_accounts(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
+        simple = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
         cells, seeds = [], []
         for stage in STAGES:
             own = learner(name, algo, stage)
             file = LEADERBOARD / f"{name}-{own}{TABLE}"
-            cost = read_accounts(file)[own].cost if own is not None and file.exists() else None
+            cost = read_results(file)[own].cost if own is not None and file.exists() else None
             cells += ["", ""] if cost is None else estimated(against(cost, simple))
             seeds.append("-" if cost is None else str(len(cost)))
         rows.append([name, *cells, ", ".join(seeds)])

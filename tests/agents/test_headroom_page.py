@@ -29,7 +29,7 @@ def delay_environment():
 
 
 def played(costs, errors=None):
-    """An account of costs (world, H), of position errors (world,), by default as believed, and of the clock."""
+    """A record of costs (world, H), of position errors (world,), by default as believed, and of the clock."""
     count = len(costs)
     nothing, steps = np.full(count, np.nan), np.full(count, costs.shape[1])
     return [

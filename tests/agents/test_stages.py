@@ -40,7 +40,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     (tmp_path / "PAGE").write_text(f"before\n{stages.START}\n{stages.END}\nafter\n")
     monkeypatch.setattr(stages, "PAGE", tmp_path / "PAGE")
     ladder = compare(ID, {"best-simple": Myopic()}, worlds=4, jobs=1, progress=False, horizon=7)
-    (tmp_path / "headroom" / f"{NAME}-v0.csv.xz").write_bytes(compressed(ladder.accounts()))
+    (tmp_path / "headroom" / f"{NAME}-v0.csv.xz").write_bytes(compressed(ladder.by_policy()))
     return tmp_path
 
 

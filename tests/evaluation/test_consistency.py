@@ -10,7 +10,7 @@ from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import summarise
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.consistency import consistency, nees_bounds, nees_flag, steps_outside
-from wavegym.evaluation.play import account_of, merged, play
+from wavegym.evaluation.play import merged, play, results_of
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import markdown
 from wavegym.evaluation.task import Task
@@ -41,7 +41,7 @@ def moments(believed, noise):
 @pytest.mark.parametrize(("believed", "flag"), [(1.0, ""), (0.5, "high"), (2.0, "low")])
 def test_a_wrong_measurement_noise_is_flagged_and_the_right_one_is_not(believed, flag):
     played = play(task(believed), Fixed(1), SEEDS)
-    found = consistency(account_of([played]), 1, rng())
+    found = consistency(results_of([played]), 1, rng())
     true, variance = moments(believed, 2.0)
     low, high = found.nees.ci
     assert low < (true / variance).mean() < high
@@ -88,10 +88,10 @@ def test_steps_without_a_target_do_not_count():
     nobody = played._replace(nees_sum=0.0 * played.nees_sum, nees_count=0 * played.nees_count)
     assert steps_outside([nobody], 1) is None
     assert steps_outside([played], None) is None
-    found = consistency(account_of([nobody]), 1, rng())
+    found = consistency(results_of([nobody]), 1, rng())
     assert (found.nees, found.flag) == (Estimate(None, None), "")
     once = merged([played, nobody])
-    assert consistency(account_of([once]), 1, rng()).nees.value == pytest.approx(played.nees.mean())
+    assert consistency(results_of([once]), 1, rng()).nees.value == pytest.approx(played.nees.mean())
 
 
 def test_a_report_shows_the_flag_and_what_is_expected():

@@ -58,8 +58,8 @@ def test_a_submission_is_played_as_compare_plays_it(folder: Path, tmp_path: Path
         found = record["environments"][env_id]
         np.testing.assert_allclose(found["cost"], mine.cost("mine")[0], rtol=1e-5)
         np.testing.assert_allclose(found["simple_cost"], simple.cost("best-simple")[0], rtol=1e-5)
-        np.testing.assert_allclose(found["error"], mine.account("mine").squared_error[0], rtol=1e-5)
-        np.testing.assert_allclose(found["simple_error"], simple.account("best-simple").squared_error[0], rtol=1e-5)
+        np.testing.assert_allclose(found["error"], mine.results("mine").squared_error[0], rtol=1e-5)
+        np.testing.assert_allclose(found["simple_error"], simple.results("best-simple").squared_error[0], rtol=1e-5)
     optimum = compare(ID, {"optimum": None}, **common).cost("optimum")[0]
     np.testing.assert_allclose(record["environments"][ID]["bound"], optimum, rtol=1e-5)
     assert "bound" not in record["environments"]["wavegym/AgileClutter-v0"]

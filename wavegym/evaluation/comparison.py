@@ -17,7 +17,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.work import Call, kept_parts, run_all
 from wavegym.core.worlds import tuning_tapes, world_seeds
 from wavegym.evaluation.adapters import Given, as_policies
-from wavegym.evaluation.play import Account, Played, account_of, merged, play
+from wavegym.evaluation.play import EpisodeResults, Played, merged, play, results_of
 from wavegym.evaluation.task import Task, make_task
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
@@ -29,13 +29,13 @@ CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Several policies' accounts of the same worlds.
+    """Several policies, played on the same worlds.
 
     Attributes:
         task: environment and settings.
         seed: all other seeds follow from it.
         seeds: of the worlds, for ``env.reset(seed=[...])``.
-        played: for each policy the accounts of its members.
+        played: for each policy the record of each member.
     """
 
     task: Task
@@ -51,13 +51,13 @@ class Comparison:
         """Mean cost per step, (member, world)."""
         return np.stack([member.episode_cost() for member in self.played[name]])
 
-    def account(self, name: str) -> Account:
+    def results(self, name: str) -> EpisodeResults:
         """Every figure of every episode, (member, world) each."""
-        return account_of(self.played[name])
+        return results_of(self.played[name])
 
-    def accounts(self) -> dict[str, Account]:
-        """The accounts of all policies, by name."""
-        return {name: self.account(name) for name in self.played}
+    def by_policy(self) -> dict[str, EpisodeResults]:
+        """The results of all policies, by name."""
+        return {name: self.results(name) for name in self.played}
 
 
 def compare(

@@ -25,8 +25,8 @@ from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison, compare
 from wavegym.evaluation.consistency import reversals
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.play import Account
-from wavegym.evaluation.report import TABLE, compressed, read_accounts
+from wavegym.evaluation.play import EpisodeResults
+from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
@@ -60,7 +60,7 @@ LONGEST = 100  # greatest horizon for plan-once
 class Kept(NamedTuple):
     """What is on file of policies that are not played again."""
 
-    accounts: dict[str, Account]
+    by_policy: dict[str, EpisodeResults]
     rows: dict[str, Any]  # of ID.json, by policy
 
     @classmethod
@@ -70,13 +70,13 @@ class Kept(NamedTuple):
         Raises:
             InputError: a missing file, or one of other worlds.
         """
-        accounts = read_accounts(folder / f"{name}{TABLE}")
+        by_policy = read_results(folder / f"{name}{TABLE}")
         found = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
         if (on_file := (found["seed"], found["worlds"])) != (seed, worlds):
             raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(seed, worlds)}")
-        others = [policy for policy in accounts if policy not in again]
+        others = [policy for policy in by_policy if policy not in again]
         rows = found["policies"]
-        return cls({policy: accounts[policy] for policy in others}, {policy: rows[policy] for policy in others})
+        return cls({policy: by_policy[policy] for policy in others}, {policy: rows[policy] for policy in others})
 
 
 NOTHING = Kept({}, {})
@@ -136,13 +136,13 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
         kept: of other policies on the same worlds.
     """
     system = comparison.task.system
-    accounts = {**kept.accounts, **comparison.accounts()}
+    by_policy = {**kept.by_policy, **comparison.by_policy()}
     rows = {}
-    for name, account in accounts.items():
+    for name, results in by_policy.items():
         rng = np.random.default_rng([comparison.seed, word("bootstrap")])
-        mean = statistics.mean(account.cost, rng)
-        ratio = statistics.difference(account.cost, accounts[SIMPLE].cost, rng).geometric
-        truth = by_truth(account, accounts[SIMPLE], rng)
+        mean = statistics.mean(results.cost, rng)
+        ratio = statistics.difference(results.cost, by_policy[SIMPLE].cost, rng).geometric
+        truth = by_truth(results, by_policy[SIMPLE], rng)
         own = kept.rows.get(name, {})
         if name in comparison.played:
             own = {**by_consistency(comparison, name, rng), "us_per_decision": us_per_decision(comparison, name)}
@@ -161,10 +161,10 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
         "horizon": system.horizon,
         "tuned_constants": recorded(system),
         "versions": versions(),
-        "in_gospa": accounts[SIMPLE].in_gospa,
+        "in_gospa": by_policy[SIMPLE].in_gospa,
         "nees_dimension": system.nees_dimension,
         "policies": rows,
-        "reversals": reversals(accounts, comparison.seed),
+        "reversals": reversals(by_policy, comparison.seed),
     }
 
 
@@ -190,8 +190,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs, names=names, keep=read.out)
         found = figures(comparison, kept)
         text = json.dumps(found, indent=2, allow_nan=False) + "\n"
-        accounts = {**comparison.accounts(), **kept.accounts}
-        write_whole(read.out, {f"{name}.json": text.encode(), f"{name}{TABLE}": compressed(accounts)})
+        by_policy = {**comparison.by_policy(), **kept.by_policy}
+        write_whole(read.out, {f"{name}.json": text.encode(), f"{name}{TABLE}": compressed(by_policy)})
         best = found["policies"]["best-planner"]["vs_simple_percent"]
         print(f"{name}: the best planner costs {best:+.1f} % of the best simple rule's cost")
 

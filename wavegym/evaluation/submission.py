@@ -231,9 +231,9 @@ def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress
     simple = compare(env_id, {SIMPLE: None}, progress=progress, **common)
     figures: dict[str, Any] = {}
     for prefix, comparison, policy in (("", own, name), ("simple_", simple, SIMPLE)):
-        account = comparison.account(policy)
-        figures[f"{prefix}cost"] = _rounded(account.cost.mean(axis=0))
-        figures[f"{prefix}error"] = _rounded(account.squared_error.mean(axis=0))
+        results = comparison.results(policy)
+        figures[f"{prefix}cost"] = _rounded(results.cost.mean(axis=0))
+        figures[f"{prefix}error"] = _rounded(results.squared_error.mean(axis=0))
     bound = lower_bound(env_id, progress=progress, **common)
     if bound is not None:
         figures["bound"] = _rounded(bound)
