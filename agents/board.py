@@ -27,7 +27,7 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.saved import LEARNERS
 from wavegym.evaluation.submission import (
-    SETTINGS,
+    PARAMETERS,
     Entry,
     Record,
     Submission,
@@ -72,7 +72,7 @@ def own(algo: str) -> Submission:
     entries = {}
     for env_id in suite():
         folder = saved(env_id).get(algo)
-        if folder is None or set(environment_of(folder)) - set(SETTINGS):
+        if folder is None or set(environment_of(folder)) - set(PARAMETERS):
             continue
         run = min(file.parent for file in folder.glob(f"*/{RUN}"))
         record = read_run(run / RUN)

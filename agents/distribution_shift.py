@@ -103,7 +103,7 @@ def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
 
 
 def halves(system: System, parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The settings of both halves of a shift; without ``unknown`` if the truth may not differ in all parameters."""
+    """The parameters of both halves of a shift; without ``unknown`` if the truth may not differ in all parameters."""
     found = {KNOWN: parameters}
     if set(parameters) <= {info.name for info in parameter_infos(type(system)) if info.truth}:
         found[UNKNOWN] = {"truth": parameters}

@@ -59,8 +59,8 @@ def play(env_id: str, jobs: int) -> None:
     """Play the environment's saved agents; the episodes go to results/leaderboard."""
     files = {}
     for algo, folder in saved(env_id).items():
-        settings = environment_of(folder)
-        comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD, **settings)
+        parameters = environment_of(folder)
+        comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD, **parameters)
         files[f"{stem(env_id)}-{algo}{TABLE}"] = compressed(comparison.by_policy())
     write_whole(LEADERBOARD, files)
 

@@ -51,9 +51,9 @@ class Player:
 
     def __init__(self, env_id: str, actions: str, count: int, threads: int = 1) -> None:
         run = SAVED / stem(env_id) / "ppo" / "seed0" / RUN
-        settings = environment_of(read_run(run)) if actions == TRAINED else {}
-        self.envs: Any = gym.make_vec(env_id, num_envs=count, num_threads=threads, **settings)
-        agent = wavegym.load_agent(env_id, "ppo", **settings) if actions == TRAINED else actions
+        parameters = environment_of(read_run(run)) if actions == TRAINED else {}
+        self.envs: Any = gym.make_vec(env_id, num_envs=count, num_threads=threads, **parameters)
+        agent = wavegym.load_agent(env_id, "ppo", **parameters) if actions == TRAINED else actions
         self.envs.reset(seed=0)
         loop: Any = self.envs.unwrapped
         self._policy = loop.policy(agent)

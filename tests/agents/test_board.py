@@ -11,7 +11,7 @@ import pytest
 from agents import board
 from wavegym.core.errors import InputError
 from wavegym.core.version import VERSION
-from wavegym.evaluation.submission import SETTINGS
+from wavegym.evaluation.submission import PARAMETERS
 
 
 @pytest.fixture
@@ -43,10 +43,10 @@ def test_a_root_is_drawn_once_for_a_version(folder: Path, monkeypatch: pytest.Mo
 def test_the_agents_of_the_suite_are_those_whose_actions_the_board_admits() -> None:
     ppo, dqn = board.own("ppo"), board.own("dqn")
     assert "wavegym/MultifunctionRadar-v0" in ppo.policies
-    assert ppo.policies["wavegym/AgileClutter-v0"].settings == {"action": "joint"}
+    assert ppo.policies["wavegym/AgileClutter-v0"].parameters == {"action": "joint"}
     assert "wavegym/RfEo-v0" not in dqn.policies, "its library is a part of the environment"
     for entry in (*ppo.policies.values(), *dqn.policies.values()):
-        assert set(entry.settings) <= set(SETTINGS)
+        assert set(entry.parameters) <= set(PARAMETERS)
         assert entry.file.name == "seed0"
         assert entry.steps > 0
 

@@ -99,8 +99,8 @@ def test_recorded_tracks_are_played(tmp_path):
     tracks.write_text("\n".join(["time_s,id,x_m,y_m,z_m", *lines]))
     out = tmp_path / "out"
     assert run(out, "KershawEvans-v0", "--policies", "random", "--tracks", str(tracks), "--radar", "100", "50") == 0
-    settings = json.loads((out / "summary.json").read_text())["settings"]
-    assert settings == {"horizon": 4, "targets": "recorded", "tracks": str(tracks), "radar": [100.0, 50.0, 0.0]}
+    parameters = json.loads((out / "summary.json").read_text())["parameters"]
+    assert parameters == {"horizon": 4, "targets": "recorded", "tracks": str(tracks), "radar": [100.0, 50.0, 0.0]}
 
 
 @pytest.fixture

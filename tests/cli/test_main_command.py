@@ -109,7 +109,7 @@ def test_describe_writes_a_scenario_that_every_subcommand_takes(tmp_path, capsys
     assert by_file == by_words
     out = tmp_path / "out"
     assert main(["evaluate", str(file), "--policies", "random", "--worlds", "2", "--out", str(out), "--jobs", "1"]) == 0
-    assert json.loads((out / "summary.json").read_text())["settings"] == {"horizon": 4}
+    assert json.loads((out / "summary.json").read_text())["parameters"] == {"horizon": 4}
     assert main(["check", str(file)]) == 0
 
 

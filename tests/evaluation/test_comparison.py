@@ -77,7 +77,7 @@ def test_long_episodes_are_tuned_on_fewer_worlds():
     assert counts == [200, 200, 100, 20, 20]
 
 
-def test_settings_reach_the_system():
+def test_parameters_reach_the_system():
     comparison = compare(POSITION, {}, worlds=2, jobs=1, horizon=3, q=50.0)
     assert comparison.task.system.q == 50.0
     assert comparison.played["myopic"][0].cost.shape == (2, 3)

@@ -45,10 +45,10 @@ def column(rows, policy, key):
 def test_the_summary_has_the_agreed_form(folder):
     summary = json.loads((folder / "summary.json").read_text())
     assert list(summary) == [
-        *("env", "settings", "worlds", "seed", "versions", "in_gospa", "nees_dimension", "policies", "reversals")
+        *("env", "parameters", "worlds", "seed", "versions", "in_gospa", "nees_dimension", "policies", "reversals")
     ]
     assert (summary["env"], summary["worlds"], summary["seed"]) == ("wavegym/KershawEvansPosition-v0", 25, 4)
-    assert summary["settings"] == {"horizon": 5}
+    assert summary["parameters"] == {"horizon": 5}
     assert {"python", "wavegym", "numpy", "scipy", "gymnasium", "numba"} <= set(summary["versions"])
     assert list(summary["policies"]) == ["myopic", "random", "learner"]
     for policy in summary["policies"].values():

@@ -1,8 +1,8 @@
 """Evaluation: policies compared on the same worlds, with intervals.
 
     >>> from wavegym.evaluation import compare, summarise
-    >>> settings = {"horizon": 5}
-    >>> comparison = compare("KershawEvansPosition-v0", {"random": None, "lookahead:2": None}, worlds=20, **settings)
+    >>> parameters = {"horizon": 5}
+    >>> comparison = compare("KershawEvansPosition-v0", {"random": None, "lookahead:2": None}, worlds=20, **parameters)
     >>> list(summarise(comparison)["policies"])
     ['myopic', 'random', 'lookahead:2']
 

@@ -50,7 +50,7 @@ class Factory:
 
 
 def as_policy(
-    given: Any, env: Task | str | None = None, *, name: str = "", trust: bool = False, **settings: Any
+    given: Any, env: Task | str | None = None, *, name: str = "", trust: bool = False, **parameters: Any
 ) -> Policy:
     """A Policy of whatever chooses actions.
 
@@ -63,13 +63,13 @@ def as_policy(
         env: id or Task of the environment to be played; needed for a Factory, a name, a folder and a file.
         name: of the policy, in error messages.
         trust: whether code in files and modules may run.
-        **settings: parameters of the environment other than the registered ones.
+        **parameters: of the environment, other than the registered ones.
 
     Raises:
         InputError: nothing of that kind, a folder of several runs, or code without ``trust``.
     """
     named = name or (str(given) if isinstance(given, (str, Path)) else type(given).__name__)
-    task = make_task(env, settings) if isinstance(env, str) else env
+    task = make_task(env, parameters) if isinstance(env, str) else env
     policies = as_policies(given, task, named, trust=trust)
     if isinstance(given, str) and given in saved.LEARNERS:
         policies = policies[:1]

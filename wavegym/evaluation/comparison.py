@@ -32,7 +32,7 @@ class Comparison:
     """Several policies, played on the same worlds.
 
     Attributes:
-        task: environment and settings.
+        task: the environment and its parameters.
         seed: all other seeds follow from it.
         seeds: of the worlds, for ``env.reset(seed=[...])``.
         played: for each policy the record of each member.
@@ -70,7 +70,7 @@ def compare(
     progress: bool = True,
     trust: bool = False,
     keep: Path | None = None,
-    **settings: Any,
+    **parameters: Any,
 ) -> Comparison:
     """Play every policy on the same test worlds.
 
@@ -89,17 +89,17 @@ def compare(
         trust: whether code in saved models and in ``"package.module:factory"`` may run.
         keep: a folder, for results; a hidden folder in it keeps what was played until the call ends, so that the same
             call goes on after an interruption.
-        **settings: parameters of the system other than the registered ones.
+        **parameters: of the system, other than the registered ones.
 
     Raises:
-        InputError: an unknown id, setting or scheduler (nearest named), a number out of range, a policy whose actions
+        InputError: an unknown id, parameter or scheduler (nearest named), a number out of range, a policy whose actions
             do not fit (named), or parameters with which a policy's costs are not finite.
     """
     check_int("worlds", worlds, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
     seeds = world_seeds(seed, "test", worlds)
-    task = make_task(env_id, settings)
+    task = make_task(env_id, parameters)
     members = members_of(task, by_name(policies), seed, trust)
     laws = dict(CHIRP_LAWS.added)
     work = [
@@ -167,7 +167,7 @@ def members_of(task: Task, policies: Mapping[str, Given | None], seed: int, trus
         if isinstance(source, str) and source in loops:
             source, changed = loops[source]
         try:
-            own = make_task(task.env_id, {**task.settings, **changed}) if changed else task
+            own = make_task(task.env_id, {**task.parameters, **changed}) if changed else task
             members[name] = own, as_policies(source, own, name, trust=trust, tapes=tapes)
             for policy in members[name][1]:
                 _warm_up(own, name, policy)

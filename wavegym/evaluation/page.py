@@ -32,8 +32,8 @@ def page(comparison: Comparison, summary: dict[str, Any]) -> bytes:
         comparison: the result of ``compare``.
         summary: the result of ``summarise``.
     """
-    settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
-    title = f"{comparison.task.env_id}{settings}"
+    parameters = "".join(f", {key}={value}" for key, value in summary["parameters"].items())
+    title = f"{comparison.task.env_id}{parameters}"
     # Inside a script element nothing may look like markup.
     data = json.dumps(_data(comparison, summary, title), allow_nan=False).replace("<", "\\u003c")
     template = (resources.files("wavegym.evaluation") / TEMPLATE).read_text("utf-8")

@@ -109,7 +109,7 @@ def play(
     follows from the seeds, so the result does not depend on the process.
 
     Args:
-        task: system and settings.
+        task: the system and its parameters.
         policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``reveal(world)``.
         seeds: of the worlds.
         max_steps: stop after so many steps, even if episodes are unfinished.

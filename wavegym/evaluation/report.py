@@ -55,9 +55,10 @@ def write_report(comparison: Comparison, folder: Path | str) -> str:
 def episodes(comparison: Comparison) -> str:
     """``episodes.csv``: a row per policy, member and world, with every digit; the same for any number of jobs.
 
-    ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``outside`` are the ``EpisodeResults``. ``favourite`` is the
-    waveform transmitted most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``, ``rmse_2``,
-    ... and several sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is empty.
+    ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``outside`` are the ``EpisodeResults``. ``favourite`` is
+    the waveform transmitted most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``,
+    ``rmse_2``, ... and several sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is
+    empty.
     """
     actions = comparison.task.system.actions
     labels = () if isinstance(actions, ParameterBox) else waveform_labels(actions)

@@ -13,7 +13,7 @@ A submission is a folder with ``submission.toml`` and the files that it names::
     [policies.AgileClutter-v0]
     file = "agile.onnx"
     steps = 640_000
-    settings = { action = "joint" }
+    parameters = { action = "joint" }
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded
 
 FILE = "submission.toml"
-SETTINGS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
+PARAMETERS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
 DIGITS = 6  # of a cost
 CLOSED = ConfigDict(extra="forbid")
 FREE_ENERGY = 2.0  # longest pulses of one radar in a step: what two radars can spend
@@ -62,13 +62,13 @@ class Entry:
         file: an ONNX file or the folder of a run, relative to the submission.
         steps: of its training.
         cpu_seconds: of its training; None: not known.
-        settings: of the environment's action set.
+        parameters: of the environment's action set.
     """
 
     file: Path
     steps: NonNegativeInt
     cpu_seconds: NonNegativeFloat | None = None
-    settings: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, config=CLOSED)
@@ -111,7 +111,7 @@ def read_submission(folder: Path) -> Submission:
     """The submission in a folder, with full ids and whole paths.
 
     Raises:
-        InputError: no or an invalid file, an environment that is not on the board, settings that are not allowed, or
+        InputError: no or an invalid file, an environment that is not on the board, parameters that are not allowed, or
             a file that may hold code.
     """
     path = folder / FILE
@@ -128,12 +128,12 @@ def read_submission(folder: Path) -> Submission:
     known, policies = suite(), {}
     for name, entry in found.policies.items():
         env_id = check_choice(f"{path}: environment", full_id(name), known)
-        for setting in entry.settings:
-            check_choice(f"{path}: setting of {name}", setting, SETTINGS)
+        for parameter in entry.parameters:
+            check_choice(f"{path}: parameter of {name}", parameter, PARAMETERS)
         file = folder / entry.file
         if not (is_onnx(str(file)) and file.is_file()) and not file.is_dir():
             raise InputError(f"{path}: file of {name} is {str(entry.file)!r}, expected an .onnx file or a run's folder")
-        policies[env_id] = Entry(file, entry.steps, entry.cpu_seconds, entry.settings)
+        policies[env_id] = Entry(file, entry.steps, entry.cpu_seconds, entry.parameters)
     return Submission(found.name, found.code, policies)
 
 
@@ -168,7 +168,7 @@ def play_submission(
                 env_id, submission.name, entry, {"worlds": worlds, "seed": seed, "jobs": jobs, "keep": out}, progress
             )
             kept = {**kept, env_id: {**figures, "sha256": content}}
-        declared = {"steps": entry.steps, "cpu_seconds": entry.cpu_seconds, "settings": entry.settings}
+        declared = {"steps": entry.steps, "cpu_seconds": entry.cpu_seconds, "parameters": entry.parameters}
         played[env_id] = {**kept[env_id], **declared}
         write_whole(out, {file.name: (json.dumps({**about, "environments": played}, indent=1) + "\n").encode()})
         yield env_id
@@ -227,7 +227,7 @@ def bootstrap(record: Record) -> np.random.Generator:
 
 def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress: bool) -> dict[str, Any]:
     """Costs and squared errors of the policy and of the best simple heuristic, and a lower bound where one is known."""
-    own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.settings)
+    own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.parameters)
     simple = compare(env_id, {SIMPLE: None}, progress=progress, **common)
     figures: dict[str, Any] = {}
     for prefix, comparison, policy in (("", own, name), ("simple_", simple, SIMPLE)):

@@ -25,7 +25,7 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
     """The summary in plain types; None (``null``) for a metric that the system lacks or an estimate that is undefined.
 
     Keys:
-        env, settings (parameters other than the registered ones), worlds, seed, versions; ``in_gospa``, whether the
+        env, parameters (other than the registered ones), worlds, seed, versions; ``in_gospa``, whether the
         error by truth is the GOSPA distance; ``nees_dimension``, the mean NEES of a consistent tracker; policies
         (below); ``reversals``, the pairs whose order by belief is not their order by truth.
 
@@ -40,7 +40,7 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
     by_policy = comparison.by_policy()
     return {
         "env": comparison.task.env_id,
-        "settings": {key: _plain(value) for key, value in comparison.task.settings.items()},
+        "parameters": {key: _plain(value) for key, value in comparison.task.parameters.items()},
         "worlds": len(comparison.seeds),
         "seed": comparison.seed,
         "versions": versions(),

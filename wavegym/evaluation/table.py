@@ -41,9 +41,9 @@ class Table(NamedTuple):
 
 def markdown(summary: dict[str, Any]) -> str:
     """What was played, and the tables."""
-    settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
+    parameters = "".join(f", {key}={value}" for key, value in summary["parameters"].items())
     worlds = f"{summary['worlds']} world{'s' * (summary['worlds'] > 1)}"
-    title = f"{summary['env']}{settings}: {worlds}, seed {summary['seed']}"
+    title = f"{summary['env']}{parameters}: {worlds}, seed {summary['seed']}"
     return "\n\n".join([title, *map(titled, tables(summary)), order_sentence(summary["reversals"])])
 
 

@@ -61,8 +61,8 @@ def tune(
     algo: str,
     trials: int,
     seed: int,
-    changes: Mapping[str, Any],
-    environment: Mapping[str, Any],
+    chosen: Mapping[str, Any],
+    parameters: Mapping[str, Any],
     out: Path,
     jobs: int = 1,
 ) -> str:
@@ -73,8 +73,8 @@ def tune(
         algo: "ppo" or "dqn".
         trials: number of trials, earlier commands included.
         seed: of the search and of every training run.
-        changes: fixed settings, by name.
-        environment: parameters of the environment.
+        chosen: fixed settings, by name.
+        parameters: of the environment.
         out: folder of the results.
         jobs: trials at a time, through joblib. A search proposes them together, before it knows their scores, so
             another number searches otherwise; -1 is one for each core.
@@ -85,13 +85,13 @@ def tune(
     check_int("tune", trials, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
-    load_settings(env_id, algo, changes, environment)  # report a mistake before the first training
-    experiment = _search(f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}", seed, out)
-    space = {name: values for name, values in SPACE[algo].items() if name not in changes}
+    load_settings(env_id, algo, chosen, parameters)  # report a mistake before the first training
+    experiment = _search(f"{env_id} {algo} {seed} {dict(chosen)} {dict(parameters)}", seed, out)
+    space = {name: values for name, values in SPACE[algo].items() if name not in chosen}
 
     def spec(trial: Any) -> RunSpec:
         proposed = {name: _proposed(trial, name, values) for name, values in space.items()}
-        return RunSpec(env_id, algo, seed, load_settings(env_id, algo, {**changes, **proposed}, environment))
+        return RunSpec(env_id, algo, seed, load_settings(env_id, algo, {**chosen, **proposed}, parameters))
 
     at_once = effective_n_jobs(jobs)
     left = trials - len([t for t in experiment.trials if t.state.is_finished()])

@@ -1,4 +1,4 @@
-"""Training settings: settings.toml, checked and closed to unknown names, with changes from the command line."""
+"""Training settings: settings.toml, checked and closed to unknown names, and those of the command line."""
 
 from __future__ import annotations
 
@@ -144,17 +144,17 @@ ALGORITHMS: dict[str, type[Settings]] = {"ppo": PPOSettings, "dqn": DQNSettings}
 def load_settings(
     env_id: str,
     algo: str,
-    changes: Mapping[str, Any] | None = None,
-    environment: Mapping[str, Any] | None = None,
+    chosen: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     file: Path = FILE,
 ) -> Settings:
-    """Settings of ``algo`` in ``env_id``: the algorithm's, the ``like`` table's, the environment's, then ``changes``.
+    """Settings of ``algo`` in ``env_id``: the algorithm's, the ``like`` table's, the environment's, then ``chosen``.
 
     Args:
         env_id: a registered id; without a table of its own it takes the settings of its registration.
         algo: "ppo" or "dqn".
-        changes: further settings by name.
-        environment: further parameters of the environment by name. They hold in all variants of the file.
+        chosen: further settings by name.
+        parameters: of the environment, further ones by name. They hold in all variants of the file.
         file: the settings file.
 
     Raises:
@@ -166,17 +166,17 @@ def load_settings(
     for name in registered:
         check_choice(f"algorithm in the settings of {env_id}", name, ALGORITHMS)
     own = dict(tables.get(env_id, registered).get(algo, {}))
-    layers = [tables.get(algo, {}), own, changes or {}]
+    layers = [tables.get(algo, {}), own, chosen or {}]
     if "like" in own:
         shared = check_choice(
             f"like in table {env_id!r} of {file.name}", own.pop("like"), tables.keys() - {*ALGORITHMS, env_id}
         )
         layers.insert(1, tables[shared].get(algo, {}))
     values = {key: value for layer in layers for key, value in layer.items()}
-    parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
-    values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
-    if "variants" not in (changes or {}):
-        values["variants"] = _without(values.get("variants", ()), {**parameters[-2], **parameters[-1]})
+    layered = [layer.get("environment", {}) for layer in layers] + [parameters or {}]
+    values["environment"] = {key: value for layer in layered for key, value in layer.items()}
+    if "variants" not in (chosen or {}):
+        values["variants"] = _without(values.get("variants", ()), {**layered[-2], **layered[-1]})
     settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
     for name in SHELL.keys() & set().union(settings.environment, *settings.variants):
         raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")
