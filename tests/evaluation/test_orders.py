@@ -1,4 +1,4 @@
-"""Policies whose order by belief is not their order by truth are named, others are not."""
+"""Policies that belief and truth rank differently are named, others are not."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_pair_with_two_orders_is_named():
     assert pair["belief"] == pytest.approx(25.0, abs=4.0)
     assert pair["truth"] == pytest.approx(-23.1, abs=4.0)
     text = order_sentence([pair])
-    assert text.startswith("The order by belief is not the order by truth: honest against flattered +2")
+    assert text.startswith("Belief and truth rank these policies differently: honest against flattered +2")
     assert text.endswith(" % by truth.")
 
 

@@ -27,7 +27,7 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
     Keys:
         env, parameters (other than the registered ones), worlds, seed, versions; ``in_gospa``, whether the
         error by truth is the GOSPA distance; ``nees_dimension``, the mean NEES of a consistent tracker; policies
-        (below); ``reversals``, the pairs whose order by belief is not their order by truth.
+        (below); ``reversals``, the pairs that belief and truth rank differently.
 
         For each policy ``cost`` {mean, ci, iqm, median} of the episodes' mean cost per step; ``vs_myopic`` {percent,
         ci, geometric_percent, geometric_ci}, negative = cheaper than the one-step scheduler; ``score`` (0 = random,
